@@ -26,8 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
+from megalopta.core.hdf5 import numbers_in, opened_hdf5
 from megalopta.core.pictures import read_pfm, write_codes
 
 Flow = NDArray[np.float32]
@@ -38,7 +40,6 @@ _UNKNOWN, _LARGEST_KNOWN = 1e10, 1e9
 _LARGEST_SIDE = 100_000
 
 _GZIP_LEVEL = 5
-_LARGEST_BYTES = 2**32
 
 KITTI_SCALE = 64.0
 """Codes of a pixel in flow as PNG, of KITTI; DSEC has 128."""
@@ -112,22 +113,13 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_flo5(path: str | Path) -> Flow:
     """Read a `.flo5` file. Raises ValueError if it is damaged."""
     try:
-        check_file(path)
-        with h5py.File(path, "r") as file:
-            is_here = isinstance(file.get("flow", getlink=True), h5py.HardLink)
-            stored = file["flow"] if is_here else None
-            if stored is None or stored.is_virtual or stored.external:
-                raise ValueError("no flow, or a link to another file")
-            if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
-                raise ValueError("more than 4 GiB")
-            flow = stored[()]
-    except FileNotFoundError:
+        with opened_hdf5(path) as file:
+            flow = numbers_in(file, "flow", "f", 3)
+    except (FileNotFoundError, UserError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
         reason = " ".join(str(problem).split())[:160]
         raise ValueError(f"{path} is not a complete .flo5 file ({reason})") from None
-    if flow.ndim != 3 or flow.shape[-1] != 2 or flow.dtype.kind != "f":
-        raise ValueError(f"{path}: flow of shape {flow.shape} and type {flow.dtype}, not (H, W, 2)")
     return np.asarray(flow, np.float32)
 
 

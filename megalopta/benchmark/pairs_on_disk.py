@@ -23,9 +23,11 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.core.progress import say
+from megalopta.dataset.layout import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.render import open_footage
 from megalopta.render.footage.pictures import KINDS
+from megalopta.stages.ledger import Ledger
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 LAYOUTS = (
@@ -73,8 +75,9 @@ Pair = TypeVar("Pair")
 def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     """Find the true flow below a folder, in one of `LAYOUTS`, or a folder of flow files.
 
-    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none.
+    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a dataset's files differ from its record.
     """
+    _compare_with_record(root)
     found: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
@@ -97,6 +100,19 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     if not found:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
     return {frame: truth._replace(png_scale=png_scale) for frame, truth in found.items()}
+
+
+def _compare_with_record(root: Path) -> None:
+    """Compare the files below `training` of the dataset around a folder, if there is one."""
+    above = (root.resolve(), *root.resolve().parents)
+    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
+        tree = Tree(home)
+        if tree.lone:
+            Ledger(tree.lone).finished()
+        elif lost := tree.read_manifest().keys() - set(tree.names()):
+            raise UserError(f"{tree.record_path(min(lost))} is missing; run: {tree.make_again}")
+        for name in [] if tree.lone else tree.names():
+            tree.opened(name).compare_all("training/")
 
 
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:

@@ -30,6 +30,7 @@ from megalopta.config.measuring import (
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
@@ -222,7 +223,7 @@ class Configuration(Record, frozen=True):
     def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
         if isinstance(sensors, str) or not isinstance(sensors, Sequence):
             return sensors
-        folder = (validation.context or {}).get("folder", Path())
+        folder = folder_of(validation)
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
     @field_validator("products")
@@ -351,9 +352,9 @@ def _number_if_it_is_one(level: Any) -> Any:
         return level
 
 
-def _resolve_sensor(sensor: Any, folder: Path) -> Any:
+def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
     if isinstance(sensor, str) and sensor.endswith((".yaml", ".yml")):
-        return load_sensor(folder / sensor)
+        return load_sensor(named_path(sensor, folder))
     if isinstance(sensor, str):
         sensor = {"preset": sensor}
     if not isinstance(sensor, Mapping):
@@ -386,11 +387,11 @@ def parse(
     text: str,
     source: str,
     overrides: Mapping[str, str] | None = None,
-    folder: Path = Path(),
+    folder: Path | None = None,
 ) -> Configuration:
     """Configuration from YAML text; `source` names it in errors. Raises UserError.
 
-    Paths in the text are relative to `folder`, those in overrides to the working folder.
+    `folder` is that of the file with the text, in which what it names must lie (`named_path`).
     """
     values = mapping(text, source)
     if "configuration" in values:  # a dataset.yaml

@@ -266,8 +266,7 @@ def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Rea
 
 def _found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
     """Return a method's motion of each block at all pixels (H, W, 2), px."""
-    stored: Any = found.array  # NaN where a block has no velocity
-    blocks = np.asarray(stored[min(frame, len(found) - 1)], np.float64)
+    blocks = found.read([min(frame, len(found) - 1)])[0].astype(np.float64)
     flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
     flow[grid.top : bottom, grid.left : right] = blocks.repeat(size, axis=0).repeat(size, axis=1)

@@ -16,8 +16,10 @@ from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
+from megalopta.core.zarr_store import open_array
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
@@ -83,7 +85,8 @@ def _kept_light(dataset: Dataset, path: Path) -> Clip:
     if not path.exists():
         with files.atomic_write(path) as temporary:
             write_photons(dataset, temporary)
-    return cast("Clip", zarr.open_array(path, mode="r"))
+    with undamaged(path, "remove it"):
+        return cast("Clip", open_array(path))
 
 
 def write_photons(dataset: Dataset, path: Path) -> None:

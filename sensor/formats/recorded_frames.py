@@ -20,7 +20,7 @@ class RecordedFrames:
     bit_depth: int
     """Bits per count; 1 for binary frames"""
     source: str
-    """Name of the format"""
+    """Name of the format, as `read_frames` takes it"""
     total: int
     """Number of frames in the file, of which fewer may have been requested"""
     exposure_s: float | None = None

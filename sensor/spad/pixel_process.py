@@ -365,9 +365,7 @@ def _lags(cell_s: float, longest_s: float, effects: AvalancheEffects) -> Floats:
 
 
 @compiled
-def _hawkes(
-    opened: Floats, warm: int, arrivals: float, lags: Floats
-) -> tuple[float, float]:
+def _hawkes(opened: Floats, warm: int, arrivals: float, lags: Floats) -> tuple[float, float]:
     """Mean and variance from the open part of every cell, the first `warm` of which are before."""
     counts, progeny = np.zeros(opened.size), np.zeros(opened.size)
     for k in range(opened.size):

@@ -207,7 +207,7 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
     for name, mean, number in zip(("dark", "flat"), (0.02, 0.42), frames, strict=True):
         sums = rng.binomial(n, -np.expm1(-mean), (number, *SHAPE)).astype(np.uint16)
         np.save(tmp_path / f"{name}.npy", np.packbits(sums > 0, axis=-1) if n == 1 else sums)
-    how = "frames: [0, 1500]" if n == 1 else "sums: 255"
+    how = "frames: [0, 1500], format: packed_npy" if n == 1 else "sums: 255"
     device, sentence, _ = calibrated(
         tmp_path,
         f"path: dark.npy, exposure_s: 0.0001, {how}",

@@ -38,7 +38,7 @@ def bits():
 @pytest.fixture(scope="module")
 def cube(bits, tmp_path_factory):
     """The same as a file of packed bits."""
-    path = tmp_path_factory.mktemp("cube") / "cube.npy"
+    path = tmp_path_factory.mktemp("cube") / "cube.binary.npy"
     np.save(path, np.packbits(bits, axis=-1))
     return path
 
@@ -190,7 +190,7 @@ def test_a_mask_is_of_bool_and_leaves_good_pixels(tmp_path, values):
 
 def test_a_mask_that_is_no_array_is_told(tmp_path):
     (tmp_path / "m.npy").write_text("mask")
-    with pytest.raises(UserError, match=r"m\.npy is no array of \.npy"):
+    with pytest.raises(UserError, match=r"m\.npy is no mask"):
         read_mask(tmp_path / "m.npy")
     with pytest.raises(UserError, match="--bad-pixels: .*none.npy cannot be read"):
         read_mask(tmp_path / "none.npy")

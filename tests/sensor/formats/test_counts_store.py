@@ -189,7 +189,7 @@ def test_truncated_description_is_refused(tmp_path, stored, part, keep):
     path = tmp_path / "s.zarr" / part / "zarr.json"
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(
-        ValueError, match=r"s\.zarr(: not a Zarr group| is missing or damaged)"
+        ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again"
     ) as no:
         read_counts(tmp_path / "s.zarr")
     assert "\n" not in str(no.value)
@@ -219,7 +219,11 @@ def test_something_else_is_refused(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("hello")
     zarr.open_group(tmp_path / "other.zarr", mode="w")
-    for name, message in (("folder", "not a"), ("file", "not a"), ("other.zarr", "without counts")):
+    for name, message in (
+        ("folder", "damaged"),
+        ("file", "damaged"),
+        ("other.zarr", "without counts"),
+    ):
         with pytest.raises(ValueError, match=message):
             read_counts(tmp_path / name)
 

@@ -177,7 +177,7 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
         ({"preset": "spadcam", "measured": {"dark_counts": 5}}, "5 is not a file; give the path"),
         ({"preset": "spadcam", "measured": {"dark_counts": {}}}, "dark_counts.path: missing"),
         ({"preset": "spadcam", "measured": {"dark_counts": ".", "fit": "exact"}}, "cannot be read"),
-        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is not a path"),
+        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is not in the folder"),
         ({"preset": "spadcam", "measured": {"fit": "stretch"}}, "measured.fit: .*'center'"),
         ({"preset": "spadcam", "efficiency": {"path": "none.csv"}}, "efficiency: .*no such file"),
     ],
