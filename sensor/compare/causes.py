@@ -26,13 +26,16 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import convolve
 from scipy.stats import chi2, norm
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.change import changed
 from megalopta.sensor.compare.model import Change, Model
 from megalopta.sensor.compare.quantities import BLOCKS
 from megalopta.sensor.compare.two_sample import Difference, Quantity
+from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.spad.counters import AnalogCounter
 
 REFUTED = 1e-3
@@ -70,6 +73,7 @@ _UNITS: Mapping[str, tuple[str, float]] = {
     "read noise": ("counts", 0.05),
 }
 """Units of parameters, and the values to which changes of smaller ones are relative"""
+_CROSS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]])
 _LARGEST_STEP = 8
 _STEPS = {"dark counts": 0.1, "efficiency": 0.1, "afterpulsing": 0.05, "crosstalk": 0.02}
 
@@ -334,9 +338,11 @@ class _Fit:
     def _coincidences(self, neighbors: float, at: int) -> float:
         """Covariance with the right and lower neighbor over the variance, by crosstalk."""
         own, part = self.good[at], self._parts[at]
-        crosstalk = self.model.sensor.crosstalk
+        crosstalk = changed(self.model.sensor.crosstalk, mean_fired_neighbors=0.1)
+        weights = neighborhoods(crosstalk).mean(axis=(0, 1))
         # each of four nearest neighbors gets a share; both directions of a pair covary
-        share = neighbors / 4 / (1 + crosstalk.diagonal + crosstalk.distance_two)
+        nearest = convolve(weights, _CROSS, mode="constant")[tuple(np.array(weights.shape) // 2)]
+        share = neighbors * nearest / 4 / weights.sum()
         pairs = (own[:, :-1] & own[:, 1:]).sum() + (own[:-1] & own[1:]).sum()
         # of avalanches that crosstalk adds, dead time leaves as many as of more light
         counted = float((part.light + part.dark)[own].sum() / max(part.mean[own].sum(), 1e-300))
