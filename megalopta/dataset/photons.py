@@ -77,7 +77,7 @@ def photons_from_images(
         lit = checked(Light, {"illuminance_lux": asked_lux})
         of_unit = model.radiance_of_unit(lit, bands, mean)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
-        return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
+        return expose(light, bands, device, seed=seed, stream="pictures", expectation=True)
 
 
 def _mean(footage: "Footage") -> Floats:

@@ -41,7 +41,9 @@ def test_figures_of_an_ideal_counter():
 
 def test_dark_noise_below_a_reading_is_that_of_the_standards_lower_limit():
     counter = {"kind": "digital", "capacity": 255}
-    quiet = changed(DEVICE, dark_counts={"bulk_mean_hz_um2": 0.0, "bulk_sigma_hz_um2": 0.0}, counter=counter)
+    quiet = changed(
+        DEVICE, dark_counts={"bulk_mean_hz_um2": 0.0, "bulk_sigma_hz_um2": 0.0}, counter=counter
+    )
     dark, steps = device_steps(quiet, (2, 2), 550.0)
     found = emva(dark, steps)
     assert dark.noise == 0
@@ -55,7 +57,7 @@ def _recorded(device, dark, steps, frames):
     seen = []
     for at, level in enumerate([dark, *steps]):
         rate = np.full((frames, *SHAPE), EFFICIENCY * level.photons / device.exposure_s)
-        counts = expose_rate(rate, device, seed=at, sequence="emva").counts
+        counts = expose_rate(rate, device, seed=at, stream="emva").counts
         seen.append(Step.of(level.photons, counts))
     return seen
 
