@@ -66,13 +66,13 @@ def main() -> None:
         # both see the same currents, so that only the pixels differ
         current = photocurrent(light, BANDS_NM, ctia_preset("ctia_ingaas_quiet"))
         reference = noise_alone(sensor, current)
-        ours = lambda: expose_photocurrent(current, sensor, seed=0, sequence="bench")  # noqa: B023, E731
+        ours = lambda: expose_photocurrent(current, sensor, seed=0, stream="bench")  # noqa: B023, E731
         report(label, ratio(ours, reference))
     quiet = ctia_preset("ctia_ingaas_quiet")
     reference = noise_alone(quiet, photocurrent(light, BANDS_NM, quiet))
     report(
         "ctia, radiance to volts",
-        ratio(lambda: expose(light, BANDS_NM, quiet, seed=0, sequence="bench"), reference),
+        ratio(lambda: expose(light, BANDS_NM, quiet, seed=0, stream="bench"), reference),
     )
 
 

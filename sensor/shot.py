@@ -44,7 +44,7 @@ class Shot:
     """(B, 2)"""
     sensor: ImageSensor
     seed: int
-    sequence: str | int
+    stream: str | int
     first_frame: int
     frame_period_s: float
     """As for `expose`."""
@@ -60,6 +60,14 @@ class Shot:
     later_s: Floats | None = None
     """(T, H, W): delays of pulses for histograms, as for `expose_histograms`."""
     arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if light would move beyond the next frame."""
+        if self.following and self.sensor.exposure_s > self.frame_period_s * (1 + 1e-9):
+            raise ValueError(
+                f"exposure_s: {self.sensor.exposure_s:g} is longer than a frame, "
+                f"{self.frame_period_s:g} s, after which the light is not known; shorten it"
+            )
 
     def _array(self, of: str) -> FreeRunning | bool:
         """Return an array in its state before this shot, however often it is requested."""
@@ -98,7 +106,7 @@ class Shot:
     def _named(self) -> dict[str, Any]:
         return {
             "seed": self.seed,
-            "sequence": self.sequence,
+            "stream": self.stream,
             "first_frame": self.first_frame,
             "frame_period_s": self.frame_period_s,
         }
@@ -184,7 +192,7 @@ class Shot:
                     rate[part_of[start : start + _BITS_AT_ONCE]],
                     sensor,
                     seed=self.seed,
-                    sequence=f"{self.sequence}/burst",
+                    stream=f"{self.stream}/burst",
                     first_frame=first + start,
                     free_running=array,
                 )
@@ -197,7 +205,7 @@ class Shot:
                 rate[index : index + 1],
                 self._spad,
                 seed=self.seed,
-                sequence=self.sequence,
+                stream=self.stream,
                 first_frame=self.first_frame + index,
                 later_s=None if self.later_s is None else self.later_s[index : index + 1],
             )

@@ -104,6 +104,8 @@ def _levels_page(name: str, compared: Compared) -> Page:
 def _explained(found: Comparison) -> str:
     """Say how well the parameters explain the difference."""
     explained = found.explained
+    if not explained.alone:
+        return "Frames are not independent, or no pixel is left: none is tested."
     if not explained.is_different:
         return "Means, variances and coincidences do not differ significantly."
     if not explained.accepted:

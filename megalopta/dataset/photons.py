@@ -80,7 +80,7 @@ def photons_from_images(
         for note in footage.notes:
             say(note)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
-        return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
+        return expose(light, bands, device, seed=seed, stream="pictures", expectation=True)
 
 
 def _mean(footage: "Footage") -> Floats:

@@ -243,7 +243,7 @@ class Sequence:
                 settings.render.bands_nm,
                 device,
                 seed=settings.seed,
-                sequence=f"{name}/gain {gain!r}" if gain != 1 else name,
+                stream=f"{name}/gain {gain!r}" if gain != 1 else name,
                 first_frame=number,
                 frame_period_s=1 / settings.trajectory.frame_rate_hz,
             )

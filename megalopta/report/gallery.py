@@ -149,7 +149,7 @@ def _counts(
 ) -> NDArray[np.integer | np.floating]:
     bands, sensor = settings.render.bands_nm, settings.sensors[0]
     light = radiance[np.newaxis]
-    exposure = expose(light, bands, sensor, seed=settings.seed, sequence=sequence)
+    exposure = expose(light, bands, sensor, seed=settings.seed, stream=sequence)
     return np.asarray(exposure.counts[0])
 
 

@@ -54,7 +54,7 @@ def spadcam_with_step(step_v: float) -> Sensor:
 def transient(sensor: Sensor) -> Transient:
     """Output of a row of pixels in low light, without readout noise."""
     counter = _counter(sensor)
-    stream = expose_events(np.full((1, *ROW), LIGHT_HZ), sensor, seed=0, sequence="transient")
+    stream = expose_events(np.full((1, *ROW), LIGHT_HZ), sensor, seed=0, stream="transient")
     time_s = np.linspace(0, sensor.exposure_s, _SAMPLES)
     events = np.array(
         [
@@ -201,7 +201,7 @@ def _row(name: str) -> dict[str, Cell]:
     device, sensor = TABLE_2_1[name], changed(preset(name), exposure_s=_EXPOSURE_S)
     rates = np.zeros((2, 40, 40))
     rates[1] = _PHOTONS_HZ * sensor.efficiency.values[0]
-    counts = expose_rate(rates, sensor, seed=0, sequence=f"table {name}").counts
+    counts = expose_rate(rates, sensor, seed=0, stream=f"table {name}").counts
     dark_hz, bright_hz = (counts.mean((1, 2), dtype=np.float64) / _EXPOSURE_S).tolist()
     return {
         "preset": name,

@@ -60,8 +60,8 @@ def _measure_at(anode_v: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     factor = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor
     light_hz = np.broadcast_to(PHOTONS_HZ_UM2 * ACTIVE_UM2 * peak * factor, (FRAMES, 1, PIXELS))
     name = f"row at {anode_v:.2f} V"
-    dark = expose_rate(0 * light_hz, sensor, seed=0, sequence=f"{name}, dark")
-    bright = expose_rate(light_hz, sensor, seed=0, sequence=f"{name}, light")
+    dark = expose_rate(0 * light_hz, sensor, seed=0, stream=f"{name}, dark")
+    bright = expose_rate(light_hz, sensor, seed=0, stream=f"{name}, light")
     full = np.asarray((dark.saturated | bright.saturated).any((0, 1)))
     return dark.counts.mean((0, 1)), bright.counts.mean((0, 1)), full
 

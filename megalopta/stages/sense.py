@@ -174,7 +174,7 @@ class _Film:
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
             seed=self._settings.seed,
-            sequence=self._sequence,
+            stream=self._sequence,
             first_frame=first,
             frame_period_s=self._period_s,
             following=following and following.scaled(self._scale),

@@ -211,7 +211,7 @@ def _banded(light: Floats) -> Floats:
 
 
 def _key(case: PhysicsCase) -> dict[str, Any]:
-    return {"seed": 4, "sequence": case.term}
+    return {"seed": 4, "stream": case.term}
 
 
 def _columns(case: PhysicsCase, readings: Sample) -> Sample:

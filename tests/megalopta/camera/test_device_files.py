@@ -21,7 +21,7 @@ SECONDS, FRAMES = 20.0, 10
 def tags_in_the_dark(path):
     sensor = changed(load_sensor(path), exposure_s=SECONDS)
     events = expose_events(
-        np.zeros((FRAMES, 4, 12)), sensor, seed=1, sequence="dark", free_running=True
+        np.zeros((FRAMES, 4, 12)), sensor, seed=1, stream="dark", free_running=True
     )
     times = events.time_s + SECONDS * events.frame
     return TimeTags(times, events.pixel.astype(np.int64), 48, SECONDS * FRAMES)

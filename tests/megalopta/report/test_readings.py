@@ -100,7 +100,7 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     rate_hz, frames = 12_000.0, (300, 16, 16)
     dark = without(preset("spadcam"), "dark_counts")
     sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
-    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, sequence="flat").counts
+    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, stream="flat").counts
     full = np.zeros(frames, bool)
     full[:, 15] = True
     adc = np.ones(frames, np.uint16)
@@ -119,7 +119,7 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     ("write", "name"), [(write_events_hdf5, "e.h5"), (write_events_npz, "e.npz")]
 )
 def test_events_are_counted_in_every_frame(tmp_path, write, name):
-    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, sequence="e")
+    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, stream="e")
     origin = EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
     write(tmp_path / name, events, origin)
     readings = readings_of(tmp_path / name)

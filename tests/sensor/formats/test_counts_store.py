@@ -23,7 +23,7 @@ def stored():
     sensor = preset("spadcam")
     radiance = np.linspace(0, 1e-6, 720).reshape(5, 12, 12, 1)
     bands = [(400.0, 500.0)]
-    exposure = expose(radiance, bands, sensor, seed=3, sequence=0, expectation=True)
+    exposure = expose(radiance, bands, sensor, seed=3, stream=0, expectation=True)
     return StoredCounts(
         exposure=exposure, sensor=sensor, seed=3, sequence="forest/0", illuminance_lux=1e-3,
         extra={"speed": [1, 2.5], "note": "µ"},

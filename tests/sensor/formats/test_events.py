@@ -29,7 +29,7 @@ WRITERS = {
 
 def draw(part=slice(None)):
     first = 2 + range(6)[part][0]
-    return expose_events(RATE[part], SENSOR, seed=0, sequence="s", first_frame=first)
+    return expose_events(RATE[part], SENSOR, seed=0, stream="s", first_frame=first)
 
 
 @pytest.fixture(params=WRITERS)
