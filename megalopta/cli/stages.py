@@ -20,14 +20,12 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.config import built_in_names
+from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from megalopta.config.model import Configuration
-    from megalopta.config.settings import VerbSettings
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
@@ -78,16 +76,6 @@ _FROM_CONFIGURATION = (
 )
 
 
-def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
-    """Return those that a stage depends on, all for what is no stage, and those of others."""
-    from megalopta.config.model import Configuration, load
-    from megalopta.config.settings import VerbSettings
-    from megalopta.stages.registry import STAGES
-
-    fields = STAGES[stage].fields if stage in STAGES else None
-    return VerbSettings(Configuration, partial(load, "demo"), fields, others)
-
-
 @verb(
     "render",
     "render a scene to spectral-radiance EXRs with exact ground truth",
@@ -96,7 +84,7 @@ def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
         "--dry-run",
         "estimate size, time, memory and integrator from a short measurement; render nothing",
     ),
-    settings=partial(settings_of_stage, "render"),
+    settings=VerbSettings(stage="render", argument="configuration", without="demo"),
     often=(
         *("scene.kind", "scene.preset", "scene.trees", "light.level", "light.illuminance_lux"),
         *("camera.width", "camera.height", "camera.fov_deg", "trajectory.frames"),
@@ -129,7 +117,7 @@ def _render(options: Namespace) -> str | None:
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
     switch("--quick", "make a small and noisy demo, in half a minute"),
-    settings=partial(settings_of_stage, "demo"),
+    settings=VerbSettings(argument="configuration", without="demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
         *("render.samples_per_pixel", "light_levels", "sensors", "methods"),
@@ -180,7 +168,7 @@ verb(
     REDO,
     DATASET,
     *CLUSTER,
-    settings=partial(settings_of_stage, "flow"),
+    settings=VerbSettings(stage="flow", argument="dataset"),
     often=("methods", "flow.saturated"),
     example="megalopta flow out/night --methods BM DIS PF",
 )(partial(run_later_stage, "flow"))
@@ -227,7 +215,7 @@ _OF_PICTURES = (
     option("--out", "dataset folder for pictures (default: out/NAME)", Path),
     *_OF_PICTURES,
     *CLUSTER,
-    settings=partial(settings_of_stage, "sense"),
+    settings=VerbSettings(stage="sense", argument="input"),
     often=(
         *("light_levels", "sensors", "products", "sub_frames", "burst_hz", "free_running"),
         *("expectation", "correct"),
@@ -319,7 +307,7 @@ VERBS["scene"] = Verb("export a scene")
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
     out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
     option("--frame", "frame, counted from 0", at_least(0), 0),
-    settings=partial(settings_of_stage, "render"),
+    settings=VerbSettings(stage="render", argument="configuration"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene --frame 3",
 )

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     ValidationInfo,
     field_validator,
@@ -39,7 +40,7 @@ from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of, level_named
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
@@ -63,7 +64,17 @@ def _known_once(levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
     return levels
 
 
-LightLevels = Annotated[tuple[LightLevel, ...], AfterValidator(_known_once)]
+def _level(value: Any) -> Any:
+    """Return a level by the name or, if it is a quoted number, in lux."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return level_named(value)
+
+
+LightLevels = Annotated[
+    tuple[Annotated[LightLevel, BeforeValidator(_level)], ...], AfterValidator(_known_once)
+]
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60
@@ -196,14 +207,6 @@ class Configuration(Record, frozen=True):
     def _name_is_a_folder(cls, name: str) -> str:
         return _folder_name(name)
 
-    @field_validator("light_levels", mode="before")
-    @classmethod
-    def _lux_are_numbers(cls, levels: Any) -> Any:
-        # A quoted number is text.
-        if isinstance(levels, str) or not isinstance(levels, Sequence):
-            return levels
-        return tuple(_number_if_it_is_one(level) for level in levels)
-
     @field_validator("sensors", mode="before")
     @classmethod
     def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
@@ -328,13 +331,6 @@ def _folder_name(name: str) -> str:
     if len(name) > _LONGEST_NAME:
         raise ValueError(f"{quoted(name, 40)!r}: use a name of at most {_LONGEST_NAME} characters")
     return name
-
-
-def _number_if_it_is_one(level: Any) -> Any:
-    try:
-        return float(level) if isinstance(level, str) else level
-    except ValueError:
-        return level
 
 
 def _resolve_sensor(sensor: Any, folder: Path) -> Any:

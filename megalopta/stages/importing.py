@@ -33,8 +33,13 @@ STILL_FRAMES = 16
 """Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
-_METHODS = ["BM", "LK", "DIS"]
-"""Quick ones, which do with two frames"""
+DEFAULTS: Mapping[str, Any] = {
+    "light": {"level": "daylight"},
+    "sensors": ["ideal"],
+    "light_levels": [1.0],
+    "methods": ["BM", "LK", "DIS"],  # quick ones, which do with two frames
+}
+"""Settings of pictures that do not depend on the files; `light_levels` is for the user to say"""
 _LEAST_SIZE = 3
 """Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
@@ -143,14 +148,12 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
     scene["spectrum"] = "light" if is_level else asked.spectrum
     given = {name: value for name, value in scene.items() if value is not None}
     return {
+        **DEFAULTS,
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
         "scene": {"kind": "pictures", "file": str(path), **given},
-        "light": {"level": asked.spectrum if is_level else "daylight"},
+        "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
         "camera": {"width": width, "height": height},
         "trajectory": _timing(footage, asked),
-        "sensors": ["ideal"],
-        "light_levels": [1.0],
-        "methods": _METHODS,
         "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
     }
 
