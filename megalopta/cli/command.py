@@ -108,8 +108,10 @@ class Help(argparse.Action):
         assert isinstance(parser, Command)
         if option == "--help-all":
             parser.often = ()
-        if parser.settings and (named := getattr(given, parser.settings.argument, None)):
-            parser.named = str(named)
+        if parser.settings:
+            quick = "quick" if getattr(given, "quick", False) else None
+            named = getattr(given, parser.settings.argument, None) or quick
+            parser.named = None if named is None else str(named)
         parser.print_help()
         parser.exit()
 

@@ -22,7 +22,7 @@ from megalopta.cli.command import (
 from megalopta.config import built_in_names
 from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError, refused_as, shell_command
-from megalopta.core.progress import say
+from megalopta.core.progress import numbered_stage, say, step
 
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
@@ -36,32 +36,7 @@ _RANKED = {
     "camera_pairs": "1",
 }
 """Settings of the demo's ranking: few, for a short demo"""
-_QUICK = {
-    "scene.trees": "30",
-    "scene.undergrowth": "0.2",
-    "camera.width": "48",
-    "camera.height": "48",
-    "trajectory.frames": "6",
-    "render.samples_per_pixel": "16",
-    "light_levels": "[10, starlight]",
-    "correct": "false",
-    "methods": "[BM, DIS, PF]",
-    "benchmark.sizes": "[24]",
-    "benchmark.fluxes_per_decade": "1",
-    "benchmark.repeats": "2",
-}
-"""Settings of --quick: everything once, small and noisy"""
 _QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
-
-
-def quick(overrides: Mapping[str, str]) -> dict[str, str]:
-    """Return settings of --quick, but for those of a forest if another scene is given, and others.
-
-    The others replace those of --quick.
-    """
-    own_scene = not {"scene", "scene.kind"}.isdisjoint(overrides)
-    mine = {name: each for name, each in _QUICK.items() if not (own_scene and "scene." in name)}
-    return {**mine, **overrides}
 
 
 REDO = switch("--redo", "replace output of another configuration")
@@ -125,22 +100,24 @@ def _render(options: Namespace) -> str | None:
     example="megalopta demo --quick --out out/quick",
 )
 def _demo(options: Namespace) -> Path:
-    if options.quick:
-        if options.configuration not in (None, "demo"):
-            raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
-        options.overrides = quick(options.overrides)
+    if options.quick and options.configuration not in (None, "demo"):
+        raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
+    options.configuration = "quick" if options.quick else options.configuration
     asked = _configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.pipeline import run_all
+    from megalopta.stages.registry import STAGES
 
-    dataset = run_all(options.out, asked, options.redo)
+    dataset = run_all(options.out, asked, options.redo, later=2)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    return write_report(dataset)
+        with numbered_stage(len(STAGES) + 1, len(STAGES) + 2):
+            run_ranking(dataset.root, dataset.root / FOLDER, ranked)
+    with numbered_stage(len(STAGES) + 2, len(STAGES) + 2), step("writing the report"):
+        return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:

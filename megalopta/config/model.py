@@ -387,9 +387,20 @@ def parse(
     return validated(Configuration, values, source, overrides, folder)
 
 
+def by_content(values: Any) -> Any:
+    """Return dumped settings without the paths of files with a hash, which stands for them."""
+    if isinstance(values, Mapping):
+        left_out = {"path"} if values.get("sha256") else set[str]()
+        return {key: by_content(values[key]) for key in values if key not in left_out}
+    return [by_content(value) for value in values] if isinstance(values, list) else values
+
+
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """Lines "path: old → new" for every value that differs between two dumped configurations."""
-    before, after = dict(_leaves(old)), dict(_leaves(new))
+    """Lines "path: old → new" for every value that differs between two dumped configurations.
+
+    The same file at another path is the same value.
+    """
+    before, after = dict(_leaves(by_content(old))), dict(_leaves(by_content(new)))
     return [
         f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
         for path in {**before, **after}

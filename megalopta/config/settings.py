@@ -94,8 +94,8 @@ class VerbSettings:
 
         None stands for values that only a dataset states.
         """
-        is_of_pictures = self.stage == "sense" and not Path(named or "", "dataset.yaml").exists()
-        if is_of_pictures:
+        is_dataset = named is not None and Path(named, "dataset.yaml").exists()
+        if self.stage == "sense" and not is_dataset:
             return description()["pictures"], "the defaults for pictures; a dataset has its own"
         name = named if self.argument and named else self.without
         if not name:
