@@ -72,7 +72,7 @@ from megalopta.config.model import load
 from megalopta.config.settings import VerbSettings
 demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
 print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
-print("ctia_ingaas_quiet, theirs." in " ".join(VerbSettings(type(demo), lambda: demo).help().split()))
+print("ctia_ingaas_quiet, theirs." in " ".join(VerbSettings().help().split()))
 try:
     load("demo", {"sensors": "[their]"})
 except Exception as refusal:

@@ -182,7 +182,8 @@ class _AtSize:
         for first, frames in self._resized():
             light = frames / self._divisors[first : first + len(frames), None, None]
             ideals = [respond(light, self._pixels) for respond in to_light]
-            for flux, at_flux in zip(fluxes, comparisons, strict=True):
+            # bright light first, which takes longest: the time left then only falls
+            for flux, at_flux in zip(reversed(fluxes), reversed(comparisons), strict=True):
                 means = light * flux + self._dark_counts
                 key = *self._key, f"{flux:.6g}", repeat
                 counts = draw_counts(means, *key, first_frame=first)

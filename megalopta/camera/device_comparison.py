@@ -35,7 +35,7 @@ from megalopta.plotting.svg import (
     with_legend,
 )
 from megalopta.plotting.text import number
-from megalopta.sensor import Sensor, load_sensor
+from megalopta.sensor import PRESETS, Sensor, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import SEGMENT, segment_spectra
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, MARGIN, Comparison
@@ -284,7 +284,8 @@ def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSe
     """
     make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
     with refused_as("compare"):
-        title, sentence, sections = make(sources, load_sensor(device), out, asked)
+        model = PRESETS.get(str(device)) or load_sensor(device)
+        title, sentence, sections = make(sources, model, out, asked)
     write_sections(out, title, sentence, sections)
     return sentence
 

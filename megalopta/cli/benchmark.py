@@ -18,17 +18,16 @@ from megalopta.cli.command import (
     out,
     out_file,
     positive,
-    settings_loader,
     switch,
     verb,
 )
-from megalopta.cli.stages import REDO, run_later_stage, settings_of_stage
+from megalopta.cli.stages import REDO, run_later_stage
+from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
-    from megalopta.config.settings import VerbSettings
 
 _WIDTH = 150  # width of tables, on any terminal
 _UNKNOWN = "–"
@@ -214,12 +213,6 @@ def _tune(options: Namespace) -> Iterator[object]:
     yield options.out
 
 
-def _photon_settings() -> "VerbSettings":
-    from megalopta.benchmark.trial import Sweep
-
-    return settings_of_stage("benchmark", Sweep)
-
-
 @verb(
     "benchmark photons",
     "find the photons that detectors need to respond as to noise-free light, on a dataset or in "
@@ -234,7 +227,7 @@ def _photon_settings() -> "VerbSettings":
     switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
     *THREADS,
-    settings=_photon_settings,
+    settings=VerbSettings(("Configuration", "Sweep"), "benchmark", "dataset"),
     often=(
         *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
         *("benchmark.fluxes_per_decade", "benchmark.repeats", "vary", "values", "templates"),
@@ -269,7 +262,7 @@ def _run_sweep(options: Namespace) -> list[Path]:
     "rank flow methods on rendered sequences against the true motion, over photon levels",
     DATASET,
     out("out/ranking"),
-    settings=settings_loader("benchmark.ranking_settings", "RankingSettings"),
+    settings=VerbSettings(("RankingSettings",)),
     example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
 def _sequence(options: Namespace) -> Path:
@@ -335,7 +328,7 @@ def _submit(options: Namespace) -> Iterator[Path]:
         Path,
     ),
     out("out/design"),
-    settings=settings_loader("benchmark.design", "DesignSettings"),
+    settings=VerbSettings(("DesignSettings",)),
     often=(
         *("error", "light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz"),
         *("yaw_deg_s", "frame_rate_hz"),

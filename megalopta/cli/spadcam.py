@@ -165,7 +165,7 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]
     "spadcam compare",
     "compare recordings with the device model's simulation of the same stimulus",
     *_RECORDINGS,
-    option("--device", "device file of the model", Path, required=True),
+    option("--device", "device file of the model, or a preset", Path, required=True),
     option(
         "--scene",
         "levels: darkness and uniform light; plate: the moving plate, LIGHT is then "

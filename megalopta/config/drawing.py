@@ -112,8 +112,19 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a sequence, the same for all cameras of a rig."""
-    return stream(plan.seed, index // plan.cameras_per_path)
+    """Random numbers of a sequence, the same for all cameras of a rig.
+
+    Scenes, lights, cameras and paths are dealt like cards: each comes once, in random order, before
+    one comes again.
+    """
+    number = index // plan.cameras_per_path
+    drawn, dealt = stream(plan.seed, number), dict[str, float]()
+    for name in _DRAWN:
+        if count := len(getattr(plan, name)):
+            turn, place = divmod(number, count)
+            order = generator(plan.seed, "plan", turn, name).permutation(count)
+            dealt[name] = (order[place] + 0.5) / count
+    return lambda path: dealt[path] if path in dealt else drawn(path)
 
 
 def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:

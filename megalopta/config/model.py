@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     ValidationInfo,
     field_validator,
@@ -41,7 +42,7 @@ from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of, level_named
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.spectrum import check_known
 from megalopta.scenes.trajectories.fit import Fit
@@ -68,7 +69,17 @@ def _known_once(levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
     return levels
 
 
-LightLevels = Annotated[tuple[LightLevel, ...], AfterValidator(_known_once)]
+def _level(value: Any) -> Any:
+    """Return a level by the name or, if it is a quoted number, in lux."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return level_named(value)
+
+
+LightLevels = Annotated[
+    tuple[Annotated[LightLevel, BeforeValidator(_level)], ...], AfterValidator(_known_once)
+]
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60
@@ -210,14 +221,6 @@ class Configuration(Record, frozen=True):
         is_told = scene is None or "max_depth" in render.model_fields_set
         return render if is_told else render.model_copy(update={"max_depth": scene.max_depth})
 
-    @field_validator("light_levels", mode="before")
-    @classmethod
-    def _lux_are_numbers(cls, levels: Any) -> Any:
-        # A quoted number is text.
-        if isinstance(levels, str) or not isinstance(levels, Sequence):
-            return levels
-        return tuple(_number_if_it_is_one(level) for level in levels)
-
     @field_validator("sensors", mode="before")
     @classmethod
     def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
@@ -345,13 +348,6 @@ def _folder_name(name: str) -> str:
     return name
 
 
-def _number_if_it_is_one(level: Any) -> Any:
-    try:
-        return float(level) if isinstance(level, str) else level
-    except ValueError:
-        return level
-
-
 def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
     if isinstance(sensor, str) and sensor.endswith((".yaml", ".yml")):
         return load_sensor(named_path(sensor, folder))
@@ -432,9 +428,20 @@ def fitted(settings: Configuration) -> Configuration:
     return settings.model_copy(update={"trajectory": orbit})
 
 
+def by_content(values: Any) -> Any:
+    """Return dumped settings without the paths of files with a hash, which stands for them."""
+    if isinstance(values, Mapping):
+        left_out = {"path"} if values.get("sha256") else set[str]()
+        return {key: by_content(values[key]) for key in values if key not in left_out}
+    return [by_content(value) for value in values] if isinstance(values, list) else values
+
+
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """Lines "path: old → new" for every value that differs between two dumped configurations."""
-    before, after = dict(_leaves(old)), dict(_leaves(new))
+    """Lines "path: old → new" for every value that differs between two dumped configurations.
+
+    The same file at another path is the same value.
+    """
+    before, after = dict(_leaves(by_content(old))), dict(_leaves(by_content(new)))
     return [
         f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
         for path in {**before, **after}

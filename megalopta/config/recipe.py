@@ -85,17 +85,17 @@ class Plan(Record, frozen=True):
     """Seed of all draws"""
 
     scenes: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("demo",)
-    """Scenes, one drawn per sequence: a built-in configuration's name, or a mapping with `preset`,
-    its name, and fields to change"""
+    """Scenes: a built-in configuration's name, or a mapping with `preset`, its name, and fields to
+    change. They are dealt out in random order: each comes once before one comes again"""
 
     lights: tuple[Entry, ...] = ()
-    """Lights, one drawn per sequence: a level's name or fields of `light`; default: the preset's"""
+    """Lights, dealt out likewise: a level's name or fields of `light`; default: the preset's"""
 
     cameras: tuple[dict[str, Any], ...] = ()
-    """Cameras, one drawn per sequence: fields of `camera`; default: the preset's"""
+    """Cameras, dealt out likewise: fields of `camera`; default: the preset's"""
 
     trajectories: tuple[dict[str, Any], ...] = ()
-    """Camera paths, one drawn per sequence: fields of `trajectory`; default: the preset's"""
+    """Camera paths, dealt out likewise: fields of `trajectory`; default: the preset's"""
 
     every: dict[str, Any] = Field(default={})
     """Fields of the configuration set in every sequence, after all others"""

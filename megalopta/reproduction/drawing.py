@@ -19,7 +19,7 @@ from megalopta.benchmark.trial import Sweep, Template, Trial, template_pixels
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
-from megalopta.core.progress import progress
+from megalopta.core.progress import progress, step
 from megalopta.plotting.picture import Figure, write_figure
 from megalopta.reproduction.sweep_figure import sweep_figure
 
@@ -142,11 +142,12 @@ def reproduce(
     drawn = ensure_directory(out / "quick" if is_quick else out)
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
     measured = _measure(trials, out, is_quick, means)
-    made = [recipe.make(measured) for recipe in recipes]
-    paths: list[Path] = []
-    with progress("Drawing figures", len(made), "figure") as advance:
-        for figure in made:
-            paths += write_figure(figure, drawn)
+    made, paths = list[Figure](), list[Path]()
+    with progress("Drawing figures", len(recipes), "figure") as advance:
+        for recipe in recipes:
+            with step(recipe.name):
+                made.append(recipe.make(measured))
+                paths += write_figure(made[-1], drawn)
             advance()
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 

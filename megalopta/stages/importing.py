@@ -1,5 +1,6 @@
 """Pictures of the user's own in place of a rendered scene: their configuration, their files."""
 
+import json
 import math
 import re
 import shutil
@@ -10,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, by_content
 from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
@@ -33,8 +34,13 @@ STILL_FRAMES = 16
 """Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
-_METHODS = ["BM", "LK", "DIS"]
-"""Quick ones, which do with two frames"""
+DEFAULTS: Mapping[str, Any] = {
+    "light": {"level": "daylight"},
+    "sensors": ["ideal"],
+    "light_levels": [1.0],
+    "methods": ["BM", "LK", "DIS"],  # quick ones, which do with two frames
+}
+"""Settings of pictures that do not depend on the files; `light_levels` is for the user to say"""
 _LEAST_SIZE = 3
 """Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
@@ -88,7 +94,10 @@ def pictures_configuration(
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
         _say_times(settings, footage)
-        found = _recorded(out or usual_folder(settings), settings) or measured(settings, footage)
+        made = _of_the_same(out or usual_folder(settings), settings)
+        if made and "name" not in overrides:  # a copy of the file may have another name
+            settings = settings.model_copy(update={"name": made.sequence})
+        found = (_recorded(made) if made else None) or measured(settings, footage)
     if footage.is_absolute:
         lux = _lux(settings, found.luminance)
         light = settings.light.model_copy(update={"illuminance_lux": lux})
@@ -144,15 +153,13 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
     scene["spectrum"] = "light" if is_level else asked.spectrum
     given = {name: value for name, value in scene.items() if value is not None}
     return {
+        **DEFAULTS,
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
         "scene": {"kind": "pictures", "file": str(path), **given},
-        "light": {"level": asked.spectrum if is_level else "daylight"},
+        "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
         "camera": {"width": width, "height": height},
         "trajectory": _timing(footage, asked),
         "render": {"bands_nm": footage.bands_nm} if footage.bands_nm else {},
-        "sensors": ["ideal"],
-        "light_levels": [1.0],
-        "methods": _METHODS,
         "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
     }
 
@@ -162,10 +169,16 @@ def _timing(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     count = len(footage)
     times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
     end_s = float(times_s[-1])
-    rate_hz = asked.frame_rate_hz or ((count - 1) / end_s if end_s else _USUAL_HZ)
+    rate_hz = asked.frame_rate_hz or (shortest((count - 1) / end_s) if end_s else _USUAL_HZ)
     last_s = footage.last_s or 1 / rate_hz
     frames = math.floor((end_s + last_s) * rate_hz + 0.1) if count > 1 else STILL_FRAMES
     return {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz}
+
+
+def shortest(value: float) -> float:
+    """Return the number of the fewest digits that agrees to 1e-9, such as 25 for 24.99…96."""
+    rounded = (float(f"{value:.{digits}g}") for digits in range(1, 18))
+    return next(each for each in rounded if math.isclose(each, value))
 
 
 def _short_exposures(settings: Configuration) -> Configuration:
@@ -216,22 +229,30 @@ def usual_folder(settings: Configuration) -> Path:
     return Path("out") / settings.name
 
 
-def _recorded(root: Path, settings: Configuration) -> Measured | None:
-    """Measured light in the record of a dataset of the same pictures at the same times."""
+def _of_the_same(root: Path, settings: Configuration) -> Dataset | None:
+    """Return the dataset in a folder if it shows the same pictures at the same times."""
     try:
         dataset = open_sequence(root)
+        return dataset if _shown(dataset.configuration) == _shown(settings) else None
+    except UserError:  # there is none, or it is made again
+        return None
+
+
+def _recorded(dataset: Dataset) -> Measured | None:
+    """Measured light in the record of a dataset of pictures."""
+    try:
         record = dataset.read_scene_record()["pictures"]
         mean = tuple(map(float, record["mean"]))
         found = Measured(mean, float(record["saturated"]), float(record["luminance"]))
     except (UserError, KeyError, TypeError, ValueError):  # there is none, or it is made again
         return None
-    is_same = _shown(dataset.configuration) == _shown(settings)
-    return found if is_same and found.luminance > 0 else None
+    return found if found.luminance > 0 else None
 
 
 def _shown(settings: Configuration) -> str:
     """Return pictures, with the hash of their file, and the times at which they are shown."""
-    return settings.scene.model_dump_json() + settings.trajectory.model_dump_json()
+    shown = settings.model_dump(mode="json", include={"scene", "trajectory"})
+    return json.dumps(by_content(shown))
 
 
 def measured(settings: Configuration, footage: Footage) -> Measured:

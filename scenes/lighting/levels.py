@@ -13,7 +13,7 @@ forest shades itself; use `starlight` for it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from megalopta.scenes.spectra import outdoors
 from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
@@ -171,6 +171,11 @@ LEVELS: Mapping[str, Illumination] = {
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Limits, eight and four orders of magnitude beyond outdoor light."""
+
+
+def level_named(level: Any) -> Any:
+    """Return the level that dusk and dawn are, twilight; other values as they are."""
+    return "twilight" if level in ("dusk", "dawn") else level
 
 
 def illuminance_of(level: str | float) -> float:

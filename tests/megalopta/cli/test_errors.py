@@ -28,7 +28,6 @@ def one_line(refused):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "the following arguments are required: VERB; see megalopta --help"),
         (["flow"], "flow: the following arguments are required: dataset; see megalopta flow"),
         (["check", "all"], "check: argument what: invalid choice: 'all'"),
         (["reproduce", "fig-2.9", "--workers", "0"], "reproduce: argument --workers: '0'; give a"),

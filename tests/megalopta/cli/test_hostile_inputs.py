@@ -241,7 +241,13 @@ def option(rng, here):
     """A numeric option or setting with a number that is none, or an impossible one."""
     path = one_of(
         rng,
-        [path for path, _, value in settings_of(load("grating")) if type(value) in (int, float)],
+        [
+            path
+            for path, _, value in settings_of(
+                "Configuration", load("grating").model_dump(mode="json")
+            )
+            if type(value) in (int, float)
+        ],
     )
     verbs = (
         ["render", "grating", "--trajectory.frames", "1", f"--{path}"],
@@ -300,7 +306,12 @@ def test_readers_of_files_raise_what_they_say(tmp_path, monkeypatch, limited, se
 
 def setting(rng, root):
     """One setting of a stage with a value that may not fit."""
-    paths = [path for path, _, _ in settings_of(open_sequence(root).configuration)]
+    paths = [
+        path
+        for path, _, _ in settings_of(
+            "Configuration", open_sequence(root).configuration.model_dump(mode="json")
+        )
+    ]
     value = yaml.safe_dump(one_of(rng, ODD_VALUES[:12]), default_flow_style=True).split("\n")[0]
     verb = one_of(rng, ("render", "sense", "flow", "benchmark photons"))
     more = ["--out", str(root)] if verb == "render" else []
@@ -312,7 +323,9 @@ def scene(rng, root):
     kind = one_of(rng, ("grating", "plane", "motion_bench"))
     words = ["--trajectory.frames=2", "--camera.width=24", "--camera.height=20"]
     parts = ("scene", "camera.fov", "trajectory.", "light.", "render.", "shutter")
-    found = settings_of(load("grating", {"scene.kind": kind}))
+    found = settings_of(
+        "Configuration", load("grating", {"scene.kind": kind}).model_dump(mode="json")
+    )
     paths = [p for p, _, v in found if p.startswith(parts) and not isinstance(v, str)]
     for path in {one_of(rng, paths) for _ in range(3)} - {"trajectory.frames"}:
         words.append(

@@ -11,7 +11,6 @@ import pytest
 import trimesh
 
 from megalopta.cli import main as cli
-from megalopta.cli.stages import quick
 from megalopta.config.model import load
 from megalopta.render import read_radiance, read_truth
 from megalopta.verification import GROUPS, physics
@@ -135,6 +134,6 @@ def test_a_quick_demo_of_another_scene_has_no_settings_of_a_forest(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     own = {"scene.kind": "meshes", "scene.files": str(tmp_path / "box.stl")}
     for given in own, {"scene": f"{{kind: meshes, files: {tmp_path / 'box.stl'}}}"}:
-        made = load("demo", quick({**given, "camera.width": "40"}))
+        made = load("quick", {**given, "camera.width": "40"})
         assert (made.scene.kind, made.camera.width, made.camera.height) == ("meshes", 40, 48)
-    assert load("demo", quick({"scene.trees": "40"})).scene.trees == 40
+    assert load("quick", {"scene.trees": "40"}).scene.trees == 40

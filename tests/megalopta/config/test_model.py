@@ -144,7 +144,7 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
-        ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
+        ("light_levels: [noon]", "'noon' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
