@@ -18,7 +18,6 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.core.errors import UserError, refused_as
-from megalopta.verification import GROUPS
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
@@ -140,51 +139,17 @@ def _gallery(options: Namespace) -> Path | list[Path]:
 
 @verb(
     "check",
-    "verify sensor effects against theory or real arrays, a dataset's truth by a second method, "
-    "or its files by their hashes",
-    option(
-        "what", "what to verify", choices=["physics", "captures", "truth", "files", "panoramas"]
-    ),
-    option(
-        "subjects",
-        "truth, files: dataset folder; panoramas: folder for new panoramas; captures: measurements "
-        f"in addition to those that ship; physics: any of {', '.join(GROUPS)} (default: all)",
-        nargs="*",
-        metavar="FOLDER, FILE or GROUP",
-    ),
-    option("--page FILE", "captures: file of the page with pictures", Path),
+    "verify a dataset's truth by a second method, or its files by their hashes",
+    option("what", "what to verify", choices=["truth", "files"]),
+    DATASET,
 )
-def _check(options: Namespace) -> Path | None:
-    if options.what == "captures":
-        return _check_captures([Path(each) for each in options.subjects], options.page)
-    if options.page:
-        raise UserError(f"check {options.what}: --page is for captures; omit it")
-    if not _passes(options.what, options.subjects):
-        sys.exit(1)
-    return None
-
-
-def _check_captures(paths: list[Path], page: Path | None) -> Path | None:
-    from megalopta.verification.captures import check_captures, print_captures, write_captures_page
-
-    found = check_captures(paths)
-    print_captures(found)
-    return write_captures_page(page, found) if page else None
-
-
-def _passes(what: str, subjects: list[str]) -> bool:
+def _check(options: Namespace) -> None:
     from megalopta.dataset.store import open_sequence
-    from megalopta.verification import files, panoramas, physics, truth
+    from megalopta.verification import files, truth
 
-    if what == "physics":
-        return physics.run_check_physics(subjects)
-    if len(subjects) > 1:
-        raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
-    folder = Path(subjects[0]) if subjects else None
-    if what == "panoramas":
-        return panoramas.run_check_panoramas(folder)
-    if folder is None:
-        raise UserError(f"check {what}: no dataset; give its folder")
-    if what == "files":
-        return files.run_check_files(folder)
-    return truth.run_check_truth(open_sequence(folder))
+    if options.what == "files":
+        passes = files.run_check_files(options.dataset)
+    else:
+        passes = truth.run_check_truth(open_sequence(options.dataset))
+    if not passes:
+        sys.exit(1)

@@ -14,8 +14,6 @@ from megalopta.cli import main as cli
 from megalopta.cli.stages import quick
 from megalopta.config.model import load
 from megalopta.render import read_radiance, read_truth
-from megalopta.verification import GROUPS, physics
-from megalopta.verification.physics import CASES
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [
@@ -106,18 +104,6 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     changed = run("render", "grating", *SMALL, "--seed", "1", "--out", out)
     assert changed.returncode == 2
     assert "seed: 0 → 1" in changed.stderr
-
-
-def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
-    seen = []
-    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
-    cli.main(["check", "physics", "crosstalk", "dead-time"])
-    assert seen == [(["crosstalk", "dead-time"],)]
-    assert tuple(CASES) == GROUPS
-    with pytest.raises(SystemExit):
-        cli.main(["check", "--help"])
-    printed = capsys.readouterr().out.replace("-\n", "-")
-    assert all(group in printed for group in CASES)
 
 
 def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):

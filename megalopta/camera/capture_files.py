@@ -1,10 +1,10 @@
-"""Measurements of real arrays for `megalopta check captures`, recognized by their content.
+"""Tables of rates, crosstalk and afterpulses of real arrays, recognized by their content.
 
     pix1,pix2,distance,crosstalk,error     pairs of pixels, numbered along rows; distance in pixels
     events,duration_s,100-137.5,…          events of a pixel, and pairs of them by lag (ns)
     numbers without a head, or .npy        map of dark counts, per second or frame
 
-The files that ship are of two arrays of 12 × 4 pixels (MIT license, `data/captures/README.md`).
+`docs/public_arrays` has those of two arrays of 12 × 4 pixels.
 """
 
 import csv
@@ -29,19 +29,12 @@ from megalopta.sensor.calibrate.tag_statistics import (
 )
 from megalopta.sensor.formats.time_tags import TimeTags
 
-SHIPPED = Path(__file__).parent / "data" / "captures"
-"""Folder of the measurements that ship."""
 _FEWEST = 12
 _PAIR = ("pix1", "pix2", "distance", "crosstalk", "error")
 _EDGES_NS = np.concatenate((np.arange(0, 100, 12.5), np.geomspace(100, 25600, 33)))
 _KINDS = "give crosstalk of pairs, an autocorrelation or a map of dark counts"
 
 Measurement = PairCrosstalk | Autocorrelation | Floats
-
-
-def shipped() -> list[Path]:
-    """Return the files that ship, in order."""
-    return sorted(SHIPPED.glob("*.csv"))
 
 
 def read_measurement(path: Path) -> Measurement:
