@@ -17,7 +17,6 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.core.errors import UserError, refused_as
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
@@ -96,10 +95,10 @@ def _view(options: Namespace) -> list[Path]:
 
 @verb(
     "reproduce",
-    "reproduce figures and tables of the dissertation as PNG, SVG, CSV and JSON",
-    option("figures FIGURE", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+"),
+    "reproduce Chapter 4 of the dissertation as PNG, SVG, CSV and JSON",
+    option("figures FIGURE", "chapter-4, or of it fig-4.5 to fig-4.13 or table-4.1", nargs="+"),
     out("out/figures"),
-    switch("--quick", "draw Chapter 4 coarsely, in seconds"),
+    switch("--quick", "draw coarsely, in seconds"),
     *THREADS,
 )
 def _reproduce(options: Namespace) -> list[Path]:
@@ -107,34 +106,6 @@ def _reproduce(options: Namespace) -> list[Path]:
 
     means = Means(options.workers, options.cache, options.scheduler)
     return reproduce(options.figures, options.out, options.quick, means)
-
-
-@verb(
-    "gallery",
-    "render every scene preset at every light level, with its photon counts",
-    switch("--views", "instead render large views of the forests under natural skies: views.html"),
-    switch("--statistics", "instead measure image statistics of the forests: image-statistics.png"),
-    option(
-        "--panorama FILE",
-        "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
-        "light; with --statistics the forests are compared with it, at an angle that it resolves",
-        Path,
-    ),
-    out("out/gallery"),
-)
-def _gallery(options: Namespace) -> Path | list[Path]:
-    from megalopta.report.gallery import write_gallery, write_statistics, write_views
-
-    if options.views and options.statistics:
-        raise UserError("gallery: --views and --statistics exclude each other; give one")
-    if options.panorama and not (options.views or options.statistics):
-        raise UserError("gallery: --panorama needs --views or --statistics; add one")
-    with refused_as():  # not a panorama
-        if options.views:
-            return write_views(options.out, options.panorama)
-        if options.statistics:
-            return write_statistics(options.out, [options.panorama] if options.panorama else [])
-        return write_gallery(options.out)
 
 
 @verb(

@@ -219,7 +219,7 @@ def _compare(options: Namespace) -> tuple[str, Path]:
 )
 def _figures(options: Namespace) -> Iterator[Path]:
     from megalopta.camera.recording import Source
-    from megalopta.reproduction.chapter2_edge import reproduce_captured
+    from megalopta.reproduction.captured_edge import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     return reproduce_captured(sources, options.out, options.device, own_light=options.own_light)

@@ -6,7 +6,7 @@ from megalopta.camera.emulated import Faults, Plate
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
-from megalopta.reproduction.chapter2_edge import captured_figures
+from megalopta.reproduction.captured_edge import captured_figures
 from megalopta.sensor import changed, preset
 
 from ..camera.conftest import emulating

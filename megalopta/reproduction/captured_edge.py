@@ -1,13 +1,11 @@
-"""Figures of §2.4.8: an edge crosses SPADCAM, with the responses of NDM and NDS.
-
-Each shows the bench twice, with the shot noise of the light alone and with the full model of
-SPADCAM. `motion_bench` documents the experiment. The dissertation gives one signal-to-noise ratio
-of peak responses over the velocity of the edge per detector, without definition. Here it is
-20·log10 of the mean peak response of one detector over its standard deviation between crossings,
-averaged over all speeds except 0.
+"""Figures of §2.4.8 from recordings: an edge crosses SPADCAM, with the responses of NDM and NDS.
 
 `megalopta spadcam figures` draws captured results with simulated ones; both pass through the same
-pooling, detectors and statistics. `megalopta spadcam compare --scene plate` tests the differences.
+pooling, detectors and statistics. `motion_bench` documents the experiment, and
+`examples/dissertation` draws the simulation alone. The dissertation gives one signal-to-noise ratio
+of peak responses over the velocity of the edge per detector, without definition. Here it is
+20·log10 of the mean peak response of one detector over its standard deviation between crossings,
+averaged over all speeds except 0. `megalopta spadcam compare --scene plate` tests the differences.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,8 +26,6 @@ from megalopta.camera.motion_bench import (
     FRAMES,
     OPEN_PHOTONS,
     PIXELS,
-    SENSORS,
-    SPEEDS_MM_S,
     TIME_CONSTANTS_S,
     UNITS,
     BenchLight,
@@ -50,26 +46,19 @@ from megalopta.core.progress import working
 from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 from megalopta.plotting.picture import Figure, write_figure
 from megalopta.plotting.style import BLACK, BLUE, GRAY, GREEN, ORANGE, VERMILION
-from megalopta.reproduction.drawing import FigureRecipe, Run
-from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.sensor import Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 
-_SPEED_MM_S = 1.0
 _SHOWN_DETECTOR = 4
 _CURVES = {"pooled pixel": ("-", GRAY), "NDM": ("-", BLUE), "NDS": ("--", VERMILION)}
 _THEORY_CYCLES = 0.5
 """Cycles of the theoretical sinusoid along the row; the dissertation states only: below 1."""
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
-_SHEET_DARK_COUNTS = 1.77 * 360 * 0.1
-"""Hz/µm² (§2.4.7) · µm² · s."""
 _EQUATIONS = {"NDM": "Eq. 4.2", "NDS": "Eq. 4.3, corrected"}
 _MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 
 Rows: TypeAlias = Mapping[str, Floats]
 """Pooled frames (2·FRAMES, 12) of the first row of a recording, by sensor"""
-
-Printed: TypeAlias = dict[str, tuple[str, str]]
 
 
 def moves(speed_mm_s: float) -> str:
@@ -77,9 +66,7 @@ def moves(speed_mm_s: float) -> str:
     return f"The edge moves by {speed_mm_s:g} mm/s, {pixels_per_frame(speed_mm_s):.2f} px per frame"
 
 
-def frames_figure(
-    rows: Rows, caption: str, printed: Mapping[str, tuple[str, str]], *, one_scale: bool = False
-) -> Figure:
+def frames_figure(rows: Rows, caption: str) -> Figure:
     """Draw Figure 2.14: frames of a row as an edge passes."""
     shown = {name: each[:FRAMES] for name, each in rows.items()}
     ends = {
@@ -89,12 +76,12 @@ def frames_figure(
     return Figure(
         title="Figure 2.14: 32 frames of a row of 12 pooled pixels as an edge passes",
         caption=caption,
-        printed={**printed, **ends},
-        **_frame_maps(shown, "Pixel", "Counts", one_scale),
+        printed=ends,
+        **_frame_maps(shown, "Pixel", "Counts"),
     )
 
 
-def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = False) -> Figure:
+def responses_figure(number: str, method: str, rows: Rows) -> Figure:
     """Draw Figure 2.15 or 2.16: responses in the frames of Figure 2.14."""
     maps = {label: _responses(method, each[:FRAMES]) for label, each in rows.items()}
     before = slice(detector(method).memory_frames, FRAMES // 4)
@@ -113,7 +100,7 @@ def responses_figure(number: str, method: str, rows: Rows, *, one_scale: bool = 
             )
             for label, shown in maps.items()
         },
-        **_frame_maps(maps, "Detector", f"Response ({UNITS[method]})", one_scale),
+        **_frame_maps(maps, "Detector", f"Response ({UNITS[method]})"),
     )
 
 
@@ -170,8 +157,8 @@ class OverSpeeds(NamedTuple):
         scale = self.ideal.max() / theory(self.method, self.velocity).max()
         return np.asarray(scale * theory(self.method, velocity))
 
-    def figure(self, number: str, noise: str, printed: Mapping[str, tuple[str, str]]) -> Figure:
-        """Draw Figure 2.18 or 2.19; `noise` describes its noise."""
+    def figure(self, number: str) -> Figure:
+        """Draw Figure 2.18 or 2.19."""
         crossings, rows, detectors = next(iter(self.found.values()))[0].noisy.shape
         one_row = f"{_PRINTED_SNR_DB[self.method]} dB, one row"
         ratios = {f"SNR, {name}": (f"{each:.1f} dB", one_row) for name, each in self.snr_db.items()}
@@ -180,13 +167,13 @@ class OverSpeeds(NamedTuple):
             caption=(
                 "Points are the mean and σ of the largest response of one detector while an edge "
                 f"crosses, over {crossings} crossings of {detectors} detectors in each of {rows} "
-                f"rows, with time constants of {1e3 * TIME_CONSTANTS_S[self.method]:.0f} ms{noise}."
+                f"rows, with time constants of {1e3 * TIME_CONSTANTS_S[self.method]:.0f} ms."
                 " The SNR is 20·log10(mean/σ), averaged over the speeds but 0; the dissertation "
                 "does not define its own. The theoretical curve is the mean response "
                 f"({_EQUATIONS[self.method]}) to a sinusoid of {_THEORY_CYCLES:g} cycles along the "
                 "row, scaled to the same height."
             ),
-            printed={**ratios, **printed},
+            printed=ratios,
             draw=self._draw,
             numbers=self._columns(),
         )
@@ -233,70 +220,6 @@ def theory(method: str, velocity: Floats) -> Floats:
     return _MEANS[method](filter_step(method), phase * velocity, phase, 1.0)
 
 
-def simulated_peaks(method: str) -> OverSpeeds:
-    """Return peak responses at every speed of the dissertation, for each noise model."""
-    found = {
-        name: [peaks(speed, sensor)[method] for speed in SPEEDS_MM_S]
-        for name, sensor in SENSORS.items()
-    }
-    return OverSpeeds(method, SPEEDS_MM_S, found)
-
-
-def _simulated_rows() -> Rows:
-    return {
-        name: pooled(record(_SPEED_MM_S, sensor).counts)[:, 0] for name, sensor in SENSORS.items()
-    }
-
-
-def _figure_2_14(_: Run) -> Figure:
-    bright, hidden = OPEN_PHOTONS, OPEN_PHOTONS * MotionBench().shade
-    full = 100 * record(_SPEED_MM_S, SENSORS["SPADCAM"]).saturated.mean()
-    contrast = {
-        "difference over sum": (bright - hidden) / (bright + hidden),
-        "difference over open": 1 - hidden / bright,
-    }
-    printed = {
-        "Photons per pixel, open and hidden": (f"{bright:g} and {hidden:g}", "65 and 27"),
-        "Photons per open frame": (f"{PIXELS * bright:.0f}", "roughly 1k"),
-    }
-    for how, share in contrast.items():
-        printed[f"Contrast, {how}"] = (f"{100 * share:.0f} %", "64 %, undefined")
-    caption = (
-        f"{moves(_SPEED_MM_S)}; photons are those detected, without SPADCAM's dark counts. "
-        f"In its 16 rows {full:.1f} % of the counts are saturated, by a hot pixel's dark counts."
-    )
-    return frames_figure(_simulated_rows(), caption, printed)
-
-
-def _figure_2_17(_: Run) -> Figure:
-    return transients_figure(
-        _simulated_rows(),
-        f"{moves(_SPEED_MM_S)}, as in the dissertation, and every curve is divided by "
-        "its largest value. Dark counts raise SPADCAM's pixel; the detectors' high-pass passes "
-        "only their noise.",
-    )
-
-
-def _peaks_figure(number: str, method: str) -> Figure:
-    """Draw peaks, the lag of NDM behind NDS (a product doubles relative noise: 6 dB), linearity."""
-    over = simulated_peaks(method)
-    rows_db = np.mean([each.row_snr_db for each in over.found["SPADCAM"][1:]], axis=0)
-    sums, products = simulated_peaks("NDS").snr_db, simulated_peaks("NDM").snr_db
-    behind = [sums[label] - products[label] for label in sums]
-    growth = float(over.ideal[2] / over.ideal[1])
-    printed_behind = _PRINTED_SNR_DB["NDS"] - _PRINTED_SNR_DB["NDM"]
-    printed = {
-        "SNR of single rows, SPADCAM": (f"{rows_db.min():.1f} to {rows_db.max():.1f} dB", "—"),
-        "NDM behind NDS": (
-            f"{min(behind):.1f} to {max(behind):.1f} dB",
-            f"{printed_behind:.1f} dB",
-        ),
-        "Growth from 1.67 to 3.33 px/frame": (f"{growth:.2f} times", "fairly linear below 4"),
-    }
-    dark = f" and, in SPADCAM, {_SHEET_DARK_COUNTS:.0f} dark counts per pixel and frame"
-    return over.figure(number, dark, printed)
-
-
 def _responses(method: str, frames: Floats) -> Floats:
     """Responses (T, 10) of the detectors of one row (T, 12)."""
     return detector(method).respond(frames[:, np.newaxis])[:, 0, 1:-1]
@@ -317,9 +240,7 @@ def _draw_transients(
     panels[-1].set_xlabel("Time (s)")
 
 
-def _frame_maps(
-    maps: Mapping[str, Floats], across: str, unit: str, one_scale: bool
-) -> dict[str, Any]:
+def _frame_maps(maps: Mapping[str, Floats], across: str, unit: str) -> dict[str, Any]:
     """Return drawing, numbers and height of a figure of frames (T, n) in a row."""
     ends = [min(each.min() for each in maps.values()), max(each.max() for each in maps.values())]
     numbers = {
@@ -331,7 +252,7 @@ def _frame_maps(
     def draw(canvas: Canvas) -> None:
         panels = canvas.subplots(1, len(maps), sharey=True)
         for axes, (name, rows) in zip(panels, maps.items(), strict=True):
-            _draw_map(axes, rows, ends if one_scale else None, unit if axes is panels[-1] else "")
+            _draw_map(axes, rows, ends, unit if axes is panels[-1] else "")
             axes.set_title(name, loc="left")
             axes.set_xlabel(across)
         panels[0].set_ylabel("Frame")
@@ -340,7 +261,7 @@ def _frame_maps(
     return {"draw": draw, "numbers": {"frame": frames, **numbers}, "height_in": 3.8}
 
 
-def _draw_map(axes: Axes, rows: Floats, clim: Sequence[float] | None, unit: str) -> None:
+def _draw_map(axes: Axes, rows: Floats, clim: Sequence[float], unit: str) -> None:
     extent = (0.5, rows.shape[1] + 0.5, len(rows) + 0.5, 0.5)
     image = axes.imshow(rows, aspect="auto", interpolation="nearest", extent=extent, clim=clim)
     axes.grid(visible=False)
@@ -381,9 +302,9 @@ def captured_figures(
     counts = {"Simulated": record(slowest, sensor, light).counts, "Captured": captured[slowest]}
     rows = {name: pooled(each)[:, 0] for name, each in counts.items()}
     caption = f"{moves(slowest)}. {_lit(light)}"
-    yield _named("2.14", frames_figure(rows, caption, {}, one_scale=True))
+    yield _named("2.14", frames_figure(rows, caption))
     for number, method in (("2.15", "NDM"), ("2.16", "NDS")):
-        yield _named(number, responses_figure(number, method, rows, one_scale=True))
+        yield _named(number, responses_figure(number, method, rows))
     divided = "Every curve is divided by its largest value; the time between passages is omitted."
     yield _named("2.17", transients_figure(rows, f"{caption} {divided}"))
     direct = [peaks(speed, sensor, light) for speed in speeds]
@@ -394,7 +315,7 @@ def captured_figures(
             for speed, same in zip(speeds, ours, strict=True)
         ]
         over = OverSpeeds(method, speeds, {"Simulated": ours, "Captured": theirs})
-        yield _named(number, over.figure(number, "", {}))
+        yield _named(number, over.figure(number))
 
 
 def _named(number: str, figure: Figure) -> Figure:
@@ -469,13 +390,3 @@ def _sensor(
             )
     assert first.sensor is not None
     return changed(first.sensor, counter={"calibrated": False})
-
-
-RECIPES = (
-    FigureRecipe("fig-2.14", _figure_2_14),
-    FigureRecipe("fig-2.15", lambda _: responses_figure("2.15", "NDM", _simulated_rows())),
-    FigureRecipe("fig-2.16", lambda _: responses_figure("2.16", "NDS", _simulated_rows())),
-    FigureRecipe("fig-2.17", _figure_2_17),
-    FigureRecipe("fig-2.18", lambda _: _peaks_figure("2.18", "NDM")),
-    FigureRecipe("fig-2.19", lambda _: _peaks_figure("2.19", "NDS")),
-)
