@@ -46,7 +46,7 @@ types: install
 	rm -rf build/types && mkdir -p build/types/megalopta
 	ln -s $(CURDIR)/megalopta/* $(addprefix $(CURDIR)/,assets_gen flow render scenes sensor) build/types/megalopta/
 	$(BIN)/mypy --package megalopta
-	$(BIN)/mypy docs/gallery docs/pictures
+	$(BIN)/mypy docs/gallery docs/pictures examples
 
 # The site, in build/docs; without the network once its tools are installed. Any warning is an error.
 docs: install
@@ -55,13 +55,8 @@ docs: install
 	@echo "open build/docs/index.html"
 
 # The pictures in docs/, an hour in all; `make docs` draws those of its gallery.
-DRAWN := build/pictures
 pictures: demo
 	for script in docs/pictures/*.py; do PATH=$(CURDIR)/$(BIN):$$PATH python $$script || exit 1; done
-	$(BIN)/megalopta gallery --out $(DRAWN)
-	$(BIN)/megalopta gallery --views --out $(DRAWN)
-	$(BIN)/megalopta reproduce leaderboard natural-information camera-motion --out $(DRAWN)
-	cp $(addprefix $(DRAWN)/,gallery.png views.jpg leaderboard.png natural-information.png camera-motion.png) docs
 
 bench: install
 	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done

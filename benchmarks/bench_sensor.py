@@ -20,6 +20,7 @@ Least wanted: ideal 1.5, at 1e5 counts 1, SPADCAM 0.2, SPADCAM at 300 counts by 
 comparison 1. Most wanted: 16 bytes and 100 ns a stored event.
 """
 
+import runpy
 import tempfile
 import time
 from collections.abc import Callable
@@ -45,8 +46,9 @@ from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, writ
 from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.sampling.words import word_streams
-from megalopta.verification.brute_force import brute_force_events
 
+PLAINEST = Path(__file__).parents[1] / "tests/sensor/plainest.py"
+brute_force_events = runpy.run_path(str(PLAINEST))["brute_force_events"]
 SHAPE = (4, 240, 240)
 REPEATS = 7
 MEAN_COUNTS = (1, 10, 30, 90, 300)

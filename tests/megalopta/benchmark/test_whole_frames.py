@@ -15,10 +15,6 @@ from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
-from megalopta.reproduction import comparison_frames as whole_frames
-from megalopta.reproduction.drawing import Run
-
-from ..figures import canvas_of
 
 BASIC = MEDIAN, MEAN, FAR
 
@@ -126,24 +122,6 @@ def test_shipped_scenes_move_as_their_flow_says():
         places = y + scene.flow[..., 1], x + scene.flow[..., 0]
         moved = map_coordinates(second, places, order=1, mode="nearest")
         assert np.quantile(np.abs(moved - first)[8:-8, 8:-8], 0.9) < 0.1 * first.std(), scene.name
-
-
-def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch):
-    monkeypatch.setattr(whole_frames, "leaves_clips", lambda count: [clip] * count)
-    monkeypatch.setattr(whole_frames, "panorama_clips", lambda _, headings: [clip] * 4)
-    figure = whole_frames.whole_frames(Run(is_quick=True), ["BM", "PPM"])
-    canvas_of(figure)
-    assert len(figure.rows) == 2 * 2 * 3
-    ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
-    for low, mean, high in zip(*ends, strict=True):
-        # a mean of zero has no interval
-        assert low <= mean <= high if mean else np.isnan([low, high]).all()
-    (least,) = (
-        each
-        for each in figure.details["least_median_error"]
-        if tuple(each.values())[1:3] == ("eight frames", 1) and "leaves" in each["scenes"]
-    )
-    assert least["method"] == "PPM"
 
 
 def write_pictures(folder, names, clip):

@@ -254,7 +254,7 @@ def option(rng, here):
         ["benchmark", "pairs", "x", "--photons"], ["benchmark", "pairs", "x", "--pairs"],
         ["benchmark", "pairs", "x", "--draws"], ["dataset", "make", "x", "--only"],
         ["dataset", "make", "x", "--workers"], ["dataset", "check", "x", "--truth"],
-        ["reproduce", "fig-2.9", "--workers"], ["benchmark", "photons", "x", "--workers"],
+        ["reproduce", "fig-4.5", "--workers"], ["benchmark", "photons", "x", "--workers"],
         ["spadcam", "calibrate", "x", "--wavelength-nm"], ["spadcam", "calibrate", "x", "--beam-area-mm2"],
         ["spadcam", "compare", "x", "--device", "y", "--margin"], ["spadcam", "compare", "x", "--device", "y", "--seed"],
         ["dataset", "view", "x", "--sequences"],
