@@ -34,7 +34,8 @@ class Header(NamedTuple):
     shape: tuple[int, int]
     """Rows and columns, as the picture is viewed"""
     depth: Depth
-    frames: int = 1
+    pages: tuple[int, ...] = (0,)
+    """Numbers of the pages of the file that are frames"""
     times_s: tuple[float, ...] | None = None
     """Time of every frame, the first 0"""
     transfer: str | None = None

@@ -42,7 +42,7 @@ _SILENT = (
     *("owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""
-_USUAL: Mapping[str, Any] = {"screenWindowCenter": (0, 0), "screenWindowWidth": 1}
+_USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
 _SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d*,?\d*(?:[eE][+-]?\d+)?)([munpkMGTPEZ]?)(m|Hz)")
 _PREFIXES = dict(zip("munpkMGTPEZ", (-3, -6, -9, -12, 3, 6, 9, 12, 15, 18, 21), strict=True))
 _LIGHT_NM_HZ = 299_792_458e9
@@ -100,18 +100,19 @@ def exr_header(path: Path) -> Header:
     white_cd_m2 = stated.get("whiteLuminance")
     if white_cd_m2 is not None and not 0 < white_cd_m2 < np.inf:
         raise DamagedFileError(f"{path} states a whiteLuminance of {white_cd_m2:g}; remove it")
-    is_usual = {name: np.array_equal(stated.get(name), value) for name, value in _USUAL.items()}
-    notes += unused(
-        path,
-        {
-            name: np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
-            for name, value in stated.items()
-            if name not in _SILENT and not is_usual.get(name)
-        },
-    )
-    unit = "cd/m2" if white_cd_m2 is not None and bands_nm is None else None
+    plain = {
+        name: np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
+        for name, value in stated.items()
+        if name not in _SILENT
+    }
+    notes += unused(path, {k: value for k, value in plain.items() if _USUAL.get(k) != value})
     return Header(
-        shape, "light", 1, None, None, (0, 1), chromaticities, unit, bands_nm, tuple(notes)
+        shape,
+        "light",
+        chromaticities=chromaticities,
+        unit="cd/m2" if white_cd_m2 is not None and bands_nm is None else None,
+        bands_nm=bands_nm,
+        notes=tuple(notes),
     )
 
 
@@ -160,7 +161,8 @@ def _placed(
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     """Return the picture to read: spectra, else the main layer's colors, else another layer's."""
-    candidates, all_names = [], []
+    candidates: list[tuple[Any, ...]] = []
+    all_names = []
     for part, attributes in enumerate(headers):
         if str(attributes["type"]).rpartition(".")[2].startswith("deep"):
             continue
@@ -222,7 +224,8 @@ def _bands_nm(path: Path, picture: _Picture) -> Bands:
         )
     if "bandEdgesNm" in picture.attributes:
         stated = str(picture.attributes["bandEdgesNm"]).split()
-        return tuple(sorted((tuple(map(float, band.split("-"))) for band in stated), key=sum))
+        edges = [band.split("-") for band in stated]
+        return sorted(((float(lower), float(upper)) for lower, upper in edges), key=sum)
     steps = np.diff(centers)
     lower = centers - np.append(steps[0], steps) / 2
     upper = centers + np.append(steps, steps[-1]) / 2
@@ -288,7 +291,8 @@ def radiance_header(path: Path) -> Header:
     notes += [note] * bool(note)
     notes += not_square(path, 1 / float(stated.pop("PIXASPECT", 1)))
     stated.pop("SOFTWARE", None)
-    shape = picture.stored[:: -1 if picture.turn[0] else 1]
+    (lines, length), is_by_columns = picture.stored, picture.turn[0]
+    shape = (length, lines) if is_by_columns else (lines, length)
     notes += unused(path, stated)
     return Header(shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 

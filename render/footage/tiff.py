@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
-from tifffile import PHOTOMETRIC, TiffFile, TiffPage
+from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, read_bytes
 from megalopta.core.errors import DamagedFileError
@@ -47,7 +47,9 @@ def tiff_header(path: Path) -> Header:
     """Return what a TIFF file states. Raises DamagedFileError."""
     with TiffFile(path) as file:
         check_count(path, "pages", len(file.pages), _MOST_PAGES)
-        page, count = file.pages.first, len(_frames(file))
+        page: Any = file.pages.first
+        pages = tuple(n for n, other in enumerate(file.pages) if _kind(other) == _kind(page))
+        count = len(pages)
         depth, notes = _depth(path, page), []
         if other := len(file.pages) - count:
             notes.append(
@@ -67,17 +69,16 @@ def tiff_header(path: Path) -> Header:
         tag = page.tags.get(_ORIENTATION)
         shape = page.imagelength, page.imagewidth
         shape = shape[::-1] if tag and int(tag.value) >= 5 else shape
-        return Header(shape, depth, count, times_s, notes=(*notes, *told))
+        return Header(shape, depth, pages, times_s, notes=(*notes, *told))
 
 
-def tiff_numbers(path: Path, index: int) -> tuple[NDArray[Any], int]:
-    """Return codes of 16 bits or light, (H, W, channels), upright; and the kind of alpha, or 0.
+def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
+    """Return a page's codes of 16 bits or light, (H, W, channels), upright; kind of alpha, or 0.
 
     The kind is 1 if colors are multiplied with alpha, 2 if they are not.
     """
     with TiffFile(path) as file:
-        at = _frames(file)[index]
-        page = file.pages[at]
+        page: Any = file.pages[number]
         try:
             numbers = page.asarray()
         except ValueError as problem:
@@ -86,7 +87,7 @@ def tiff_numbers(path: Path, index: int) -> tuple[NDArray[Any], int]:
             pages = cv2.imdecodemulti(
                 np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8),
                 cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION,
-                range=(at, at + 1),
+                range=(number, number + 1),
             )[1]
             numbers = (
                 pages[0] if pages[0].ndim == 2 else pages[0][..., [2, 1, 0, 3][: pages[0].shape[2]]]
@@ -105,30 +106,18 @@ def tiff_numbers(path: Path, index: int) -> tuple[NDArray[Any], int]:
         return turned(numbers[..., used], *turn), alpha
 
 
-def page_of(path: Path, index: int) -> int:
-    """Return the number of the page that is a frame."""
-    with TiffFile(path) as file:
-        return _frames(file)[index]
-
-
 def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
     """Yield a note on a color profile that is not that of sRGB."""
     if profile and b"sRGB" not in profile and "sRGB".encode("utf-16-be") not in profile:
         yield f"{path} has a color profile, which is ignored"
 
 
-def _frames(file: TiffFile) -> list[int]:
-    """Return the numbers of the pages like the first."""
-    first = file.pages.first
-    kind = first.shape, first.dtype, first.photometric
-    return [
-        number
-        for number, page in enumerate(file.pages)
-        if (page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric) == kind
-    ]
+def _kind(page: Any) -> tuple[Any, ...]:
+    """Return what frames of one file have in common."""
+    return page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric
 
 
-def _depth(path: Path, page: TiffPage) -> Depth:
+def _depth(path: Path, page: Any) -> Depth:
     bits, kind, colors = page.bitspersample, np.dtype(page.dtype).kind, page.photometric
     if colors in (
         PHOTOMETRIC.SEPARATED,
