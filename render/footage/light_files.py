@@ -10,8 +10,7 @@ the orientation (Ward, the file `picture` of Radiance's reference manual).
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +29,7 @@ from megalopta.render.footage.frames import (
     not_square,
     turned,
     unused,
+    without_log,
 )
 from megalopta.render.footage.transfer import XYZ_XY, to_xyz
 from megalopta.scenes.spectra.color import Bands
@@ -219,7 +219,7 @@ def _bands_nm(path: Path, picture: _Picture) -> Bands:
     centers = np.array(picture.wavelengths_nm)
     if units not in (None, *_UNITS) or len(centers) < 2 or not (np.diff(centers) > 0).all():
         raise DamagedFileError(
-            f"{path} has {len(centers)} spectral channels in {units}; give two or more of different"
+            f"{path} has {len(centers)} spectral channels in {units or 'no unit'}; give two or more of different"
             f" wavelengths, in {RADIANCE_UNIT}"
         )
     if "bandEdgesNm" in picture.attributes:
@@ -306,7 +306,7 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "plain.hdr"
         file.write_bytes(plain.encode() + content[picture.end :])
-        with _without_log():
+        with without_log():
             numbers = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
@@ -322,14 +322,3 @@ def pfm_header(path: Path) -> Header:
 def pfm_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     """Return light (H, W) or (H, W, 3), and False: nothing is transparent."""
     return read_pfm(path), False
-
-
-@contextmanager
-def _without_log() -> Iterator[None]:
-    log = cv2.utils.logging
-    level = log.getLogLevel()
-    log.setLogLevel(log.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        log.setLogLevel(level)

@@ -34,6 +34,7 @@ from megalopta.render.footage.frames import (
     not_square,
     turned,
     unused,
+    without_log,
 )
 from megalopta.render.footage.tiff import (
     STRAIGHT,
@@ -356,7 +357,8 @@ def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     chunks = _png_chunks(read_bytes(path, ARRAY_BYTES))
     # libpng may complain about others
     plain = b"".join([_PNG_SIGNATURE, *(chunk for name, chunk in chunks if name in _PNG_PIXELS)])
-    numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
+    with without_log():
+        numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
     with opened_picture(path) as image:

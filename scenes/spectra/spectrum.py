@@ -64,7 +64,8 @@ class Spectrum:
     ) -> "Spectrum":
         """Return the spectrum of values (n,) at wavelengths (n,)."""
         given = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
-        return cls(*map(tuple, given), known_nm=known_nm)
+        at_nm, values_there = map(tuple, given)
+        return cls(at_nm, values_there, known_nm)
 
     def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""
