@@ -219,8 +219,8 @@ def _bands_nm(path: Path, picture: _Picture) -> Bands:
     centers = np.array(picture.wavelengths_nm)
     if units not in (None, *_UNITS) or len(centers) < 2 or not (np.diff(centers) > 0).all():
         raise DamagedFileError(
-            f"{path} has {len(centers)} spectral channels in {units or 'no unit'}; give two or more of different"
-            f" wavelengths, in {RADIANCE_UNIT}"
+            f"{path} has {len(centers)} spectral channels in {units or 'no unit'}; give two or "
+            f"more of different wavelengths, in {RADIANCE_UNIT}"
         )
     if "bandEdgesNm" in picture.attributes:
         stated = str(picture.attributes["bandEdgesNm"]).split()

@@ -16,7 +16,14 @@ from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.render.footage.frames import Depth, Header, not_square, turned, unused
+from megalopta.render.footage.frames import (
+    Depth,
+    Header,
+    not_square,
+    turned,
+    unused,
+    without_log,
+)
 
 _ORIENTATION = 274
 TURNS = {
@@ -60,8 +67,9 @@ def tiff_header(path: Path) -> Header:
         if x and y and all(tag.value[0] and tag.value[1] for tag in (x, y)):
             (across, per), (down, per_down) = x.value, y.value
             notes += not_square(path, down * per / (per_down * across))
-        if alien := [kind for kind in page.extrasamples if kind not in (_ASSOCIATED, STRAIGHT)]:
-            notes.append(f"{path} has {len(alien)} further values in a pixel, which are not read")
+        alpha = sum(kind in (_ASSOCIATED, STRAIGHT) for kind in page.extrasamples)
+        if (alien := page.samplesperpixel - _colors(page) - alpha) > 0:
+            notes.append(f"{path} has {alien} further values in a pixel, which are not read")
         if 34675 in page.tags:
             notes += profile_left_out(path, bytes(page.tags[34675].value))
         notes += unused(path, {tag.name: tag.value for tag in page.tags if tag.name in _TOLD})
@@ -84,11 +92,10 @@ def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
         except ValueError as problem:
             if "imagecodecs" not in str(problem):
                 raise
-            pages = cv2.imdecodemulti(
-                np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8),
-                cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION,
-                range=(number, number + 1),
-            )[1]
+            content = np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8)
+            flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+            with without_log():
+                _, pages = cv2.imdecodemulti(content, flags, range=(number, number + 1))
             numbers = (
                 pages[0] if pages[0].ndim == 2 else pages[0][..., [2, 1, 0, 3][: pages[0].shape[2]]]
             )
@@ -98,7 +105,7 @@ def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
         numbers = numbers.reshape(page.imagelength, page.imagewidth, -1)
         if page.photometric == PHOTOMETRIC.MINISWHITE:
             numbers = np.iinfo(numbers.dtype).max - numbers
-        colors = 3 if page.photometric == PHOTOMETRIC.RGB else 1
+        colors = _colors(page)
         alpha = next((kind for kind in page.extrasamples if kind in (_ASSOCIATED, STRAIGHT)), 0)
         used = [*range(colors), *([colors + page.extrasamples.index(alpha)] if alpha else [])]
         tag = page.tags.get(_ORIENTATION)
@@ -110,6 +117,10 @@ def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
     """Yield a note on a color profile that is not that of sRGB."""
     if profile and b"sRGB" not in profile and "sRGB".encode("utf-16-be") not in profile:
         yield f"{path} has a color profile, which is ignored"
+
+
+def _colors(page: Any) -> int:
+    return 3 if page.photometric in (PHOTOMETRIC.RGB, PHOTOMETRIC.YCBCR) else 1
 
 
 def _kind(page: Any) -> tuple[Any, ...]:
