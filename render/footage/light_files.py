@@ -31,10 +31,9 @@ from megalopta.render.footage.frames import (
     unused,
     without_log,
 )
-from megalopta.render.footage.transfer import XYZ_XY, to_xyz
+from megalopta.render.footage.transfer import PRIMARIES, XYZ_XY, to_xyz
 from megalopta.scenes.spectra.color import Bands
 
-_BT709_XY = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
@@ -137,7 +136,7 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     is_transparent = picture.alpha is not None and planes.pop().min() < 1
     if [name.rpartition(".")[2] for name in picture.names] == ["Y", "RY", "BY"]:
         y, red, blue = planes[0], (planes[1] + 1) * planes[0], (planes[2] + 1) * planes[0]
-        given = stated.get("chromaticities", _BT709_XY)
+        given = stated.get("chromaticities", PRIMARIES[1][1])
         shares = to_xyz(np.ravel(given).tolist())[1]
         planes = [red, (y - shares[0] * red - shares[2] * blue) / shares[1], blue]
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
