@@ -89,7 +89,8 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
             for frame, path in _frames_below(folder / "flow").items():
                 name = Path(frame.sequence) / f"{frame.name}.png"
                 masks = (folder / kind / name for kind in ("occlusions", "invalid"))
-                found[frame] = TrueFlow(path, *(mask if mask.exists() else None for mask in masks))
+                occlusion, undefined = (mask if mask.exists() else None for mask in masks)
+                found[frame] = TrueFlow(path, occlusion, undefined)
         elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
             found |= {
                 frame: TrueFlow(path)
@@ -256,8 +257,8 @@ def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
         place = next((each for each in kinds if each.is_dir()), kinds[0]) / frame.sequence
         return {"": (at(place, 0), at(place, 1))}
     if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
-        places = {name: root / name / frame.sequence for name in ("clean", "final")}
-        return {name: (at(place, 0), at(place, 1)) for name, place in places.items()}
+        passes = {name: root / name / frame.sequence for name in ("clean", "final")}
+        return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
     key = re.sub("_?flow_?", "", stem)
     pictures = _pictures_in(folder)
     from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -34,7 +35,8 @@ class Header(NamedTuple):
     shape: tuple[int, int]
     """Rows and columns, as the picture is viewed"""
     depth: Depth
-    frames: int = 1
+    pages: tuple[int, ...] = (0,)
+    """Numbers of the pages of the file that are frames"""
     times_s: tuple[float, ...] | None = None
     """Time of every frame, the first 0"""
     transfer: str | None = None
@@ -263,3 +265,15 @@ def turned(
     """Return a picture, transposed, then mirrored horizontally and vertically."""
     numbers = numbers.swapaxes(0, 1) if transposed else numbers
     return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
+
+
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Keep OpenCV from printing what it thinks of a file."""
+    log = cv2.utils.logging
+    level = log.getLogLevel()
+    log.setLogLevel(log.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        log.setLogLevel(level)

@@ -10,8 +10,7 @@ the orientation (Ward, the file `picture` of Radiance's reference manual).
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,11 +29,11 @@ from megalopta.render.footage.frames import (
     not_square,
     turned,
     unused,
+    without_log,
 )
-from megalopta.render.footage.transfer import XYZ_XY, to_xyz
+from megalopta.render.footage.transfer import PRIMARIES, XYZ_XY, to_xyz
 from megalopta.scenes.spectra.color import Bands
 
-_BT709_XY = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
@@ -42,7 +41,7 @@ _SILENT = (
     *("owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""
-_USUAL: Mapping[str, Any] = {"screenWindowCenter": (0, 0), "screenWindowWidth": 1}
+_USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
 _SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d*,?\d*(?:[eE][+-]?\d+)?)([munpkMGTPEZ]?)(m|Hz)")
 _PREFIXES = dict(zip("munpkMGTPEZ", (-3, -6, -9, -12, 3, 6, 9, 12, 15, 18, 21), strict=True))
 _LIGHT_NM_HZ = 299_792_458e9
@@ -100,18 +99,19 @@ def exr_header(path: Path) -> Header:
     white_cd_m2 = stated.get("whiteLuminance")
     if white_cd_m2 is not None and not 0 < white_cd_m2 < np.inf:
         raise DamagedFileError(f"{path} states a whiteLuminance of {white_cd_m2:g}; remove it")
-    is_usual = {name: np.array_equal(stated.get(name), value) for name, value in _USUAL.items()}
-    notes += unused(
-        path,
-        {
-            name: np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
-            for name, value in stated.items()
-            if name not in _SILENT and not is_usual.get(name)
-        },
-    )
-    unit = "cd/m2" if white_cd_m2 is not None and bands_nm is None else None
+    plain = {
+        name: np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
+        for name, value in stated.items()
+        if name not in _SILENT
+    }
+    notes += unused(path, {k: value for k, value in plain.items() if _USUAL.get(k) != value})
     return Header(
-        shape, "light", 1, None, None, (0, 1), chromaticities, unit, bands_nm, tuple(notes)
+        shape,
+        "light",
+        chromaticities=chromaticities,
+        unit="cd/m2" if white_cd_m2 is not None and bands_nm is None else None,
+        bands_nm=bands_nm,
+        notes=tuple(notes),
     )
 
 
@@ -136,7 +136,7 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     is_transparent = picture.alpha is not None and planes.pop().min() < 1
     if [name.rpartition(".")[2] for name in picture.names] == ["Y", "RY", "BY"]:
         y, red, blue = planes[0], (planes[1] + 1) * planes[0], (planes[2] + 1) * planes[0]
-        given = stated.get("chromaticities", _BT709_XY)
+        given = stated.get("chromaticities", PRIMARIES[1][1])
         shares = to_xyz(np.ravel(given).tolist())[1]
         planes = [red, (y - shares[0] * red - shares[2] * blue) / shares[1], blue]
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
@@ -160,7 +160,8 @@ def _placed(
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     """Return the picture to read: spectra, else the main layer's colors, else another layer's."""
-    candidates, all_names = [], []
+    candidates: list[tuple[Any, ...]] = []
+    all_names = []
     for part, attributes in enumerate(headers):
         if str(attributes["type"]).rpartition(".")[2].startswith("deep"):
             continue
@@ -217,12 +218,13 @@ def _bands_nm(path: Path, picture: _Picture) -> Bands:
     centers = np.array(picture.wavelengths_nm)
     if units not in (None, *_UNITS) or len(centers) < 2 or not (np.diff(centers) > 0).all():
         raise DamagedFileError(
-            f"{path} has {len(centers)} spectral channels in {units}; give two or more of different"
-            f" wavelengths, in {RADIANCE_UNIT}"
+            f"{path} has {len(centers)} spectral channels in {units or 'no unit'}; give two or "
+            f"more of different wavelengths, in {RADIANCE_UNIT}"
         )
     if "bandEdgesNm" in picture.attributes:
         stated = str(picture.attributes["bandEdgesNm"]).split()
-        return tuple(sorted((tuple(map(float, band.split("-"))) for band in stated), key=sum))
+        edges = [band.split("-") for band in stated]
+        return sorted(((float(lower), float(upper)) for lower, upper in edges), key=sum)
     steps = np.diff(centers)
     lower = centers - np.append(steps[0], steps) / 2
     upper = centers + np.append(steps, steps[-1]) / 2
@@ -288,7 +290,8 @@ def radiance_header(path: Path) -> Header:
     notes += [note] * bool(note)
     notes += not_square(path, 1 / float(stated.pop("PIXASPECT", 1)))
     stated.pop("SOFTWARE", None)
-    shape = picture.stored[:: -1 if picture.turn[0] else 1]
+    (lines, length), is_by_columns = picture.stored, picture.turn[0]
+    shape = (length, lines) if is_by_columns else (lines, length)
     notes += unused(path, stated)
     return Header(shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 
@@ -302,7 +305,7 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "plain.hdr"
         file.write_bytes(plain.encode() + content[picture.end :])
-        with _without_log():
+        with without_log():
             numbers = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
@@ -318,14 +321,3 @@ def pfm_header(path: Path) -> Header:
 def pfm_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     """Return light (H, W) or (H, W, 3), and False: nothing is transparent."""
     return read_pfm(path), False
-
-
-@contextmanager
-def _without_log() -> Iterator[None]:
-    log = cv2.utils.logging
-    level = log.getLogLevel()
-    log.setLogLevel(log.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        log.setLogLevel(level)

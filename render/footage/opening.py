@@ -91,7 +91,7 @@ SUFFIXES = tuple(_OPENERS)
 """Suffixes of supported files."""
 
 
-_SHORTEST_MS = 100
+_SHORTEST_S = 0.1
 """Duration that browsers use for a frame with a duration of zero."""
 
 
@@ -138,6 +138,12 @@ def open_animation(path: Path) -> Animation:
         header = pillow_header(path)
         first = int(bool(image.info.get("default_image")))
         lasts_s, is_transparent = _survey(image, first)
+        told = [f"{path} holds a picture that is no part of its animation, and is not read"] * first
+        if 0.0 in lasts_s:
+            told.append(
+                f"{path} has frames of no duration; they last {_SHORTEST_S:g} s, as in browsers"
+            )
+            lasts_s = [each or _SHORTEST_S for each in lasts_s]
         return Animation(
             path=path,
             files=(path,),
@@ -145,7 +151,7 @@ def open_animation(path: Path) -> Animation:
             coding=coding_stated(path, None, header),
             times_s=np.cumsum([0.0, *lasts_s[:-1]]),
             last_s=lasts_s[-1],
-            notes=(*header.notes, *(TRANSPARENT,) * is_transparent),
+            notes=(*header.notes, *(TRANSPARENT,) * is_transparent, *told),
             image=image,
             opened=stack.pop_all(),
             first=first,
@@ -157,7 +163,7 @@ def _survey(image: Image.Image, first: int) -> tuple[list[float], bool]:
     lasts_s, is_transparent = list[float](), False
     for index in range(first, frames_in(image)):
         _, is_frame_transparent = _frame(image, index)
-        lasts_s.append(float(image.info.get("duration") or _SHORTEST_MS) / 1000)
+        lasts_s.append(float(image.info.get("duration") or 0) / 1000)
         is_transparent |= is_frame_transparent
     return lasts_s, is_transparent
 

@@ -34,11 +34,11 @@ from megalopta.render.footage.frames import (
     not_square,
     turned,
     unused,
+    without_log,
 )
 from megalopta.render.footage.tiff import (
     STRAIGHT,
     TURNS,
-    page_of,
     profile_left_out,
     tiff_header,
     tiff_numbers,
@@ -83,16 +83,18 @@ class PictureFiles(Footage):
     """Pictures of equal size and kind, one frame each, or the pages of one."""
 
     depth: Depth
-    pages: int = 1
+    pages: tuple[int, ...] = (0,)
+    """Pages of each file that are frames."""
 
     def __len__(self) -> int:
         """Return the number of pictures."""
-        return len(self.files) * self.pages
+        return len(self.files) * len(self.pages)
 
     def _numbers(self, index: int) -> NDArray[Any]:
-        path, page = self.files[index // self.pages], index % self.pages
+        file, page = divmod(index, len(self.pages))
+        path = self.files[file]
         with readable(path):
-            numbers, is_transparent = self._read(path, page)
+            numbers, is_transparent = self._read(path, self.pages[page])
         if numbers.shape[:2] != self.shape:
             raise DamagedFileError(
                 f"{path} has another size than before; do not change it meanwhile"
@@ -108,7 +110,7 @@ class PictureFiles(Footage):
             return read(path)
         if self.depth == "8 bits":
             with opened_picture(path) as image:
-                image.seek(page_of(path, page) if kind == "TIFF" else 0)
+                image.seek(page)
                 return over_black(ImageOps.exif_transpose(image))
         numbers, alpha = tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
         if not alpha:
@@ -178,7 +180,7 @@ def _pictures(
         shape=header.shape,
         coding=coding,
         depth=header.depth,
-        pages=header.frames,
+        pages=header.pages,
         times_s=None if header.times_s is None else np.array(header.times_s),
         notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
         bands_nm=header.bands_nm,
@@ -216,8 +218,8 @@ def _common_header(files: tuple[Path, ...]) -> Header:
     first, notes = _header(files[0]), dict[str, str]()
     for path in files:
         header = _header(path) if path != files[0] else first
-        if header.frames > 1:
-            raise DamagedFileError(f"{path} holds {header.frames} pictures; give it alone")
+        if len(header.pages) > 1:
+            raise DamagedFileError(f"{path} holds {len(header.pages)} pictures; give it alone")
         if header.shape != first.shape:
             sizes = ("{1} × {0}".format(*each.shape) for each in (first, header))
             raise UserError(
@@ -272,7 +274,8 @@ def pillow_header(path: Path) -> Header:
     with opened_picture(path) as image:
         if image.mode in ("CMYK", "LAB"):
             raise DamagedFileError(f"{path} has the colors {image.mode} of prints; save it in sRGB")
-        values = image.tile[0].args if getattr(image, "tile", []) else ""
+        tiles: Any = getattr(image, "tile", [])
+        values = tiles[0].args if tiles else ""
         is_deep = image.mode[0] in "IF" or (image.format == "PNG" and ";16" in str(values))
         largest = values[1] if image.format == "PPM" and isinstance(values, tuple) else 255
         if image.format != "PNG" and (is_deep or largest > 255):
@@ -291,8 +294,10 @@ def pillow_header(path: Path) -> Header:
         if inner.get(0xA001, 1) not in (1, 0xFFFF):
             stated["ColorSpace"] = inner[0xA001]
         if image.format == "MPO":
-            notes.append(f"{path} holds {image.n_frames} pictures; the first is read")
-        header = Header((rows, columns), depth, frames_in(image), notes=())
+            notes.append(
+                f"{path} holds {getattr(image, 'n_frames', 1)} pictures; the first is read"
+            )
+        header = Header((rows, columns), depth, tuple(range(frames_in(image))))
         if image.format == "PNG":
             header, told = _png_colors(path, header)
             stated |= told
@@ -336,8 +341,8 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
         if not gamma:
             raise DamagedFileError(f"{path} states a gamma of 0; save it again")
-        name = "linear" if gamma == 100_000 else f"gamma {100_000 / gamma:.6g}"
-        header = header._replace(transfer=name)
+        transfer = "linear" if gamma == 100_000 else f"gamma {100_000 / gamma:.6g}"
+        header = header._replace(transfer=transfer)
     if b"cHRM" in chunks:
         white_x, white_y, *colors = (
             each / 100_000 for each in struct.unpack(">8I", chunks[b"cHRM"])
@@ -352,7 +357,8 @@ def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     chunks = _png_chunks(read_bytes(path, ARRAY_BYTES))
     # libpng may complain about others
     plain = b"".join([_PNG_SIGNATURE, *(chunk for name, chunk in chunks if name in _PNG_PIXELS)])
-    numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
+    with without_log():
+        numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
     with opened_picture(path) as image:

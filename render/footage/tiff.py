@@ -12,11 +12,18 @@ import cv2
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
-from tifffile import PHOTOMETRIC, TiffFile, TiffPage
+from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.render.footage.frames import Depth, Header, not_square, turned, unused
+from megalopta.render.footage.frames import (
+    Depth,
+    Header,
+    not_square,
+    turned,
+    unused,
+    without_log,
+)
 
 _ORIENTATION = 274
 TURNS = {
@@ -47,7 +54,9 @@ def tiff_header(path: Path) -> Header:
     """Return what a TIFF file states. Raises DamagedFileError."""
     with TiffFile(path) as file:
         check_count(path, "pages", len(file.pages), _MOST_PAGES)
-        page, count = file.pages.first, len(_frames(file))
+        page: Any = file.pages.first
+        pages = tuple(n for n, other in enumerate(file.pages) if _kind(other) == _kind(page))
+        count = len(pages)
         depth, notes = _depth(path, page), []
         if other := len(file.pages) - count:
             notes.append(
@@ -58,8 +67,9 @@ def tiff_header(path: Path) -> Header:
         if x and y and all(tag.value[0] and tag.value[1] for tag in (x, y)):
             (across, per), (down, per_down) = x.value, y.value
             notes += not_square(path, down * per / (per_down * across))
-        if alien := [kind for kind in page.extrasamples if kind not in (_ASSOCIATED, STRAIGHT)]:
-            notes.append(f"{path} has {len(alien)} further values in a pixel, which are not read")
+        alpha = sum(kind in (_ASSOCIATED, STRAIGHT) for kind in page.extrasamples)
+        if (alien := page.samplesperpixel - _colors(page) - alpha) > 0:
+            notes.append(f"{path} has {alien} further values in a pixel, which are not read")
         if 34675 in page.tags:
             notes += profile_left_out(path, bytes(page.tags[34675].value))
         notes += unused(path, {tag.name: tag.value for tag in page.tags if tag.name in _TOLD})
@@ -67,27 +77,25 @@ def tiff_header(path: Path) -> Header:
         tag = page.tags.get(_ORIENTATION)
         shape = page.imagelength, page.imagewidth
         shape = shape[::-1] if tag and int(tag.value) >= 5 else shape
-        return Header(shape, depth, count, times_s, notes=(*notes, *told))
+        return Header(shape, depth, pages, times_s, notes=(*notes, *told))
 
 
-def tiff_numbers(path: Path, index: int) -> tuple[NDArray[Any], int]:
-    """Return codes of 16 bits or light, (H, W, channels), upright; and the kind of alpha, or 0.
+def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
+    """Return a page's codes of 16 bits or light, (H, W, channels), upright; kind of alpha, or 0.
 
     The kind is 1 if colors are multiplied with alpha, 2 if they are not.
     """
     with TiffFile(path) as file:
-        at = _frames(file)[index]
-        page = file.pages[at]
+        page: Any = file.pages[number]
         try:
             numbers = page.asarray()
         except ValueError as problem:
             if "imagecodecs" not in str(problem):
                 raise
-            pages = cv2.imdecodemulti(
-                np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8),
-                cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION,
-                range=(at, at + 1),
-            )[1]
+            content = np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8)
+            flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+            with without_log():
+                _, pages = cv2.imdecodemulti(content, flags, range=(number, number + 1))
             numbers = (
                 pages[0] if pages[0].ndim == 2 else pages[0][..., [2, 1, 0, 3][: pages[0].shape[2]]]
             )
@@ -97,18 +105,12 @@ def tiff_numbers(path: Path, index: int) -> tuple[NDArray[Any], int]:
         numbers = numbers.reshape(page.imagelength, page.imagewidth, -1)
         if page.photometric == PHOTOMETRIC.MINISWHITE:
             numbers = np.iinfo(numbers.dtype).max - numbers
-        colors = 3 if page.photometric == PHOTOMETRIC.RGB else 1
+        colors = _colors(page)
         alpha = next((kind for kind in page.extrasamples if kind in (_ASSOCIATED, STRAIGHT)), 0)
         used = [*range(colors), *([colors + page.extrasamples.index(alpha)] if alpha else [])]
         tag = page.tags.get(_ORIENTATION)
         turn = TURNS.get(int(tag.value) if tag else 1, (False,) * 3)
         return turned(numbers[..., used], *turn), alpha
-
-
-def page_of(path: Path, index: int) -> int:
-    """Return the number of the page that is a frame."""
-    with TiffFile(path) as file:
-        return _frames(file)[index]
 
 
 def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
@@ -117,18 +119,16 @@ def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
         yield f"{path} has a color profile, which is ignored"
 
 
-def _frames(file: TiffFile) -> list[int]:
-    """Return the numbers of the pages like the first."""
-    first = file.pages.first
-    kind = first.shape, first.dtype, first.photometric
-    return [
-        number
-        for number, page in enumerate(file.pages)
-        if (page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric) == kind
-    ]
+def _colors(page: Any) -> int:
+    return 3 if page.photometric in (PHOTOMETRIC.RGB, PHOTOMETRIC.YCBCR) else 1
 
 
-def _depth(path: Path, page: TiffPage) -> Depth:
+def _kind(page: Any) -> tuple[Any, ...]:
+    """Return what frames of one file have in common."""
+    return page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric
+
+
+def _depth(path: Path, page: Any) -> Depth:
     bits, kind, colors = page.bitspersample, np.dtype(page.dtype).kind, page.photometric
     if colors in (
         PHOTOMETRIC.SEPARATED,

@@ -152,8 +152,9 @@ class _Conversion:
             yield f"frames are turned as stated by {path}, by {first.rotation % 360}° to the left"
         if any(each.is_alpha for each in first.format.components):
             yield f"the transparency of {path} is ignored"
-        told = {each.type.name: "" for each in first.side_data if each.type.name in _TOLD}
-        yield from unused(path, told)
+        side_data: Any = first.side_data
+        names = [each.type.name for each in side_data]
+        yield from unused(path, {name: "" for name in names if name in _TOLD})
         if first.interlaced_frame:
             yield f"{path} is interlaced: each frame holds two moments; deinterlace it first"
 

@@ -49,7 +49,7 @@ from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, common_range, pl
 
 WAVELENGTHS_NM = tuple(map(float, range(360, 1801, 20)))
 _KNOWN_NM = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
-"""Of twilight and night, too, whose shortest band is U, broad and centered at 366 nm."""
+"""Range of twilight and night, too, whose shortest band is U, broad and centered at 366 nm."""
 
 _ABOVE, _DIRECT, _SKY = (TABLES[name] for name in ("above atmosphere", "direct", "sky"))
 

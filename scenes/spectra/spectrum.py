@@ -38,7 +38,7 @@ class Spectrum:
     values: tuple[float, ...]
     """Values, of the same length; the owner sets the unit (reflectance: 1)."""
     known_nm: tuple[float, float] | None = None
-    """Where the values are known, nm; None: between the first and last, or of one everywhere."""
+    """Range in which values are known, nm; None: from first to last; of one value, everywhere."""
 
     def __post_init__(self) -> None:
         """Reject tables that are not functions."""
@@ -64,7 +64,8 @@ class Spectrum:
     ) -> "Spectrum":
         """Return the spectrum of values (n,) at wavelengths (n,)."""
         given = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
-        return cls(*map(tuple, given), known_nm)
+        at_nm, values_there = map(tuple, given)
+        return cls(at_nm, values_there, known_nm)
 
     def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""

@@ -242,3 +242,13 @@ def test_impossible_radiance_is_refused(radiance, message):
 def test_impossible_rates_are_refused(rate_hz, message):
     with pytest.raises(ValueError, match=message):
         expose_rate(rate_hz, SENSORS["ideal"], seed=0, stream="x")
+
+
+def test_a_sensor_by_its_name():
+    light, bands, draws = np.full((1, 4, 4, 1), 1e-9), [(500, 600)], {"seed": 0, "stream": "a"}
+    named = expose(light, bands, "spadcam", **draws)
+    np.testing.assert_array_equal(
+        named.counts, expose(light, bands, preset("spadcam"), **draws).counts
+    )
+    with pytest.raises(ValueError, match="'spadca' is unknown: use one of ideal, spadcam"):
+        expose(light, bands, "spadca", **draws)
