@@ -138,9 +138,9 @@ class SceneRenderer:
         views = map(Instant, times[some].tolist(), self._local(poses[some]))
         if all(self._tracer.see(view).is_sky.all() for view in views):
             bounds = bounds_of(scene)
-            low, high = (", ".join(f"{x:.4g}" for x in corner) for corner in bounds)
+            low, high = (", ".join(f"{x:.7g}" for x in corner) for corner in bounds)
             orbit = Fit().around(bounds, self.camera)
-            center = " ".join(f"{x:g}" for x in orbit.center_m)
+            center = " ".join(f"{x:.12g}" for x in orbit.center_m)
             raise ValueError(
                 "the camera sees no surface in any frame; surfaces extend from "
                 f"({low}) to ({high}) m, and this path sees all of them: --trajectory.kind orbit "

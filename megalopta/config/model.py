@@ -421,7 +421,7 @@ def fitted(settings: Configuration) -> Configuration:
         )
     with refused_as("scene"):
         anywhere = Orbit(frames=path.frames, frame_rate_hz=path.frame_rate_hz)
-        camera, objects = settings.camera, settings.objects
+        camera, objects = settings.scene_camera or settings.camera, settings.objects
         scene = build_scene(settings.scene, settings.light, camera, anywhere, objects)
     orbit = path.around(bounds_of(scene), camera)
     return settings.model_copy(update={"trajectory": orbit})
