@@ -205,8 +205,9 @@ class Configuration(Record, frozen=True):
         cls, render: RenderSettings, validation: ValidationInfo
     ) -> RenderSettings:
         scene = validation.data.get("scene")
-        is_told = scene is None or "max_depth" in render.model_fields_set
-        return render if is_told else render.model_copy(update={"max_depth": scene.max_depth})
+        if scene is None or "max_depth" in render.model_fields_set:
+            return render
+        return render.model_copy(update={"max_depth": scene.max_depth})
 
     @field_validator("light_levels", mode="before")
     @classmethod
