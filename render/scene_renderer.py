@@ -74,7 +74,7 @@ class SceneRenderer:
     light_folder : pathlib.Path, optional
         Cache folder for baked light, for later renderings of the same.
     times_s : (T,), optional
-        Times of the poses, s.
+        Times of the poses, s; with these, a view of no surface is refused.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class SceneRenderer:
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
-        if poses is not None:
+        if poses is not None and times_s is not None:
             self._refuse_empty_view(poses, times_s)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
@@ -128,19 +128,18 @@ class SceneRenderer:
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
-    def _refuse_empty_view(self, poses: Floats, times_s: Floats | None) -> None:
+    def _refuse_empty_view(self, poses: Floats, times_s: Floats) -> None:
         """Raise ValueError with a path that sees the scene if none of the poses sees a surface."""
         scene = self._scene
-        if not scene.placements or scene.haze or (scene.is_moving and times_s is None):
-            return  # all that is seen is a panorama or haze, or may come into view
-        times = np.zeros(len(poses)) if times_s is None else times_s
+        if not scene.placements or scene.haze:
+            return  # a panorama or haze is seen
         some = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
-        views = map(Instant, times[some].tolist(), self._local(poses[some]))
+        views = map(Instant, times_s[some].tolist(), self._local(poses[some]))
         if all(self._tracer.see(view).is_sky.all() for view in views):
             bounds = bounds_of(scene)
-            low, high = (", ".join(f"{x:.4g}" for x in corner) for corner in bounds)
+            low, high = (", ".join(f"{x:.7g}" for x in corner) for corner in bounds)
             orbit = Fit().around(bounds, self.camera)
-            center = " ".join(f"{x:g}" for x in orbit.center_m)
+            center = " ".join(f"{x:.12g}" for x in orbit.center_m)
             raise ValueError(
                 "the camera sees no surface in any frame; surfaces extend from "
                 f"({low}) to ({high}) m, and this path sees all of them: --trajectory.kind orbit "

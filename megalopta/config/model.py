@@ -218,8 +218,9 @@ class Configuration(Record, frozen=True):
         cls, render: RenderSettings, validation: ValidationInfo
     ) -> RenderSettings:
         scene = validation.data.get("scene")
-        is_told = scene is None or "max_depth" in render.model_fields_set
-        return render if is_told else render.model_copy(update={"max_depth": scene.max_depth})
+        if scene is None or "max_depth" in render.model_fields_set:
+            return render
+        return render.model_copy(update={"max_depth": scene.max_depth})
 
     @field_validator("sensors", mode="before")
     @classmethod
@@ -422,7 +423,7 @@ def fitted(settings: Configuration) -> Configuration:
         )
     with refused_as("scene"):
         anywhere = Orbit(frames=path.frames, frame_rate_hz=path.frame_rate_hz)
-        camera, objects = settings.camera, settings.objects
+        camera, objects = settings.scene_camera or settings.camera, settings.objects
         scene = build_scene(settings.scene, settings.light, camera, anywhere, objects)
     orbit = path.around(bounds_of(scene), camera)
     return settings.model_copy(update={"trajectory": orbit})

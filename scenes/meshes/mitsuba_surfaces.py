@@ -183,7 +183,7 @@ class Surfaces:
 
         Without a type it is a number, wavelength:value pairs, or lines of both in a file.
         """
-        kind = given.get("type", "")
+        kind, text = given.get("type", ""), given.get("value", "")
         stated = {each.get("name"): each.get("value", "") for each in given}
         scale = float(stated.pop("scale", "1"))
         match kind, sorted(stated, key=str):
@@ -195,7 +195,7 @@ class Surfaces:
                 lines = content.decode("utf-8").splitlines()
                 pairs = numbers_in(" ".join(line.partition("#")[0] for line in lines))
                 made = Spectrum.of(*pairs.reshape(-1, 2).T)
-            case "", [] if ":" in (text := given.get("value", "")):
+            case "", [] if ":" in text:
                 made = Spectrum.of(*numbers_in(text.replace(":", " ")).reshape(-1, 2).T)
             case "", []:
                 made = flat(float(text))

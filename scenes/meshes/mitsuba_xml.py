@@ -72,10 +72,11 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
         if each.tag in _UNUSED and not is_lamp:
             yield f"{each.tag}s", each.get("type", "")
     for shape in document.root.iter("shape"):
+        name = shape.get("id", shape.get("type", ""))
         if document.parts(shape, "emitter") and "lights" not in used:
-            yield "lamps, as lights are 'own'", shape.get("id") or shape.get("type", "")
+            yield "lamps, as lights are 'own'", name
         if document.parts(shape, "sensor"):
-            yield "sensors", shape.get("id") or shape.get("type", "")
+            yield "sensors", name
 
 
 def check_lights(contents: Mapping[str, bytes]) -> None:

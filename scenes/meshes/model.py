@@ -31,17 +31,13 @@ _TINY_M, _EXTENTS = 0.1, 50.0
 _NAMED, _LONGEST = 4, 40
 """Most names in a sentence, and most characters of one"""
 
-_READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
-    **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
-    ".obj": wavefront.pieces_of,
-    ".xml": mitsuba_xml.pieces_of,
-    **dict.fromkeys((".ply", ".stl"), polygons.pieces_of),
-}
-_UNUSED: Mapping[str, Callable[[Contents, Collection[str]], Iterable[Unused]]] = {
-    **dict.fromkeys((".glb", ".gltf"), gltf.unused),
-    ".obj": wavefront.unused,
-    ".xml": mitsuba_xml.unused,
-    **dict.fromkeys((".ply", ".stl"), polygons.unused),
+_Reader = Callable[[Contents], Iterable[Piece]]
+_Rest = Callable[[Contents, Collection[str]], Iterable[Unused]]
+_READERS: Mapping[str, tuple[_Reader, _Rest]] = {
+    **dict.fromkeys((".glb", ".gltf"), (gltf.pieces_of, gltf.unused)),
+    ".obj": (wavefront.pieces_of, wavefront.unused),
+    ".xml": (mitsuba_xml.pieces_of, mitsuba_xml.unused),
+    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, polygons.unused)),
 }
 _Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
@@ -86,7 +82,7 @@ class PlacedMesh(Record, frozen=True):
             found = (
                 gltf.pieces_of(contents, animated)
                 if animated
-                else _READERS[self.file.suffix](contents)
+                else _READERS[self.file.suffix][0](contents)
             )
             read = [piece.moved(self._axes) for piece in found]
             pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
@@ -100,7 +96,7 @@ class PlacedMesh(Record, frozen=True):
         """
         path, unused = self.file.path, dict[str, dict[str, None]]()
         with undamaged(path, REPAIR), np.errstate(all="ignore"):
-            for what, owner in _UNUSED[self.file.suffix](self.file.contents(), used):
+            for what, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
                 unused.setdefault(what, {})[quoted(printable(owner), _LONGEST)] = None
         if unused:
             things = (what + _some(owners) for what, owners in unused.items())

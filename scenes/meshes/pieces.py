@@ -20,7 +20,7 @@ _FARTHEST = 1e12
 _FLATTEST = 1e12
 """Largest ratio of a map's scales."""
 Unused = tuple[str, str]
-"""What a file holds that has no effect, and the name of what has it, perhaps empty."""
+"""Property in a file that has no effect, and the name of its owner, perhaps empty."""
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
 

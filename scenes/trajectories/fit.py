@@ -12,7 +12,7 @@ from megalopta.scenes.trajectories.orbit import Orbit
 
 _MARGIN = 0.04
 """Least distance of the scene from the image's border, over the size of the image"""
-_DISTANCES = np.geomspace(0.6, 100, 200)
+_DISTANCES = np.geomspace(0.6, 1e5, 500)
 """Distances that are tried, over half the scene's diagonal"""
 _AZIMUTHS = 16
 _DIGITS = 3

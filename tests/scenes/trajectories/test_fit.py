@@ -11,7 +11,7 @@ from megalopta.scenes.trajectories.fit import Fit
     "camera",
     [
         PerspectiveCamera(width=64, height=48, fov_deg=60),
-        PerspectiveCamera(width=40, height=200, fov_deg=20),
+        PerspectiveCamera(width=40, height=200, fov_deg=1),
         EquirectangularCamera(width=128, height=64),
     ],
 )
