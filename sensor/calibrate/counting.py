@@ -14,9 +14,10 @@ time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frame
                    rates between which dark counts switch
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
-widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk p makes
-arrivals a = r + p·m from m counted avalanches per second, fewer of which come from busy neighbors:
-lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is fitted. Pixels of a level are
+widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk and
+afterpulses, p per avalanche, make arrivals a = r + p·m from m counted avalanches per second, fewer
+of which come from busy pixels: lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is
+fitted. A dead time whose curve does not fit is not stated. Pixels of a level are
 omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
 """
 
@@ -27,16 +28,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.bad_pixels import dead_pixels, hot_pixels
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
     DeadTimeKind,
     MeanCounts,
+    Misfit,
     SaturationFit,
     dead_time_moments,
     fit_saturation,
+    live_share,
+    misfit,
 )
 from megalopta.sensor.calibrate.sums import Summed
 from megalopta.sensor.calibrate.telegraph import switching
@@ -47,6 +51,9 @@ _MOST_FITTED = 2048
 _SEEN, _CLEAR_KIND = 5.0, 6.0
 _NOT_LINEAR = 8.0
 _SURE, _OF_MEDIAN = 4.0, 1.2533
+_HIDDEN = 0.36
+"""Error of the dead time over afterpulses per event: half of what those lost in it, of a delay not
+shorter than it, extend a paralyzable one"""
 _PILED = 0.5
 """Share of frames at the largest reading of all that shows it to be the counter's capacity."""
 _GRID = 4000
@@ -123,12 +130,10 @@ def calibrate_counts(
     """
     _check(levels)
     fits = _Fits(levels)
-    dead_time, refused = fits.dead_time()
     kernels = [level.kernel for level in levels if level.kernel is not None]
     kernel = mean_kernel(kernels) if kernels else None
+    dead_time, refused = fits.dead_time(kernel)
     if dead_time is not None:
-        if kernel is not None and kernel.is_seen:
-            dead_time = fits.beside_crosstalk(dead_time, kernel)
         fits.set_dead_time(dead_time)
     elif known is not None and not levels[0].is_binary:
         fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
@@ -220,8 +225,13 @@ class _Fits:
         error = float(np.sqrt(2 / level.frames / used.sum() + 1 / max(level.total[used].sum(), 1)))
         return ratio if ratio > 1 + 3 * error else 1.0
 
-    def dead_time(self) -> tuple[DeadTimeEstimate | None, dict[str, str]]:
-        """Dead time from the saturation curve, or why there is none."""
+    def dead_time(self, kernel: Kernel | None) -> tuple[DeadTimeEstimate | None, dict[str, str]]:
+        """Dead time from the saturation curve, or why there is none.
+
+        Busy neighbors fire fewer others, and busy pixels count fewer afterpulses: lights are scaled
+        to all arrivals. How many afterpulses the dead time hides depends on their delay, which
+        frames do not show.
+        """
         if self.is_binary:
             return None, {"dead time": "bits do not show it; give that of the data sheet"}
         lit = [at for at, level in enumerate(self.levels) if level.light_hz]
@@ -233,43 +243,51 @@ class _Fits:
         if self.nonlinearity() < _SEEN:
             return None, {"dead time": "no counts are lost to it; record brighter light"}
         some = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
+        fired, unsure = kernel.echoes if kernel else (0.0, 0.0)
+        found, left, live = self._saturation(some, fired, 1.0, _ROUNDS if fired else 1)
+        if left.is_clear:
+            return None, {
+                "dead time": f"{found.kind}, {1e9 * found.seconds:.3g} ns, fits best, but counts "
+                f"differ from its curve by {100 * left.share:+.2g} %, as with recharging, twilight "
+                "pulses, or lights that are not as stated; no interval holds"
+            }
+        if kernel:
+            more = self._saturation(some, fired + unsure, live, 1)[0]
+            hidden = _HIDDEN * (kernel.afterpulses + unsure) * found.seconds
+            error = np.hypot(more.seconds - found.seconds, max(hidden, 0.0))
+            found = found._replace(
+                error=float(np.hypot(found.error, error)),
+                is_kind_clear=found.is_kind_clear and more.kind == found.kind,
+            )
+        scales = (1 - fired) / (1 - fired * np.asarray(live)) * np.ones(len(self.levels))
+        self.levels = [
+            level._replace(light_hz=float(scale) * level.light_hz)
+            for level, scale in zip(self.levels, scales, strict=True)
+        ]
+        return found, {}
+
+    def _saturation(
+        self, some: Ints, fired: float, live: Floats | float, rounds: int
+    ) -> tuple[DeadTimeEstimate, Misfit, Floats | float]:
+        """Dead time of some pixels, its misfit, and the shares of arrivals counted at each level.
+
+        Lights are scaled for so many `fired` events per avalanche, with these shares at first.
+        """
         mean = np.array([each.mean.ravel()[some] for each in self.levels])
         frames = [np.where(used.ravel()[some], each.frames, 0)
                   for used, each in zip(self.used, self.levels, strict=True)]  # fmt: skip
-        times = np.array([(each.exposure_s, each.light_hz) for each in self.levels])
-        fit, ratio = fit_saturation(
-            MeanCounts(mean, np.array(frames, np.float64), *times.T),
-            lambda found: _pooled(found)[0],
-        )
+        times, given = np.array([(each.exposure_s, each.light_hz) for each in self.levels]).T
+        for _ in range(rounds):
+            light = given * (1 - fired) / (1 - fired * live)
+            counts = MeanCounts(mean, np.array(frames, np.float64), times, light)
+            fit, ratio = fit_saturation(counts, lambda fits: _pooled(fits)[0])
+            live = np.nanmedian(live_share(counts, fit), axis=1)
         seconds, error = _pooled(fit)
+        spread = max(self.spread)
         # events in excess of Poisson's widen it, too
-        error *= float(np.sqrt(max(self.spread)))
-        return DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND), {}
-
-    def beside_crosstalk(self, found: DeadTimeEstimate, kernel: Kernel) -> DeadTimeEstimate:
-        """Fit the dead time again, to light and what busy neighbors fire; its error has both."""
-        levels, fired = self.levels, 2 * float(kernel.share.sum())
-        seconds = []
-        for each in (fired + kernel.total_error, fired):
-            for _ in range(_ROUNDS):
-                self.levels = levels
-                self.set_dead_time(found)
-                shares = [_busy_share(each, self._live(at)) for at in range(len(levels))]
-                self.levels = [
-                    level._replace(light_hz=share * level.light_hz)
-                    for level, share in zip(levels, shares, strict=True)
-                ]
-                self._dead_time = None
-                found = self.dead_time()[0] or found
-            seconds.append(found.seconds)
-        return found._replace(error=float(np.hypot(found.error, seconds[0] - seconds[1])))
-
-    def _live(self, at: int) -> float:
-        """Share of the arrivals of a level that are counted, median over its pixels."""
-        level = self.levels[at]
-        arrivals = self.rates(at, level.mean) * level.exposure_s
-        counted = self.used[at] & (arrivals > 0)
-        return float(np.median((level.mean / arrivals)[counted])) if counted.any() else 1.0
+        error *= float(np.sqrt(spread))
+        found = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
+        return found, misfit(counts, fit, spread**2), live
 
     def nonlinearity(self) -> float:
         """Loss of bright light against a line through dim light and the dark, in its errors."""
@@ -410,11 +428,6 @@ class _Fits:
         slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
         own = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
         return np.asarray(self.spread[at] * own / level.frames / slope**2)
-
-
-def _busy_share(fired: float, live: float) -> float:
-    """Arrivals per light, relative to those of dim light, where so many are counted."""
-    return (1 - fired) / (1 - fired * live)
 
 
 def _ends(lit: Sequence[int]) -> tuple[int, int]:
