@@ -142,15 +142,20 @@ def calibrate_counts(
     if dark is not None:
         hot = hot_pixels(dark.low, dark.value, dark.high, hot_times)
         hot |= np.isnan(dark.value)  # saturated in the dark
+    telegraph, efficiency = fits.telegraph(), fits.efficiency(refused)
+    if telegraph is not None and efficiency is not None:
+        # how many of their counts under light were dark ones is not known
+        maps = efficiency.value, efficiency.low, efficiency.high
+        efficiency = Estimate(*(np.where(telegraph.pixels, np.nan, each) for each in maps))
     return CountingDevice(
         dark_counts_hz=dark,
-        efficiency=fits.efficiency(refused),
+        efficiency=efficiency,
         dead_time=dead_time,
         capacity=fits.capacity,
         dead=fits.dead,
         stuck=fits.stuck,
         reading=np.where(fits.stuck, levels[0].largest, np.where(fits.dead, 0.0, -1.0)),
-        telegraph=fits.telegraph(),
+        telegraph=telegraph,
         kernel=kernel,
         saturated=~np.logical_or.reduce(fits.used) & ~fits.dead & ~fits.stuck,
         hot=hot & ~fits.dead & ~fits.stuck,
