@@ -133,10 +133,9 @@ def calibrate_counts(
     kernels = [level.kernel for level in levels if level.kernel is not None]
     kernel = mean_kernel(kernels) if kernels else None
     dead_time, refused = fits.dead_time(kernel)
-    if dead_time is not None:
-        fits.set_dead_time(dead_time)
-    elif known is not None and not levels[0].is_binary:
-        fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
+    fits.applied = dead_time
+    if dead_time is None and known is not None and not levels[0].is_binary:
+        fits.applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
     dark = fits.dark_counts(refused)
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
@@ -199,7 +198,7 @@ class _Fits:
         self.stuck = frozen & ~self.dead & (counts > 0)
         bad = self.dead | self.stuck
         self.used = [self._within(level) & ~bad for level in levels]
-        self._dead_time: DeadTimeEstimate | None = None
+        self.applied: DeadTimeEstimate | None = None  # to correct rates
         self.spread = [self._excess(*each) for each in zip(levels, self.used, strict=True)]
 
     def _capacity(self) -> int | None:
@@ -298,12 +297,10 @@ class _Fits:
         """Loss of bright light against a line through dim light and the dark, in its errors."""
         within = [at for at, used in enumerate(self.used) if used.mean() > 0.5]
         order = sorted(within, key=lambda at: self.levels[at].light_hz)
-        if not order:
+        lit = [at for at in order if self.levels[at].light_hz]
+        if not lit:
             return 0.0
-        low, dim, bright = (
-            order[0],
-            *_ends([each for each in order if self.levels[each].light_hz]),
-        )
+        low, dim, bright = order[0], lit[0], lit[-1]
         base, middle, top = (self.levels[at] for at in (low, dim, bright))
         if middle.light_hz in (base.light_hz, top.light_hz):
             return 0.0
@@ -318,16 +315,12 @@ class _Fits:
         )
         return float(np.sum(lost) / np.sqrt(np.sum(variance))) if good.any() else 0.0
 
-    def set_dead_time(self, found: DeadTimeEstimate) -> None:
-        """Correct rates for a dead time."""
-        self._dead_time = found
-
     def rates(self, at: int, counts: Floats, later: float = 0.0) -> Floats:
         """Rate of arrivals (Hz) behind mean readings, for a dead time so many errors longer."""
         exposure_s = self.levels[at].exposure_s
         if self.is_binary:
             return np.asarray(-np.log1p(-np.minimum(counts, 1 - 1e-12)) / exposure_s)
-        if self._dead_time is None:
+        if self.applied is None:
             return np.asarray(counts / exposure_s)
         grid, mean, _ = self._law(exposure_s, later)
         # counts are those of arrivals at low rates, which the grid does not reach
@@ -336,12 +329,12 @@ class _Fits:
 
     def _law(self, exposure_s: float, later: float = 0.0) -> tuple[Floats, Floats, Floats]:
         """Rates, and mean and variance of their counts."""
-        assert self._dead_time is not None
-        seconds = max(self._dead_time.seconds + later * self._dead_time.error, 1e-12)
-        top = 0.95 if self._dead_time.kind == "paralyzable" else 50.0
+        assert self.applied is not None
+        seconds = max(self.applied.seconds + later * self.applied.error, 1e-12)
+        top = 0.95 if self.applied.kind == "paralyzable" else 50.0
         grid = np.geomspace(1e-3 / exposure_s, max(top / seconds, 1 / exposure_s), _GRID)
         own = np.full(grid.shape, seconds)
-        mean, variance = dead_time_moments(grid, exposure_s, own, self._dead_time.kind)
+        mean, variance = dead_time_moments(grid, exposure_s, own, self.applied.kind)
         return grid, np.maximum.accumulate(mean), variance
 
     def dark_counts(self, refused: dict[str, str]) -> Estimate | None:
@@ -363,9 +356,9 @@ class _Fits:
             _solved(total + scale * (end - total), frames, times, self.is_binary) for end in ends
         )
         found = [np.where(number > 0, each, np.nan) for each in (value, low, high)]
-        if self._dead_time is not None:
+        if self.applied is not None:
             # to first order, both kinds of dead time hide the same counts
-            longer = 1 + found[0] * self._dead_time.seconds
+            longer = 1 + found[0] * self.applied.seconds
             found = [each * longer for each in found]
         return Estimate(*found)
 
@@ -387,8 +380,17 @@ class _Fits:
     def efficiency(self, refused: dict[str, str]) -> Estimate | None:
         """Slope of rates over light, by weighted least squares."""
         lights = {level.light_hz for level in self.levels}
-        if reason := self._no_efficiency(lights):
-            refused["efficiency"] = reason
+        if len(lights) < 2:
+            wanted = (
+                "the dark or a second light" if max(lights) else "a recording under uniform light"
+            )
+            refused["efficiency"] = f"needs {wanted}"
+            return None
+        if abs(self.nonlinearity()) > _NOT_LINEAR:
+            refused["efficiency"] = (
+                "rates are not proportional to light; check the lights, or record dimmer and "
+                "brighter ones, so that dead time is found"
+            )
             return None
         used = np.array(self.used, np.float64)
         light = np.array([each.light_hz for each in self.levels])
@@ -399,7 +401,7 @@ class _Fits:
             solution, covariance = _line(light / light.max(), rate, weight)
             fitted = np.maximum(solution[0] + solution[1] * (light / light.max())[:, None, None], 0)
         slope, error = solution[1] / light.max(), np.sqrt(covariance[2]) / light.max()
-        if self._dead_time is not None and self._dead_time.error:
+        if self.applied is not None and self.applied.error:
             moved = [self.rates(at, each.mean, 1.0) for at, each in enumerate(self.levels)]
             other = _line(light / light.max(), np.array(moved), weight)[0][1] / light.max()
             error = np.hypot(error, other - slope)
@@ -408,35 +410,18 @@ class _Fits:
         rows, columns = self.shape
         return Estimate.normal(slope, error, (rows, columns))
 
-    def _no_efficiency(self, lights: set[float]) -> str:
-        """Reason for which the recordings do not support it; empty if they do."""
-        if not max(lights):
-            return "needs a recording under uniform light"
-        if len(lights) < 2:
-            return "needs the dark or a second light"
-        if abs(self.nonlinearity()) > _NOT_LINEAR:
-            return (
-                "rates are not proportional to light; check the lights, or record dimmer and "
-                "brighter ones, so that dead time is found"
-            )
-        return ""
-
     def _variance(self, at: int, rate: Floats) -> Floats:
         """Variance of the estimated rate of a level, Hz², at this rate."""
         level = self.levels[at]
         arrivals = np.maximum(rate * level.exposure_s, 0.3 / level.frames)
         if self.is_binary:
             return np.asarray(np.expm1(arrivals) / level.frames / level.exposure_s**2)
-        if self._dead_time is None:
+        if self.applied is None:
             return np.asarray(self.spread[at] * arrivals / level.frames / level.exposure_s**2)
         grid, mean, variance = self._law(level.exposure_s)
         slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
         own = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
         return np.asarray(self.spread[at] * own / level.frames / slope**2)
-
-
-def _ends(lit: Sequence[int]) -> tuple[int, int]:
-    return (lit[0], lit[-1]) if lit else (0, 0)
 
 
 def _pooled(fit: SaturationFit) -> tuple[float, float]:
