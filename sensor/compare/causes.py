@@ -24,7 +24,7 @@ changes are allowed an error of `MODEL_ERROR`, those of covariances, which are f
 times as much.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -338,24 +338,15 @@ class _Fit:
     def _bend(self, name: str, size: float) -> tuple[Floats, Floats]:
         """Slope and curvature of the features over the size of a cause, at sizes like this one."""
         step = _STEPS.get(name) or 0.1 * max(self.model.sensor.dead_time.dead_time_s, 1e-7)
-        if name == "afterpulsing":  # tables take seconds
-            return self._known((name, step), lambda: (self._moved(name, step) / step, 0.0))
-        while abs(size) > 2.5 * step and step < _LARGEST_STEP * _STEPS.get(name, step):
+        is_linear = name == "afterpulsing"  # tables take seconds
+        largest = 0.0 if is_linear else _LARGEST_STEP * _STEPS.get(name, step)
+        while abs(size) > 2.5 * step and step < largest:
             step *= 2
-
-        def parabola() -> tuple[Floats, Floats]:
-            one, two = self._moved(name, step), self._moved(name, 2 * step)
-            return (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
-
-        return self._known((name, step), parabola)
-
-    def _known(
-        self, key: tuple[str, float], found: Callable[[], tuple[Floats, Floats | float]]
-    ) -> tuple[Floats, Floats]:
-        if key not in self._bends:
-            slope, bend = found()
-            self._bends[key] = slope, np.asarray(bend)
-        return self._bends[key]
+        if (name, step) not in self._bends:
+            one = self._moved(name, step)
+            two = 2 * one if is_linear else self._moved(name, 2 * step)
+            self._bends[name, step] = (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
+        return self._bends[name, step]
 
     def _moved(self, name: str, size: float) -> Floats:
         """Change of the features' closed forms."""

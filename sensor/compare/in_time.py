@@ -449,7 +449,6 @@ def _far_correlation(sums: Floats, pixels: Floats) -> tuple[float, float]:
 def _line_correlation(z: Floats) -> tuple[float, float]:
     """Mean correlation of pixels of one row, four or more columns apart."""
     varies = (z != 0).any(axis=0).astype(float)
-    products, pairs = np.zeros(len(z)), 0.0
     later = np.cumsum(z[:, :, ::-1], axis=2)[:, :, ::-1]
     number = np.cumsum(varies[:, ::-1], axis=1)[:, ::-1]
     if z.shape[2] <= _FAR:

@@ -23,7 +23,8 @@ from scipy.special import ndtri
 from megalopta.core.arrays import Floats
 
 _TILE = 64
-_AFTER_DRAWING: Any = {"name": True, "source": True, "jitter": True, "measured": {"stuck"}}
+_AFTER_DRAWING: Any = {"name": True, "source": True, "jitter": True, "measured": {"stuck"},
+                       "counter": {"calibrated"}}  # fmt: skip
 """Fields of a sensor that change what is made of a draw, not the draw"""
 _GOLDEN = (5**0.5 - 1) / 2
 
