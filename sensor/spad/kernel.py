@@ -24,6 +24,8 @@ CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2
 KINDS = 3
 # More than 32 carriers occur once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
+_AHEAD = 256
+"""Photons of all pixels that are drawn together."""
 
 
 class Parameters(NamedTuple):
@@ -51,11 +53,11 @@ class Tables(NamedTuple):
     rates: Floats
     """Arrivals per second, (S, N), in S equal parts of the exposure"""
     dead_times: Floats
-    """s, (N,)"""
+    """s, (N,); this and the next two (1,) where all pixels are alike"""
     carriers: Floats
-    """Mean number of carriers that an avalanche leaves in traps, (N,)"""
+    """Mean number of carriers that an avalanche leaves in traps"""
     strengths: Floats
-    """Factor on the crosstalk that a pixel sends, (N,)"""
+    """Factor on the crosstalk that a pixel sends"""
     delays_s: Floats
     cumulative: Floats
     taps: Floats
@@ -145,7 +147,7 @@ def run_frame(
 
     Pixels with crosstalk are simulated together, others one by one.
     """
-    pixels = tables.dead_times.size
+    pixels = tables.rates.shape[1]
     counts = np.zeros(pixels, np.int64)
     stamps, places = np.empty(64), np.empty(64, np.int64)
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
@@ -155,6 +157,8 @@ def run_frame(
     spare = 1 + entries
     times, owners = np.empty(spare), np.empty(spare, np.int64)
     blind_until = before.blind_until
+    ahead_times, ahead_pixels = np.empty(_AHEAD), np.empty(_AHEAD, np.int64)
+    next_ahead = _AHEAD
     waiting = 0
     for first in range(0, pixels, block):
         size = 0
@@ -168,15 +172,20 @@ def run_frame(
         if not before.is_begun:
             for pixel in range(first, first + block):
                 blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
-        photon = _first_photon(rng, first, parameters, tables, blind_until[first])
+        if parameters.is_coupled:
+            photon = parameters.start_s
+            _look_ahead(rng, parameters, tables, photon, ahead_times, ahead_pixels)
+            next_ahead, photon = 0, ahead_times[0]
+        else:
+            photon = _first_photon(rng, first, parameters, tables, blind_until[first])
         while photon < parameters.exposure_s or (size > 0 and times[0] < parameters.exposure_s):
             if size + entries > times.size:
                 times, owners = _longer(times, spare), _longer(owners, spare)
             if kept == stamps.size:
                 stamps, places = _longer(stamps, spare), _longer(places, spare)
-            size, kept, photon = _run(
+            size, kept, photon, next_ahead = _run(
                 rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
-                kept, first, photon,
+                kept, first, photon, ahead_times, ahead_pixels, next_ahead,
             )  # fmt: skip
         for entry in range(size):
             if left == left_times.size:
@@ -197,12 +206,12 @@ def _most_entries(taps: Floats) -> int:
 @compiled
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept, pixel,
-    photon,
+    photon, ahead_times, ahead_pixels, next_ahead,
 ):  # fmt: skip
-    """Run to the end of the exposure, or until an array is too short; return size, kept, photon.
+    """Run to the end of the exposure, or until an array is too short.
 
-    `photon` is the time of the next photon, in `pixel`; with crosstalk those of all pixels are one
-    stream, and each falls on a pixel by its share of the rate. `kept` below 0 keeps no events.
+    Return size, kept, photon and next_ahead. `photon` is the time of the next photon, in `pixel`,
+    or with crosstalk the next of those drawn ahead. `kept` below 0 keeps no events.
     Arrays are extended outside and passed one by one: numba counts references where arrays may
     change, and those in tuples.
     """
@@ -210,7 +219,9 @@ def _run(  # type: ignore[no-untyped-def]
     is_coupled, twilight, recharge = (
         parameters.is_coupled, parameters.twilight_s, parameters.recharge_s,
     )  # fmt: skip
-    rates, dead_times, carriers, strengths, delays, cumulative, taps, totals, ranks, guide = tables
+    rates, dead_times, carriers, strengths, delays, cumulative, taps = tables[:7]
+    own = 1 if dead_times.size > 1 else 0
+    most_fired = taps[:, 2:].sum(0).max() if is_coupled else 0.0
     entries = _most_entries(taps)
     gate = parameters.gate
     part_s = exposure / rates.shape[0]
@@ -219,17 +230,13 @@ def _run(  # type: ignore[no-untyped-def]
         is_photon = size == 0 or photon <= times[0]
         time = photon if is_photon else times[0]
         if time >= exposure or size + entries > times.size or kept == stamps.size:
-            return size, kept, photon
+            return size, kept, photon, next_ahead
         if not is_photon:
             pixel = owners[0] // KINDS
             size = _pop(times, owners, size)
         elif is_coupled:
-            part = min(max(int(time / part_s), 0), rates.shape[0] - 1)
-            chance = rng.random()
-            pixel = guide[part, int(chance * guide.shape[1])]
-            while ranks[part, pixel] <= chance:
-                pixel += 1
-        tau, blind = dead_times[pixel], blind_until[pixel]
+            pixel = ahead_pixels[next_ahead]
+        tau, blind = dead_times[own * pixel], blind_until[pixel]
         arrives = is_photon or is_open(time, *gate)
         fires = arrives and time >= blind
         if fires and recharge > 0:
@@ -246,17 +253,24 @@ def _run(  # type: ignore[no-untyped-def]
                 if kept >= 0:
                     stamps[kept], places[kept] = time, pixel
                     kept += 1
-            if carriers[pixel] > 0:
-                for _ in range(min(draw_carriers(rng, carriers[pixel]), _MOST_CARRIERS)):
+            if carriers[own * pixel] > 0:
+                for _ in range(min(draw_carriers(rng, carriers[own * pixel]), _MOST_CARRIERS)):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # an entry that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = _push(times, owners, size, release, KINDS * pixel + CARRIER)
             if is_coupled:
-                avalanche = time, pixel, columns, period
-                size = _push_crosstalk(rng, taps, strengths, times, owners, size, avalanche)
+                # one number tells the first pixel that is fired, most often none
+                chance, strength = rng.random(), strengths[own * pixel]
+                if chance < most_fired * strength:
+                    avalanche = time, pixel, columns, period, chance, strength
+                    size = _push_crosstalk(rng, taps, times, owners, size, avalanche, counts.size)
         if is_photon and is_coupled:
-            photon = _next_photon(rng, totals, 0, time, part_s, gate)
+            next_ahead += 1
+            if next_ahead == ahead_times.size:
+                _look_ahead(rng, parameters, tables, time, ahead_times, ahead_pixels)
+                next_ahead = 0
+            photon = ahead_times[next_ahead]
         elif is_photon:
             # unless the dead time is extended, arrivals in it need not be drawn
             since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
@@ -268,15 +282,31 @@ def _run(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _push_crosstalk(rng, taps, strengths, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
-    """Let an avalanche light its neighbors, given its time, pixel, columns and the period."""
-    time, pixel, columns, period = avalanche
-    rows, row, column = strengths.size // columns, pixel // columns, pixel % columns
+def _look_ahead(rng, parameters, tables, since, ahead_times, ahead_pixels):  # type: ignore[no-untyped-def]
+    """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
+    totals, ranks, guide = tables.totals, tables.ranks, tables.guide
+    part_s, parts, pixels = parameters.exposure_s / len(totals), len(totals), guide.shape[1]
+    for k in range(ahead_times.size):
+        since = _next_photon(rng, totals, 0, since, part_s, parameters.gate)
+        part = 0 if parts == 1 else min(max(int(since / part_s), 0), parts - 1)
+        ahead_times[k], chance = since, rng.random()
+        pixel = guide[part, int(chance * pixels)]
+        while ranks[part, pixel] <= chance:
+            pixel += 1
+        ahead_pixels[k] = pixel
+        if since >= parameters.exposure_s:
+            break
+
+
+@compiled
+def _push_crosstalk(rng, taps, times, owners, size, avalanche, pixels):  # type: ignore[no-untyped-def]
+    """Let an avalanche light its neighbors, given a random number for the first that is fired."""
+    time, pixel, columns, period, chance, strength = avalanche
+    rows, row, column = pixels // columns, pixel // columns, pixel % columns
     place = 2 + (row % period[0]) * period[1] + column % period[1]
-    # one number tells the first pixel that is fired, most often none; those after have their own
-    chance, none = rng.random(), 1.0
+    none = 1.0
     for tap in range(taps.shape[0]):
-        none *= 1 - taps[tap, place] * strengths[pixel]
+        none *= 1 - taps[tap, place] * strength
         if chance >= 1 - none:
             continue
         y, x = row + int(taps[tap, 0]), column + int(taps[tap, 1])
@@ -289,7 +319,8 @@ def _push_crosstalk(rng, taps, strengths, times, owners, size, avalanche):  # ty
 @compiled
 def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
     """End of the dead time in which a pixel starts; far in the past if it is live and charged."""
-    start, tau, rate = parameters.start_s, tables.dead_times[pixel], tables.rates[0, pixel]
+    start, rate = parameters.start_s, tables.rates[0, pixel]
+    tau = tables.dead_times[pixel if tables.dead_times.size > 1 else 0]
     if not parameters.is_stationary or tau == 0 or rate == 0:
         return -np.inf
     if parameters.is_paralyzable:
@@ -300,11 +331,9 @@ def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyp
 
 @compiled
 def _first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
-    """Time of the first photon that can act, of a pixel dead until a given time or of all pixels."""
+    """Time of the first photon that can act, in a pixel that is dead until a given time."""
     start, twilight = parameters.start_s, parameters.twilight_s
     part_s = parameters.exposure_s / tables.rates.shape[0]
-    if parameters.is_coupled:
-        return _next_photon(rng, tables.totals, 0, start, part_s, parameters.gate)
     since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
     return _next_photon(rng, tables.rates, pixel, since, part_s, parameters.gate)
 

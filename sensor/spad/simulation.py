@@ -72,7 +72,7 @@ def simulate_frame(
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
-    maps = maps or AvalancheMaps.alike((rows, columns))
+    maps = maps or AvalancheMaps.alike((1, 1))
     parameters, tables = parameters_of(rates, exposure_s, effects, maps)
     if state is None:
         before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
