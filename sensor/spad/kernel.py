@@ -158,6 +158,7 @@ def run_frame(
     times, owners = np.empty(spare), np.empty(spare, np.int64)
     blind_until = before.blind_until
     ahead_times, ahead_pixels = np.empty(_AHEAD), np.empty(_AHEAD, np.int64)
+    chances = np.empty(_AHEAD)
     next_ahead = _AHEAD
     waiting = 0
     for first in range(0, pixels, block):
@@ -174,7 +175,7 @@ def run_frame(
                 blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
         if parameters.is_coupled:
             photon = parameters.start_s
-            _look_ahead(rng, parameters, tables, photon, ahead_times, ahead_pixels)
+            _look_ahead(rng, parameters, tables, photon, ahead_times, ahead_pixels, chances, blind_until, counts)
             next_ahead, photon = 0, ahead_times[0]
         else:
             photon = _first_photon(rng, first, parameters, tables, blind_until[first])
@@ -185,7 +186,7 @@ def run_frame(
                 stamps, places = _longer(stamps, spare), _longer(places, spare)
             size, kept, photon, next_ahead = _run(
                 rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
-                kept, first, photon, ahead_times, ahead_pixels, next_ahead,
+                kept, first, photon, ahead_times, ahead_pixels, chances, next_ahead,
             )  # fmt: skip
         for entry in range(size):
             if left == left_times.size:
@@ -206,7 +207,7 @@ def _most_entries(taps: Floats) -> int:
 @compiled
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept, pixel,
-    photon, ahead_times, ahead_pixels, next_ahead,
+    photon, ahead_times, ahead_pixels, chances, next_ahead,
 ):  # fmt: skip
     """Run to the end of the exposure, or until an array is too short.
 
@@ -268,7 +269,7 @@ def _run(  # type: ignore[no-untyped-def]
         if is_photon and is_coupled:
             next_ahead += 1
             if next_ahead == ahead_times.size:
-                _look_ahead(rng, parameters, tables, time, ahead_times, ahead_pixels)
+                _look_ahead(rng, parameters, tables, time, ahead_times, ahead_pixels, chances, blind_until, counts)
                 next_ahead = 0
             photon = ahead_times[next_ahead]
         elif is_photon:
@@ -282,20 +283,26 @@ def _run(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _look_ahead(rng, parameters, tables, since, ahead_times, ahead_pixels):  # type: ignore[no-untyped-def]
+def _look_ahead(rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts):  # type: ignore[no-untyped-def]
     """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
     totals, ranks, guide = tables.totals, tables.ranks, tables.guide
     part_s, parts, pixels = parameters.exposure_s / len(totals), len(totals), guide.shape[1]
-    for k in range(ahead_times.size):
+    drawn = 0
+    while drawn < ahead_times.size and since < parameters.exposure_s:
         since = _next_photon(rng, totals, 0, since, part_s, parameters.gate)
-        part = 0 if parts == 1 else min(max(int(since / part_s), 0), parts - 1)
-        ahead_times[k], chance = since, rng.random()
-        pixel = guide[part, int(chance * pixels)]
-        while ranks[part, pixel] <= chance:
+        ahead_times[drawn], chances[drawn] = since, rng.random()
+        drawn += 1
+    # short loops, in which the processor waits for many places of memory at once
+    part = np.int64(0)
+    for k in range(drawn):
+        if parts > 1:
+            part = min(max(int(ahead_times[k] / part_s), 0), parts - 1)
+        pixel = np.int64(guide[part, int(chances[k] * pixels)])
+        while ranks[part, pixel] <= chances[k]:
             pixel += 1
         ahead_pixels[k] = pixel
-        if since >= parameters.exposure_s:
-            break
+    for k in range(drawn):
+        chances[k] = blind_until[ahead_pixels[k]] + counts[ahead_pixels[k]]
 
 
 @compiled
