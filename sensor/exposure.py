@@ -50,7 +50,7 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import draw_frame, mean_rate
+from megalopta.sensor.spad.counts import check_load, draw_frame, mean_rate
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
@@ -401,13 +401,15 @@ class _Frames:
     ) -> SimulatedFrame:
         """Simulate a frame avalanche by avalanche, from the array's state."""
         arrivals_hz = np.add(*self.rates(index))
+        effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         check_arrivals(arrivals_hz, self.sensor.exposure_s)
+        check_load(arrivals_hz, self.sensor.exposure_s, effects, maps)
         return array.expose(
             rng or self.rng("events", index),
             arrivals_hz,
             self.sensor.exposure_s,
-            self.sensor.avalanche_effects,
-            self.device.avalanches,
+            effects,
+            maps,
             keep_events=keep_events,
         )
 

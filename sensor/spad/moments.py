@@ -17,6 +17,7 @@ The mean is within `MEAN_ERROR`, the variance within `VARIANCE_ERROR` or `VARIAN
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import product
 from threading import Lock
 from typing import Any
 
@@ -36,7 +37,7 @@ MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR = 1e-3, 1e-2, 0.02
 """Errors of mean and variance, relative, and of the variance in counts squared."""
 
 _FEW_RATES = 8
-_FEWEST_ARRIVALS = 1e-4
+_FEWEST_ARRIVALS, _NO_COUNTS = 1e-4, 1e-7
 _NODES = (1 - np.cos(np.pi * np.arange(9) / 8)) / 2
 _MOST_WORK = 1e9
 """Operations for all rates of a frame, about 20 s."""
@@ -74,8 +75,8 @@ def pixel_moments(
     if is_closed_form:
         return mean, variance
 
-    def ratios(of_pixel: AvalancheEffects) -> Floats:
-        moments = np.array(_at_rates(rate_hz, exposure_s, of_pixel))
+    def ratios(of_pixel: AvalancheEffects, share: float) -> Floats:
+        moments = np.array(_at_rates(rate_hz, exposure_s, of_pixel, share))
         alone = np.array(dead_time.moments(open_hz, exposure_s, of_pixel.dead_time))
         return np.divide(moments, alone, np.ones_like(moments), where=alone > 0)
 
@@ -90,21 +91,28 @@ def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> 
 
 
 def _over_factors(
-    ratios: Callable[[AvalancheEffects], Floats], effects: AvalancheEffects, maps: AvalancheMaps
+    ratios: Callable[[AvalancheEffects, float], Floats],
+    effects: AvalancheEffects,
+    maps: AvalancheMaps,
 ) -> Floats:
     """Ratios (2, ...) for pixels with their own dead time and number of carriers."""
     fine, coarse = np.zeros((2, 2, *maps.dead_time.shape))
-    for dead_factor, *of_dead in _factors(maps.dead_time, effects.dead_time.is_on):
-        for factor, *of_traps in _factors(maps.afterpulsing, effects.afterpulsing.is_on):
-            scaled = effects.model_copy(
-                update={
-                    "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
-                    "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
-                }
-            )
-            found = ratios(scaled)
-            fine += of_dead[0] * of_traps[0] * found
-            coarse += of_dead[1] * of_traps[1] * found
+    pairs = list(
+        product(
+            _factors(maps.dead_time, effects.dead_time.is_on),
+            _factors(maps.afterpulsing, effects.afterpulsing.is_on),
+        )
+    )
+    for (dead_factor, *of_dead), (factor, *of_traps) in pairs:
+        scaled = effects.model_copy(
+            update={
+                "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
+                "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
+            }
+        )
+        at_factors = ratios(scaled, 1 / len(pairs))
+        fine += of_dead[0] * of_traps[0] * at_factors
+        coarse += of_dead[1] * of_traps[1] * at_factors
     if any(
         np.any(np.abs(fine[row] - coarse[row]) > most * np.abs(fine[row]))
         for row, most in enumerate((_MOST_OFF, 5 * _MOST_OFF))
@@ -143,7 +151,9 @@ def lagrange(x: Floats, nodes: Sequence[float]) -> list[Floats]:
     ]
 
 
-def _at_rates(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Moments:
+def _at_rates(
+    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, share: float = 1.0
+) -> Moments:
     """Mean and variance at rates of any shape, one by one or from polynomials over the rate."""
     rates, place = np.unique(rate_hz, return_inverse=True)
     # one thread computes: others would repeat its work
@@ -153,14 +163,16 @@ def _at_rates(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> 
             moments = np.array(found).reshape(-1, 2)
         else:
             arrivals = np.maximum(rates * exposure_s, _FEWEST_ARRIVALS)
-            moments = _in_pieces(np.log10(arrivals), exposure_s, effects)
+            moments = _in_pieces(np.log10(arrivals), exposure_s, effects, share)
             moments *= (rates * exposure_s / arrivals)[:, None]
     mean, variance = moments[place.ravel()].T.reshape(2, *np.shape(rate_hz))
     return mean, variance
 
 
-def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Mean and variance (N, 2) at logarithms of arrivals per exposure."""
+def _in_pieces(
+    place: Floats, exposure_s: float, effects: AvalancheEffects, share: float
+) -> Floats:
+    """Mean and variance (N, 2) at logarithms of arrivals, for a share of the longest time."""
     moments, total = np.empty((place.size, 2)), 0.0
     pieces = [(1.0, place // 1.0, np.arange(place.size))]
     while pieces:
@@ -170,19 +182,19 @@ def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects) -> F
             nodes = width * (number + _NODES)
             of_nodes, work = _piece(width, float(number), exposure_s, effects)
             total += work
-            if total > _MOST_WORK:
+            if total > share * _MOST_WORK:
                 raise UserError(
-                    f"mean and variance of up to {10 ** place[-1] / exposure_s:.3g} arrivals per "
-                    f"second in {exposure_s:.3g} s take too long to compute with these effects; "
-                    "lower the light or exposure_s, or ask for no expectation"
+                    f"mean and variance at up to {10 ** place[-1] / exposure_s:.3g} detections and "
+                    "dark counts per second take too long to compute with these effects; lower the "
+                    "light or exposure_s, or ask for no expectation"
                 )
             if of_nodes is None:
                 pieces.append((width / 2, place[some] // (width / 2), some))
                 continue
             found = BarycentricInterpolator(nodes, of_nodes)(place[some])
-            moments[some, 0] = np.exp(found[:, 0])
-            moments[some, 1] = np.maximum(found[:, 1] * moments[some, 0], 0.0)
-    return moments
+            mean = np.exp(found[:, 0])
+            moments[some] = np.column_stack([mean - _NO_COUNTS, found[:, 1] * mean])
+    return np.maximum(moments, 0.0)
 
 
 @lru_cache(maxsize=4096)
@@ -197,6 +209,7 @@ def _piece(
     mean, variance, work = np.array(
         [counts_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
     ).T
+    mean += _NO_COUNTS
     values = np.column_stack([np.log(mean), variance / mean])
     told = BarycentricInterpolator(_NODES[::2], values[::2])(_NODES[1::2])
     off_mean, off_variance = np.abs(told - values[1::2]).T

@@ -132,8 +132,8 @@ def _with_dead_time(
     work = (ends_s[-1] + warm_s) / step_s * (4 + states * (states + 2 * ages))
     if work > MOST_WORK or states > _MOST_CARRIERS:
         raise UserError(
-            f"mean and variance of {rate_hz:.3g} arrivals per second in {ends_s[-1]:.3g} s take "
-            "too long to compute with these effects; lower the light, exposure_s or "
+            f"mean and variance at {rate_hz:.3g} detections and dark counts per second take too "
+            "long to compute with these effects; lower the light, exposure_s or "
             "afterpulsing.delay_s, or ask for no expectation"
         )
     pixel = _Pixel(
