@@ -28,7 +28,7 @@ for library in (flow, sensor):
     for name in library.__all__:
         getattr(library, name)
 radiance = np.full((3, 24, 24, 1), 1e-6) * (1 + np.random.default_rng(0).random((24, 24, 1)))
-counts = sensor.expose(radiance, [(450, 650)], sensor.preset("spadcam"), seed=0, sequence="x").counts
+counts = sensor.expose(radiance, [(450, 650)], sensor.preset("spadcam"), seed=0, stream="x").counts
 print(counts.shape, flow.METHODS["BM"].name)
 """
 COMMANDS = """
