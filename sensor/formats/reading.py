@@ -84,7 +84,7 @@ def read_frames(
         raise ValueError(
             f"{path}: layout is for binary frames, but this is a file of kind {kind!r}"
         )
-    if kind in ("npy", "packed_npy"):
+    if kind == "npy" or kind == "packed_npy":
         is_packed = None if stated is None else kind == "packed_npy"
         found = read_binary_npy(path, frames, layout, shape, is_packed)
     elif kind == "spc3":
