@@ -37,7 +37,7 @@ test-scalar: install
 # Readers and stages with the lowest versions that pyproject.toml allows, on the oldest Python.
 LOWEST := build/lowest
 test-lowest:
-	python3.11 -m venv $(LOWEST)
+	python3.11 -m venv --clear $(LOWEST)
 	$(LOWEST)/bin/python -m pip install --quiet uv
 	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct \
 		--editable '.[all]' 'pytest>=9.0' 'pytest-xdist>=3.8'
