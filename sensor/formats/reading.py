@@ -147,7 +147,7 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, frames, path), counter - 1]
+    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
     counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
     exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
     return RecordedFrames(
