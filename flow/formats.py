@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, read_bytes
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.hdf5 import numbers_in, opened_hdf5
@@ -44,8 +44,9 @@ _GZIP_LEVEL = 5
 KITTI_SCALE = 64.0
 """Codes of a pixel in flow as PNG, of KITTI; DSEC has 128."""
 _CODE_OF_ZERO, _LARGEST_CODE = 2**15, 2**16 - 1
-_MOST_PX = 10**8
-"""A file of a few megabytes can claim any number."""
+_PNG = b"\x89PNG\r\n\x1a\n"
+_COPIES = 3
+"""Copies of a file's bytes while its flow is read"""
 
 
 def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
@@ -58,6 +59,7 @@ def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     read = _READERS.get(path.suffix.lower())
     if read is None:
         raise ValueError(f"{path}: flow is read from {', '.join(_READERS)}")
+    check_decoded(path, (path.stat().st_size,), _COPIES)
     flow = read_kitti_png(path, png_scale) if read is read_kitti_png else read(path)
     if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
@@ -140,8 +142,8 @@ def read_kitti_png(path: str | Path, png_scale: float = KITTI_SCALE) -> Flow:
         raise ValueError(f"png_scale {png_scale:g}: give the codes of a pixel, such as 64 or 128")
     content = read_bytes(path, ARRAY_BYTES)
     width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # from PNG's first chunk
-    if width * height > _MOST_PX:
-        raise ValueError(f"{path} claims {width} × {height} px; give flow of fewer pixels")
+    if content.startswith(_PNG):  # anything else is refused below
+        check_decoded(path, (height, width, 3), 10)
     coded = np.frombuffer(content, np.uint8)
     image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if content else None
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:

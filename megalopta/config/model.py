@@ -155,7 +155,7 @@ class Configuration(Record, frozen=True):
             "name, a mapping with `preset` and changes to it, one of `kind` spad or ctia with all "
             "fields, or the path of a measured device's YAML file; `efficiency: {path: FILE.csv}` "
             "is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative to the file "
-            "that contains them; on the command line, to the working folder.",
+            "that contains them and stay in its folder; on the command line, any.",
         ),
     ] = (
         IMAGE_SENSORS["spadcam"],

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationInfo
 
-from megalopta.core.bounded import ARRAY_BYTES, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
 
 
@@ -57,6 +57,7 @@ def file_content(path: str | Path, field: str) -> bytes:
     """
     try:
         with unreadable(path):
+            check_decoded(path, (Path(path).stat().st_size,), 2)
             return read_bytes(path, ARRAY_BYTES)
     except DamagedFileError as problem:
         raise ValueError(f"{field}: {problem}") from None

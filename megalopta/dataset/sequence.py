@@ -407,7 +407,7 @@ class Sequence:
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
         with undamaged(path):
-            return open_counts(self.dataset.store(path))
+            return open_counts(self.dataset.store(path), (len(self), *self.shape))
 
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:

@@ -343,7 +343,7 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
 
 def _read(path: Path, name: str, frame: int) -> Floats:
     with undamaged(path, "run megalopta flow again with --redo"):
-        return StoredFrames.open(path, name).read([frame])[0].astype(np.float64)
+        return np.asarray(StoredFrames.open(path, name).read([frame])[0], np.float64)
 
 
 def _largest(answer: Floats) -> float:

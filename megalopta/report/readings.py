@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from megalopta.camera.recording import is_recording, open_recording
 from megalopta.core.arrays import Floats, Mask, plain_array
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.named_file import file_content
 from megalopta.render import is_footage
@@ -28,6 +29,8 @@ from megalopta.sensor.formats.recorded_frames import file_bytes
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Of files that hold readings, or pictures"""
+_BYTES_EACH = 40
+"""Bytes of a reading in memory while its frame is drawn"""
 _COLOR = 3
 _AT_ONCE = 2**23
 """Readings in memory"""
@@ -218,6 +221,7 @@ def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     shape = first.counts.shape[1:]
     if len(shape) > 2 and shape[2] != _COLOR:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
+    check_decoded(path, shape, _BYTES_EACH)
     stated = kind or cast(FrameKind, first.source)
     whole = read_frames(path, stated).counts if first.source == "tiff" else None
 

@@ -86,13 +86,16 @@ def _kept_light(dataset: Dataset, path: Path) -> Clip:
         with files.atomic_write(path) as temporary:
             write_photons(dataset, temporary)
     with undamaged(path, "remove it"):
-        return cast("Clip", open_array(path))
+        light = open_array(path)
+        if light.shape != _shape(dataset.configuration):
+            raise ValueError(f"its frames are {light.shape}, not those of the dataset")
+        return cast("Clip", light)
 
 
 def write_photons(dataset: Dataset, path: Path) -> None:
     """Write photons per second and pixel (T, H, W) of the ideal sensor: light without noise."""
     settings = dataset.configuration
-    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
+    shape = _shape(settings)
     chunk = frames_at_once(settings), *shape[1:]
     light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
     for first, radiance in read_radiance_frames(dataset):
@@ -115,9 +118,14 @@ def _model() -> str:
     return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
 
 
+def _shape(settings: Configuration) -> tuple[int, int, int]:
+    return settings.trajectory.frames, *settings.camera.shape
+
+
 def _check(settings: Configuration) -> None:
-    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
-    checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
+    checked_warm_up(
+        _shape(settings), [METHODS[name] for name in settings.methods], settings.benchmark
+    )
 
 
 STAGE = Stage(

@@ -80,7 +80,7 @@ class Light(Record, frozen=True):
     overcast, twilight and starry skies. For scenes that are lit from outside."""
 
     panorama: PictureFile | None = None
-    """Path, relative to the working folder, of an HDR, EXR (linear sRGB) or PNG (sRGB)
+    """Path, in YAML below the file's folder, of an HDR, EXR (linear sRGB) or PNG (sRGB)
     equirectangular picture, 2:1. It lights the scene in place of sky and disc, at the level's
     illuminance, with the level's spectrum as white. For scenes that are lit from outside."""
 

@@ -46,7 +46,7 @@ class PlacedMesh(Record, frozen=True):
     """Mesh file at a place, with its unit and its axes."""
 
     file: MeshFile
-    """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file, or of
+    """Path, in YAML below the file's folder, of a GLB, glTF, OBJ, PLY or STL file, or of
     Mitsuba's XML."""
 
     scale: Annotated[float, Field(gt=0)] = 1.0

@@ -97,7 +97,7 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     kind: Literal["pictures"] = "pictures"
 
     file: HashedFile
-    """Path, relative to the working folder, of a picture, a folder of pictures, a video, an
+    """Path, in YAML below the file's folder, of a picture, a folder of pictures, a video, an
     animation or an array."""
 
     unit: Unit | None = None

@@ -296,15 +296,14 @@ class StoredFrames:
         """
         chosen = np.asarray(frames) if isinstance(frames, list) else frames
         number = 1 if isinstance(frames, int) else np.arange(len(self))[chosen].size
-        check_decoded(self.path, (number, *self.shape[1:]), self.array.dtype.itemsize + 8)
+        check_decoded(self.path, (number, *self.shape[1:]), 2 * self.array.dtype.itemsize)
         return np.asarray(self.array.oindex[chosen])
 
-    def mean(self, frames_at_once: int = 64) -> float:
+    def mean(self) -> float:
         """Mean over all frames, reading a few at a time."""
-        starts = range(0, len(self), frames_at_once)
-        total = sum(
-            float(self[first : first + frames_at_once].sum(dtype=np.float64)) for first in starts
-        )
+        at_once = self.array.chunks[0]
+        starts = range(0, len(self), at_once)
+        total = sum(float(self[first : first + at_once].sum(dtype=np.float64)) for first in starts)
         return total / max(self.array.size, 1)
 
 
@@ -334,12 +333,13 @@ class OpenedCounts(Origin):
         return Exposure(self["counts"][frames], self["saturated"][frames], expectation)
 
 
-def open_counts(path: str | Path) -> OpenedCounts:
+def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> OpenedCounts:
     """Open a store written by `write_counts`, without reading frames.
 
-    Raises FileNotFoundError if the path does not exist; ValueError if it is not a store of counts,
-    or is incomplete or damaged; UserError if its format is one that this version of the program
-    does not read.
+    `shape` is that of its arrays, frames, rows and columns, if it is known. Raises
+    FileNotFoundError if the path does not exist; ValueError if it is not a store of counts, of
+    another shape, incomplete or damaged; UserError if its format is one that this version of the
+    program does not read, or it takes too much memory.
     """
     path = Path(path)
     if not path.exists():
@@ -349,7 +349,10 @@ def open_counts(path: str | Path) -> OpenedCounts:
         if store.attributes.get("format") != FORMAT:
             raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
         check_format("counts", store.attributes, path, FORMAT_KEY)
-        return _opened(path, store)
+        opened = _opened(path, store)
+        if shape not in (None, found := opened["counts"].shape):
+            raise ValueError(f"its arrays are {found} instead of {shape}")
+        return opened
 
 
 def read_counts(path: str | Path) -> StoredCounts:

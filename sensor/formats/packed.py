@@ -128,7 +128,8 @@ def read_binary_npy(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
             "packed bits, or counts (T, H, W)"
         )
-    part = array[wanted(len(array), frames, path)]
+    frame_bytes = array[0].nbytes * (8 if array.dtype == np.uint8 else 1)
+    part = array[wanted(len(array), frames, path, frame_bytes)]
     if array.dtype != np.uint8:
         return _counts(part, path, len(array))
     if is_packed is None and (layout is not None or path.name.endswith(_PACKED_NAMES)):
@@ -209,7 +210,7 @@ def _raw_frames(
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
     parts = [_body(file, frame_bytes, layout) for file in files]
     total = sum(map(len, parts))
-    range_ = wanted(total, frames, path)
+    range_ = wanted(total, frames, path, 8 * frame_bytes)
     chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
     for part in parts:
         chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])

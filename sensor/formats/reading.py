@@ -84,7 +84,7 @@ def read_frames(
         raise ValueError(
             f"{path}: layout is for binary frames, but this is a file of kind {kind!r}"
         )
-    if kind in ("npy", "packed_npy"):
+    if kind == "npy" or kind == "packed_npy":
         is_packed = None if stated is None else kind == "packed_npy"
         found = read_binary_npy(path, frames, layout, shape, is_packed)
     elif kind == "spc3":
@@ -147,7 +147,7 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, frames, path), counter - 1]
+    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
     counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
     exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
     return RecordedFrames(

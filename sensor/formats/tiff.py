@@ -15,7 +15,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import check_decoded, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
@@ -55,11 +55,12 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
         pages = [page for page in stack.pages if page is not None]
         _check(path, stack, pages, size)
         total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
-        range_ = wanted(total, frames, path)
+        range_ = wanted(total, frames, path, stack.nbytes // total)
         if len(pages) == total:
             images = [file_page.asarray() for file_page in pages[range_]]
             counts = np.array(images).reshape(-1, *stack.shape[-2:])
         else:
+            check_decoded(path, stack.shape, stack.dtype.itemsize)
             counts = stack.asarray()[range_]
         exposure_s = _exposure_s(file)
     depth = 8 * counts.dtype.itemsize

@@ -186,28 +186,19 @@ def _channels(file: h5py.File, numbers: list[Ints]) -> tuple[Ints, int]:
     the largest number of all.
     """
     if is_in(file, "setup/detectors/id"):
-        listed = numbers_in(file, "setup/detectors/id", "iu", 1).astype(np.int64)
-        spots = np.zeros(listed.size, np.int64)
-        if is_in(file, "setup/detectors/spot"):
-            spots = numbers_in(file, "setup/detectors/spot", "iu", 1).astype(np.int64)
-        is_by_spot = np.unique(listed).size < listed.size
-        channels = []
-        for spot, number in enumerate(numbers):
-            known = np.flatnonzero(spots == spot) if is_by_spot else np.arange(listed.size)
-            order = known[np.argsort(listed[known])]
-            place = np.searchsorted(listed[order], number).clip(max=order.size - 1)
-            if order.size == 0 or (listed[order[place]] != number).any():
-                raise ValueError("an event of a detector that is not in setup/detectors/id")
-            channels.append(order[place])
-        return np.concatenate(channels), listed.size
+        listed, number = numbers_in(file, "setup/detectors/id", "iu", 1), np.concatenate(numbers)
+        order = np.argsort(listed)
+        place = order[np.searchsorted(listed, number, sorter=order).clip(max=listed.size - 1)]
+        if (listed[place] != number).any():
+            raise ValueError("an event of a detector that is not in setup/detectors/id")
+        return place, listed.size
     largest = max(int(number.max(initial=0)) for number in numbers)
     total = len(numbers) * (largest + 1)
     if is_in(file, "setup/num_pixels"):
         total = int(_number_in(file, "setup/num_pixels"))
     each = total // len(numbers)
-    is_by_spot = largest < each
-    shifted = [number + is_by_spot * each * spot for spot, number in enumerate(numbers)]
-    return np.concatenate(shifted), total
+    by_spot = [number + each * spot for spot, number in enumerate(numbers)]
+    return np.concatenate(by_spot if largest < each else numbers), total
 
 
 def _groups(file: h5py.File) -> list[str]:

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+import zarr
 
 from megalopta.dataset.store import hashes_of
 from megalopta.sensor import preset
@@ -94,3 +95,22 @@ def test_a_recording_that_is_not_there_is_one_sentence(tmp_path, refused, words)
         "spadcam", words[0], tmp_path / "typo.hdf5", *words[1:], "--out", tmp_path / "d.yaml"
     )
     assert "typo.hdf5" in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize("verb", ["view", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("report", "flow"))])  # fmt: skip
+def test_a_store_larger_than_its_dataset_is_not_read(whole_copy, tmp_path, refused, verb):
+    for store in sorted((whole_copy / COUNTS).glob("*.zarr")):
+        for folder in sorted(path for path in store.iterdir() if path.is_dir()):
+            kind = json.loads((folder / "zarr.json").read_text("utf-8"))
+            shutil.rmtree(folder)
+            zarr.create_array(
+                folder, shape=(4, 9000, 9000), chunks=(1, 9000, 9000), dtype=kind["data_type"],
+                attributes=kind["attributes"], config={"write_empty_chunks": True},
+            )[:1] = 0  # fmt: skip
+            first = folder / "c/0/0/0"
+            for number in (1, 2, 3):
+                (folder / f"c/{number}/0").mkdir(parents=True)
+                shutil.copy(first, folder / f"c/{number}/0/0")
+    agreeing(whole_copy)
+    words = [word.format(root=whole_copy, out=tmp_path / "out") for word in VERBS[verb]]
+    assert "instead of (4, 24, 32)" in refused(*words)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
 from megalopta.sensor.formats.packed import (
     PackedLayout,
     npy_writer,
@@ -152,3 +153,13 @@ def test_npy_of_8_bits_is_read_as_it_says_and_never_guessed(tmp_path, most, how,
     assert (found.counts.shape, found.bit_depth) == (shape, depth)
     if shape == numbers.shape:
         np.testing.assert_array_equal(found.counts, numbers)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.uint8])
+def test_frames_beyond_the_budget_are_refused_before_they_are_read(tmp_path, dtype):
+    with (tmp_path / "a.binary.npy").open("wb") as file:
+        header = {"descr": np.dtype(dtype).str, "fortran_order": False, "shape": (9, 20000, 20000)}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.truncate(file.tell() + 9 * 20000**2 * np.dtype(dtype).itemsize)  # sparse
+    with pytest.raises(UserError, match="GB of memory"):
+        read_frames(tmp_path / "a.binary.npy")
