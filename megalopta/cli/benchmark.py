@@ -189,23 +189,6 @@ def _cell(metric: str, found: "Interval") -> str:
     return f"{value}\n{ends[0]}…{ends[1]}" if has_ends else str(value)
 
 
-@verb(
-    "benchmark tune",
-    "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
-    " scenes of which no results are reported",
-    option("method", "TV-L1, DIS, FB, LK or ILK; others, as ONNX files, have no main parameter"),
-    _PHOTONS,
-    out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
-)
-def _tune(options: Namespace) -> Iterator[object]:
-    from megalopta.benchmark.tuning import write_tuned
-
-    for flux, settings in write_tuned(options.out, options.method, options.photons).items():
-        chosen = ", ".join(f"{name} {value}" for name, value in settings.items())
-        yield f"{flux:g} photons: {chosen}"
-    yield options.out
-
-
 def _photon_settings() -> "VerbSettings":
     from megalopta.benchmark.trial import Sweep
 
