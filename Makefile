@@ -56,7 +56,7 @@ types: install
 	rm -rf build/types && mkdir -p build/types/megalopta
 	ln -s $(CURDIR)/megalopta/* $(addprefix $(CURDIR)/,assets_gen flow render scenes sensor) build/types/megalopta/
 	$(BIN)/mypy --package megalopta
-	$(BIN)/mypy docs/gallery docs/pictures examples
+	$(BIN)/mypy docs/gallery docs/pictures examples/dissertation
 
 # The site, in build/docs; without the network once its tools are installed. Any warning is an error.
 docs: install

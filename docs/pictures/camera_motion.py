@@ -7,19 +7,22 @@ weighted responses, learned from the noise-free first half. The number of flight
 import sys
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from forest_flight import CAMERA, FRAMES, flight
 
 from megalopta.flow import METHODS, draw_counts, fit_wide_field, likely_camera_motion
+from megalopta.flow.detectors.registry import velocity_method
 from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
 from megalopta.flow.metrics.endpoint_error import angles_deg
 
 FLUXES, WARM_UP, HALF = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0), 16, 47
 MIDDLES = np.arange(HALF, FRAMES - 4, 8)
-CENTERS = METHODS["PPF"].grid((CAMERA.height, CAMERA.width)).centers
-yaw_errors, angles = defaultdict(list), defaultdict(list)
+CENTERS = velocity_method("PPF").grid((CAMERA.height, CAMERA.width)).centers
+yaw_errors: Any = defaultdict(list)
+angles: Any = defaultdict(list)
 for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
     light, yaw_deg, steps = flight(5 + seed)
     for flux in FLUXES:

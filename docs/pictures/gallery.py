@@ -5,6 +5,7 @@ drawn from the light as rendered. It takes half an hour on two cores.
 """
 
 from pathlib import Path
+from typing import Any
 
 from denoised import seen
 from PIL import Image
@@ -16,7 +17,7 @@ from megalopta.scenes.lighting.levels import LEVELS
 
 PRESETS = "open", "dense", "understorey", "clearing", "rainforest", "trail"
 SIZE_PX, TURN = (196, 131), {"frames": 2, "rotation_deg_s": 15}
-SCENES = {
+SCENES: dict[str, Any] = {
     **{f"{name} forest": ({"kind": "forest", "preset": name}, {}) for name in PRESETS},
     "grating": ({"kind": "grating"}, TURN),
     "random dots": ({"kind": "grating", "pattern": "dots"}, TURN),

@@ -39,8 +39,9 @@ for name, scene in {**photographs, **forests}.items():
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     found: dict[str, list[LogStatistics]] = {"as rendered": [], "blurred": []}
     for frame, pose in enumerate(settings.trajectory.poses()):
-        light = [renderer.radiance(pose, frame_seed(0, frame, at))[..., 0] for at in range(PASSES)]
-        found["as rendered"].append(log_statistics([one.astype(float) for one in light]))
+        seeds = [frame_seed(0, frame, repeat) for repeat in range(PASSES)]
+        light = [renderer.radiance(pose, seed)[..., 0].astype(float) for seed in seeds]
+        found["as rendered"].append(log_statistics(light))
         found["blurred"].append(log_statistics([gaussian_filter(one, BLUR_PX) for one in light]))
         print(f"{name}, view {frame}: {unlit_share(light):.2%} of the pixels met no light")
     for how, views in found.items():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
@@ -18,7 +19,12 @@ from megalopta.flow.metrics import translation_bound as bound
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts
 
-SPEED_PX, LEVEL, FLUXES, GRID = 3 * 240 / 251, 0.25, np.logspace(3, 7, 13), block_grid((240, 240))
+SPEED_PX, LEVEL, FLUXES, GRID = (
+    3 * 240 / 251,
+    0.25,
+    np.logspace(3, 7, 13).tolist(),
+    block_grid((240, 240)),
+)
 clean = []
 for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 8):
     texture = dead_leaves((251, 275), generator(seed, "leaderboard"), (3.0, 80.0))
@@ -27,7 +33,7 @@ detectors = [each for each in METHODS.values() if isinstance(each, BlockDetector
 needed = {}
 for detector in detectors:
 
-    def is_good(flux, detector=detector):
+    def is_good(flux: float, detector: BlockDetector = detector) -> NDArray[np.bool_]:
         counts = (draw_counts(light * flux, 0, "leaderboard", at) for at, light in enumerate(clean))
         found = [bound.confined_velocities(detector, each, GRID, 7) for each in counts]
         return bound.is_within(np.stack(found), (SPEED_PX, 0.0), LEVEL)

@@ -39,7 +39,7 @@ for method, (_, printed) in PRINTED.items():
         light += own[0].search.dark_counts * 251**2 / photons
         along_x = [fisher_information(one, GRID)[1:-1, 1:-1, 0, 0] for one in light]
         information = 1 / np.mean(1 / np.array(along_x)) / GRID.block_px**2
-        is_gray = template.coding == "srgb"
+        is_gray = getattr(template, "coding", "") == "srgb"
         products += [information * photons] * is_gray
         face = look["color"] if is_gray else "none"
         axes.loglog(information, photons, **look, markerfacecolor=face)

@@ -20,7 +20,9 @@ anode_v = np.arange(13.40, 13.801, 0.02)
 dark_hz, efficiency = np.empty((2, anode_v.size, PIXELS))
 for place, volts in enumerate(anode_v):
     sensor = changed(SPADCAM, bias={"excess_v": float(volts) - AT_BREAKDOWN_V})
-    seen = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor * sensor.efficiency(450.0)
+    seen = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor * sensor.efficiency(
+        np.array(450.0)
+    )
     light_hz = np.broadcast_to(photons_hz * seen, (500, 1, PIXELS))
     dark = expose_rate(0 * light_hz, sensor, seed=0, sequence=f"dark, {volts:.2f} V")
     bright = expose_rate(light_hz, sensor, seed=0, sequence=f"light, {volts:.2f} V")

@@ -21,9 +21,9 @@ for gain_db in range(40, 91, 10):
     time_s = np.linspace(0, min(end_s, 0.09), 181)
     plt.plot(1e3 * time_s, SWING_V - discharge(pixel, 0.0, time_s), label=f"{gain_db} dB")
     print(f"{gain_db} dB: {1e3 * end_s:.1f} ms from reset to the lower rail")
-for gain_db, printed in ((40.0, "33 mV"), (100.0, "33 µV")):
-    moved_v = SWING_V / gain_from_db(gain_db)
-    print(f"motion of the input at {gain_db:g} dB: {1e6 * moved_v:.0f} µV; printed: {printed}")
+for decibels, printed in ((40.0, "33 mV"), (100.0, "33 µV")):
+    moved_v = SWING_V / gain_from_db(decibels)
+    print(f"motion of the input at {decibels:g} dB: {1e6 * moved_v:.0f} µV; printed: {printed}")
 growth = reverse_current(diode, 1e-3 + SWING_V / 100) / reverse_current(diode, 1e-3)
 print(f"growth of the dark current at 40 dB: {growth:.0f} times")
 plt.xlabel("time (ms)")

@@ -10,14 +10,15 @@ number, so that a circular shift moves a seam along; "periodic" has f cycles and
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.assets_gen.grating import moving_cycles, sine_grating
+from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.flow.stimuli.resizing import resize
 
 CYCLES, POOLED = 4.0, 60
+variants: tuple[GratingVariant, ...] = ("rot", "periodic")
 center = (np.arange(251) + 0.5) / 251
 y, x = np.meshgrid(center, center, indexing="ij")
 figure, panels = plt.subplots(1, 2, figsize=(9, 4.5), layout="constrained")
-for axes, variant in zip(panels, ("rot", "periodic"), strict=True):
+for axes, variant in zip(panels, variants, strict=True):
     grating = sine_grating(x, y, 1.0, CYCLES, variant=variant)
     axes.imshow(resize(grating, POOLED), cmap="gray", vmin=0, vmax=2)
     axes.set(title=f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")

@@ -197,23 +197,6 @@ def _cell(metric: str, found: "Interval") -> str:
 
 
 @verb(
-    "benchmark tune",
-    "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
-    " scenes of which no results are reported",
-    option("method", "TV-L1, DIS, FB, LK or ILK; others, as ONNX files, have no main parameter"),
-    _PHOTONS,
-    out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
-)
-def _tune(options: Namespace) -> Iterator[object]:
-    from megalopta.benchmark.tuning import write_tuned
-
-    for flux, settings in write_tuned(options.out, options.method, options.photons).items():
-        chosen = ", ".join(f"{name} {value}" for name, value in settings.items())
-        yield f"{flux:g} photons: {chosen}"
-    yield options.out
-
-
-@verb(
     "benchmark photons",
     "find the photons that detectors need to respond as to noise-free light, on a dataset or in "
     "a sweep",

@@ -169,9 +169,7 @@ def _at_rates(
     return mean, variance
 
 
-def _in_pieces(
-    place: Floats, exposure_s: float, effects: AvalancheEffects, share: float
-) -> Floats:
+def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, share: float) -> Floats:
     """Mean and variance (N, 2) at logarithms of arrivals, for a share of the longest time."""
     moments, total = np.empty((place.size, 2)), 0.0
     pieces = [(1.0, place // 1.0, np.arange(place.size))]

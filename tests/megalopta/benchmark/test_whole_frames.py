@@ -10,13 +10,15 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
-from megalopta.benchmark.methods import block_detector, methods_and_baselines
+from megalopta.benchmark.methods import TUNED, block_detector, methods_and_baselines, tuned
 from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS, frame_errors
 from megalopta.cli import main as cli
-from megalopta.flow.detectors.gray_detector import detector_from
+from megalopta.flow import METHODS, optical_flow
+from megalopta.flow.detectors.gray_detector import GrayDetector, detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
 
 BASIC = MEDIAN, MEAN, FAR
+GRAY = [name for name, each in METHODS.items() if isinstance(each, GrayDetector)]
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +111,22 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
     assert block_detector("DIS √").name == "DIS √"
     denoised = block_detector("DIS NLM")
     assert (denoised.name, denoised.stretch) == ("DIS NLM", "denoised")
+
+
+@pytest.mark.parametrize("name", TUNED)
+def test_a_tuned_method_has_the_settings_for_the_nearest_light(name):
+    scene = leaves_clip(7, (96, 120))
+    for flux, nearest in ((0.4, 1.0), (12.0, 10.0), (1e5, 1000.0)):
+        first, second = scene.counts(flux, 0)[3:5]
+        settings = {key: value for key, value in TUNED[name][nearest].items() if key != "error_px"}
+        np.testing.assert_array_equal(
+            optical_flow(first, second, tuned(name)), optical_flow(first, second, name, **settings)
+        )
+
+
+def test_methods_without_tuned_settings_are_refused():
+    with pytest.raises(ValueError, match="settings exist for DIS, .*; or give .* √"):
+        block_detector(f"{next(each for each in GRAY if each not in TUNED)} tuned")
 
 
 def test_shipped_scenes_move_as_their_flow_says():
