@@ -1,4 +1,6 @@
-"""Figure "night-bands": a dark forest's floor by a SPAD array and an InGaAs CTIA array.
+"""Draw a dark forest's floor as a SPAD array and an InGaAs CTIA array see it.
+
+The figure night-bands goes to out/figures.
 
 Motion detectors rely on contrast between neighbors. The product of differences in two renderings
 with independent noise has the noise-free square as its mean. The information on motion from a
@@ -9,6 +11,7 @@ device is the Poisson bound's sum over a block, the squared slope over the varia
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -16,10 +19,10 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
-from megalopta.plotting.picture import Figure
+from megalopta.plotting.picture import Figure, write_figure
 from megalopta.plotting.style import BLACK, BLUE, GRAY, ORANGE
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.reproduction.drawing import FigureRecipe, Run
+from megalopta.reproduction.drawing import Run
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 
@@ -182,4 +185,5 @@ def _draw(canvas: Canvas, numbers: Mapping[str, Floats], dark: Sequence[float]) 
         axes.set_xlabel("Wavelength (nm)")
 
 
-RECIPES = (FigureRecipe("night-bands", _figure),)
+if __name__ == "__main__":
+    write_figure(_figure(Run(False, {}, {})), Path("out/figures"))
