@@ -56,7 +56,7 @@ docs: install
 
 # The pictures in docs/, an hour in all; `make docs` draws those of its gallery.
 DRAWN := build/pictures
-pictures: demo
+pictures: install
 	for script in docs/pictures/*.py; do PATH=$(CURDIR)/$(BIN):$$PATH python $$script || exit 1; done
 	$(BIN)/megalopta gallery --out $(DRAWN)
 	$(BIN)/megalopta gallery --views --out $(DRAWN)
