@@ -1,4 +1,4 @@
-"""Draw photons.png: python docs/pictures/demo.py makes the dataset of demo.yaml, in some minutes."""
+"""Draw photons.png: python docs/pictures/demo.py, which makes the dataset of demo.yaml."""
 
 import json
 from pathlib import Path
