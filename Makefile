@@ -65,7 +65,7 @@ docs: install
 	@echo "open build/docs/index.html"
 
 # The pictures in docs/, an hour in all; `make docs` draws those of its gallery.
-pictures: demo
+pictures: install
 	for script in docs/pictures/*.py; do PATH=$(CURDIR)/$(BIN):$$PATH python $$script || exit 1; done
 
 bench: install

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
-    "fluxes": "[1e4, 1e5, 1e6, 1e7]",
+    "fluxes": "[1e5, 1e6, 1e7]",
     "repeats": "1",
     "pixels_pooled": "[1]",
     "frames_pooled": "[1]",

@@ -13,7 +13,7 @@ from megalopta.config.model import Configuration, differences
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
-from megalopta.core.progress import numbered_stage, say
+from megalopta.core.progress import numbered_stage, say, step
 from megalopta.dataset.store import (
     Dataset,
     existing,
@@ -114,7 +114,8 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
     ledger.begin(name)
     start = time.perf_counter()
     try:
-        STAGES[name].work(dataset)
+        with step(name):
+            STAGES[name].work(dataset)
     except Exception:
         ledger.withdraw(name)
         raise

@@ -208,7 +208,7 @@ def test_the_help_names_every_choice_and_default_of_the_options(name):
         ("render --scne.trees=300", "scne: unknown key; did you mean 'scene'?"),
         ("sense x --sensors.0.dead-tim 3", "sensors.0.dead_tim: unknown key; did you mean"),
         ("dataset make x --sequence 3", "sequence: unknown key; did you mean 'sequences'?"),
-        ("design ideal --eror 3", "eror: unknown key; did you mean 'error'?"),
+        ("design ideal --errr 3", "errr: unknown key; did you mean 'error'?"),
         ("benchmark photons x --trial.sze 3", "trial.sze: unknown key; did you mean 'size'?"),
     ],
 )  # fmt: skip
