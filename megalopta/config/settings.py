@@ -161,11 +161,12 @@ def _name(part: Any) -> Any:
 
 def _model_of(value: Any, types: Collection[Any]) -> str | None:
     """Return the model, among some types, of a mapping: by its kind, if there are several."""
-    models = [each["model"] for each in types if isinstance(each, dict) and "model" in each]
+    models = [str(each["model"]) for each in types if isinstance(each, dict) and "model" in each]
     if not isinstance(value, Mapping) or not models:
         return None
+    kinds: dict[str, str]
     kinds = {description()["models"][each].get("kind", {}).get("default"): each for each in models}
-    return kinds.get(value.get("kind"), models[0])
+    return kinds.get(str(value.get("kind")), models[0])
 
 
 def _inside(outer: Any, step: str) -> list[Any]:

@@ -210,7 +210,7 @@ class Surfaces:
                 values = numbers_in(stated["values"])
                 made = Spectrum.of(np.linspace(*ends, len(values)), values)
             case "irregular", ["values", "wavelengths"]:
-                made = Spectrum.of(*(numbers_in(stated[n]) for n in ("wavelengths", "values")))
+                made = Spectrum.of(numbers_in(stated["wavelengths"]), numbers_in(stated["values"]))
             case _:
                 names = ", ".join(f"{each}" for each in stated)
                 raise _NotKeptError(f"with a spectrum of type {quoted(kind)!r} ({quoted(names)})")
