@@ -89,7 +89,7 @@ def live_share(counts: MeanCounts, fit: SaturationFit) -> Floats:
     """Return the fitted share of arrivals that are counted, (levels, P)."""
     dark_hz, efficiency, _ = fit.solution.T
     arrivals = (dark_hz + efficiency * counts.light_hz[:, None]) * counts.exposure_s[:, None]
-    return _moments(counts, fit.solution, fit.kind)[0] / arrivals
+    return np.asarray(_moments(counts, fit.solution, fit.kind)[0] / arrivals)
 
 
 def dead_time_moments(

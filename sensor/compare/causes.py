@@ -123,7 +123,7 @@ def features(levels: Sequence[Level], good: Sequence[Mask], has_comb: Sequence[b
         frames += [len(level.readings)] * len(names)
         kinds += names
     if not values:
-        return Features(np.zeros(0), np.zeros((0, 0)), *np.zeros((2, 0), int), ())
+        return Features(np.zeros(0), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), ())
     total = block_diag(*covariances)
     return Features(np.concatenate(values), total, np.array(frames), np.array(places), tuple(kinds))
 
@@ -379,7 +379,7 @@ class _Fit:
         pairs = (own[:, :-1] & own[:, 1:]).sum() + (own[:-1] & own[1:]).sum()
         # of avalanches that crosstalk adds, dead time leaves as many as of more light
         counted = float((part.light + part.dark)[own].sum() / max(part.mean[own].sum(), 1e-300))
-        return 2 * share * counted * float(pairs) / float(own.sum())
+        return float(2 * share * counted * pairs / own.sum())
 
     def explained(self, names: tuple[str, ...]) -> Explanation:
         """Fit the sizes of some causes."""
