@@ -47,7 +47,7 @@ class ArrayStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
+                np.savez(file, **dict[str, Any](arrays))
             _prune(self._path.parent, self._most_bytes)
 
 
