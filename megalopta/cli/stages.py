@@ -20,9 +20,9 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.config import built_in_names
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.progress import numbered_stage, say, step
+from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
