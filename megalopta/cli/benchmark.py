@@ -22,8 +22,8 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.cli.stages import REDO, run_later_stage
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval

@@ -18,9 +18,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
-from megalopta.config.settings import VerbSettings, Words
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings, Words
 
 Chosen = TypeVar("Chosen", bound=Any)
 Run: TypeAlias = Callable[[argparse.Namespace], object]

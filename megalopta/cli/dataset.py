@@ -15,8 +15,8 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 

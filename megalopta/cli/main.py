@@ -20,10 +20,10 @@ from typing import NoReturn
 
 from megalopta import __version__
 from megalopta.cli.command import VERBS, Command, Help
-from megalopta.config.settings import Words
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
+from megalopta.settings.verb_settings import Words
 
 try:
     import resource

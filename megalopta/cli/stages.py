@@ -20,9 +20,9 @@ from megalopta.cli.command import (
     verb,
 )
 from megalopta.config import built_in_names
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.progress import numbered_stage, say, step
+from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
@@ -114,7 +114,7 @@ def _demo(options: Namespace) -> Path:
     dataset = run_all(options.out, asked, options.redo, later=2)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        with numbered_stage(len(STAGES) + 1, len(STAGES) + 2):
+        with numbered_stage(len(STAGES) + 1, len(STAGES) + 2), step("ranking"):
             run_ranking(dataset.root, dataset.root / FOLDER, ranked)
     with numbered_stage(len(STAGES) + 2, len(STAGES) + 2), step("writing the report"):
         return write_report(dataset)

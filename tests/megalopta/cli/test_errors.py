@@ -45,7 +45,7 @@ def one_line(refused):
         (["dataset", "x"], "dataset x: no such verb; use one of card, check, expose"),
         (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
         (["render", "--light-levels", "twilight", "airglow"], "airglow: a value of --light_levels, or"),
-        (["demo", "--camera.height", "30"], "size 40 × 213 px of frames of 30 × 160 px: choose sizes"),
+        (["demo", "--camera.height", "30"], "size 32 × 137 px of frames of 30 × 128 px: choose sizes"),
         (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
         (["check", "truth"], "check: the following arguments are required: dataset"),
         (["check", "physics"], "check: argument what: invalid choice: 'physics'"),

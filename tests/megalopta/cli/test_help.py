@@ -15,11 +15,11 @@ from megalopta.benchmark.design import DesignSettings
 from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.cli.command import VERBS
 from megalopta.cli.main import main, program
-from megalopta.config.describing import described
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan, load_plan
-from megalopta.config.settings import FILE, VerbSettings
 from megalopta.generation.adding import Exposing
+from megalopta.settings.describing import described
+from megalopta.settings.verb_settings import FILE, VerbSettings
 
 MOST_CPU_S = 0.4
 """Processor time of a help; on the machine of the tests it takes half of that"""
@@ -170,7 +170,9 @@ def test_the_help_for_a_plan_has_its_values(helped, tmp_path):
 
 def test_the_description_of_the_settings_is_that_of_the_models():
     found = json.loads(json.dumps(described()))
-    assert found == json.loads(FILE.read_text("utf-8")), "run python -m megalopta.config.describing"
+    assert found == json.loads(FILE.read_text("utf-8")), (
+        "run python -m megalopta.settings.describing"
+    )
 
 
 @pytest.mark.parametrize("often", [False, True])

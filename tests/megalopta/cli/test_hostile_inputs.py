@@ -17,12 +17,12 @@ from PIL import Image
 
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
-from megalopta.config.settings import settings_of
 from megalopta.config.yaml_model import to_yaml
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import PRESETS
 from megalopta.sensor.formats.reading import read_events, read_frames
+from megalopta.settings.verb_settings import settings_of
 
 from ..harm import BOMB, claiming
 

@@ -7,8 +7,8 @@ import pytest
 
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import load, parse
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 
 @pytest.mark.parametrize(

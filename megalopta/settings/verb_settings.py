@@ -1,6 +1,6 @@
 """Settings of verbs, with types, meaning and defaults, from `settings.json`: no model is loaded.
 
-`megalopta.config.describing` writes that file from the models.
+`megalopta.settings.describing` writes that file from the models.
 """
 
 import json
@@ -29,7 +29,7 @@ def description() -> dict[str, Any]:
     from importlib.metadata import entry_points
 
     if any(entry_points(group=group) for group in _PLUG_INS):
-        from megalopta.config.describing import described
+        from megalopta.settings.describing import described
 
         return described()
     found: dict[str, Any] = json.loads(FILE.read_text("utf-8"))
@@ -164,9 +164,10 @@ def _model_of(value: Any, types: Collection[Any]) -> str | None:
     models = [str(each["model"]) for each in types if isinstance(each, dict) and "model" in each]
     if not isinstance(value, Mapping) or not models:
         return None
-    kinds: dict[str, str]
-    kinds = {description()["models"][each].get("kind", {}).get("default"): each for each in models}
-    return kinds.get(str(value.get("kind")), models[0])
+    by_kind: dict[Any, str] = {
+        description()["models"][each].get("kind", {}).get("default"): each for each in models
+    }
+    return by_kind.get(value.get("kind"), models[0])
 
 
 def _inside(outer: Any, step: str) -> list[Any]:

@@ -1,6 +1,6 @@
 """Describe all settings of the command line from their models, in `settings.json`.
 
-`python -m megalopta.config.describing` writes that file anew.
+`python -m megalopta.settings.describing` writes that file anew.
 """
 
 import json
@@ -15,7 +15,6 @@ from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
-from megalopta.config.settings import FILE
 from megalopta.core import files
 from megalopta.core.validation import plain_types
 from megalopta.flow.detectors.registry import METHODS
@@ -23,6 +22,7 @@ from megalopta.generation.adding import Exposing
 from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.sensor import IMAGE_SENSORS
+from megalopta.settings.verb_settings import FILE
 from megalopta.stages.importing import DEFAULTS
 from megalopta.stages.registry import STAGES
 
