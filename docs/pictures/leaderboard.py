@@ -19,12 +19,8 @@ from megalopta.flow.metrics import translation_bound as bound
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts
 
-SPEED_PX, LEVEL, FLUXES, GRID = (
-    3 * 240 / 251,
-    0.25,
-    np.logspace(3, 7, 13).tolist(),
-    block_grid((240, 240)),
-)
+SPEED_PX, LEVEL, GRID = 3 * 240 / 251, 0.25, block_grid((240, 240))
+FLUXES = np.logspace(3, 7, 13).tolist()
 clean = []
 for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 8):
     texture = dead_leaves((251, 275), generator(seed, "leaderboard"), (3.0, 80.0))

@@ -20,9 +20,8 @@ anode_v = np.arange(13.40, 13.801, 0.02)
 dark_hz, efficiency = np.empty((2, anode_v.size, PIXELS))
 for place, volts in enumerate(anode_v):
     sensor = changed(SPADCAM, bias={"excess_v": float(volts) - AT_BREAKDOWN_V})
-    seen = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor * sensor.efficiency(
-        np.array(450.0)
-    )
+    factor = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor
+    seen = factor * sensor.efficiency(np.array(450.0))
     light_hz = np.broadcast_to(photons_hz * seen, (500, 1, PIXELS))
     dark = expose_rate(0 * light_hz, sensor, seed=0, sequence=f"dark, {volts:.2f} V")
     bright = expose_rate(light_hz, sensor, seed=0, sequence=f"light, {volts:.2f} V")
@@ -44,8 +43,7 @@ panels[1, 0].plot(anode_v, 100 * efficiency, "C0", alpha=0.5)
 panels[1, 0].set(title="2.11", xlabel="anode voltage (V)", ylabel="detection efficiency (%)")
 sheet = np.abs(anode_v - 13.58).argmin()
 chosen = np.argsort(dark_hz[sheet])[[0, 5, 10, 13]]
-with np.errstate(divide="ignore", invalid="ignore"):
-    panels[1, 1].plot(anode_v, 10 * np.log10(1e6 * efficiency / dark_hz)[:, chosen])
+panels[1, 1].plot(anode_v, 10 * np.log10(1e6 * efficiency / dark_hz)[:, chosen])
 panels[1, 1].axvline(best_excess_bias(SPADCAM.bias) + AT_BREAKDOWN_V, color="gray", linestyle="--")
 panels[1, 1].set(title="2.12: 10⁶ photons/s", xlabel="anode voltage (V)", ylabel="SNR (dB)")
 print(f"mean at 13.58 V: {density[sheet].mean():.2f} Hz/µm²; printed: 1.77 Hz/µm²")
