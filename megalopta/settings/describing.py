@@ -91,5 +91,13 @@ def _choices(types: list[Any]) -> Iterator[Any]:
             yield from _choices(list(plain_types(get_args(kind)[0])))
 
 
+def _json(value: Any, depth: int) -> str:
+    """Return JSON text with a line for each entry, down to a depth."""
+    if not (depth and isinstance(value, dict) and value):
+        return json.dumps(value, ensure_ascii=False)
+    entries = (f"{json.dumps(key)}: {_json(entry, depth - 1)}" for key, entry in value.items())
+    return "{\n" + ",\n".join(entries) + "\n}"
+
+
 if __name__ == "__main__":
-    files.write_text(FILE, json.dumps(described(), indent=1, ensure_ascii=False) + "\n")
+    files.write_text(FILE, _json(described(), 3) + "\n")
