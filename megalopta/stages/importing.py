@@ -158,13 +158,13 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
         "scene": {"kind": "pictures", "file": str(path), **given},
         "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
         "camera": {"width": width, "height": height},
-        "trajectory": _timing(footage, asked),
+        "trajectory": timing_of(footage, asked),
         "render": {"bands_nm": footage.bands_nm} if footage.bands_nm else {},
         "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
     }
 
 
-def _timing(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
+def timing_of(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Frames and their rate: as in the file, unless something else is asked for."""
     count = len(footage)
     times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)

@@ -197,7 +197,7 @@ def test_paths_of_light_are_as_long_as_the_kind_of_scene_needs(tmp_path):
     text = f"scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}\n"
     plan = tmp_path / "plan.yaml"
     plan.write_text(
-        f"scenes: [{{preset: demo, scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}}}]"
+        "scenes: [{preset: demo, scene: {kind: meshes, files: a.obj}}]"
     )
     assert [
         load("demo").render.max_depth,

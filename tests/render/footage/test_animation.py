@@ -9,7 +9,7 @@ from PIL import Image
 from megalopta.core.errors import UserError
 from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
-from megalopta.stages.importing import PictureOptions, _timing as timing
+from megalopta.stages.importing import PictureOptions, timing_of as timing
 
 LEVELS = np.array([0, 60, 120, 180], np.uint8)
 
