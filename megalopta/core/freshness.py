@@ -17,7 +17,7 @@ BAKE_MODEL = 11
 """Version of baked light and its places, of blurred frames, and of stated errors."""
 TRUTH_MODEL = 4
 """Version of ground truth and pictures, the other output of the render stage; not of panoramas."""
-SENSOR_MODEL = 7
+SENSOR_MODEL = 8
 """Version of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")

@@ -26,6 +26,8 @@ from megalopta.sensor.spad.simulation import simulate_frame
 
 SIMULATED_EVENTS = 5e3
 """Events of a pixel without crosstalk above which only their mean and variance are used."""
+MOST_COUPLED = 1.1
+"""Largest rate times dead time at which moments with crosstalk are stated."""
 MOST_SIMULATED = 4e8
 """Most events of a frame that are simulated one by one, in about half a minute."""
 
@@ -145,6 +147,13 @@ def count_moments(
         return (
             crosstalk.mean(primaries, effects.crosstalk, _strength(maps)),
             crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
+        )
+    dead_s = effects.dead_time.dead_time_s * (1.0 if maps is None else float(maps.dead_time.max()))
+    if float(rate_hz.max(initial=0)) * dead_s > MOST_COUPLED:
+        raise UserError(
+            "crosstalk with dead time: mean and variance are stated up to "
+            f"{MOST_COUPLED / dead_s:.3g} detections and dark counts per second in a pixel; the "
+            f"brightest has {rate_hz.max():.3g}: lower the light, or ask for no expectation"
         )
     return _coupled_moments(rate_hz, exposure_s, effects, maps)
 

@@ -37,9 +37,8 @@ from megalopta.sensor.spad.model import AvalancheEffects
 
 MOST_WORK = 2e8
 """Largest number of operations for one rate, about 4 s."""
-_FEWEST_STEPS, _STEPS_PER_WAIT = 24, 2.5
-"""Least number of steps per dead time; steps per mean wait for an arrival."""
-_STEPS_PER_GATED = 4
+_FEWEST_STEPS, _STEPS_PER_WAIT, _STEPS_PER_GATED = 200, 2.5, 4
+"""Least number of steps per exposure; steps per mean wait for an arrival; more with short gates."""
 _FIRST_DEAD_TIMES, _FIRST_MEMORIES, _FIRST_PERIODS = 60, 3, 6
 _OFF = 1e-4
 _MOST_CARRIERS = 160
@@ -114,11 +113,16 @@ def _with_dead_time(
     carried = traps.mean_carriers * min(most_hz, 1 / dead.dead_time_s) * traps.delay_s
     states = int(carried + 6 * carried**0.5 + 8) if traps.is_on else 1
     wait_s = 1 / (rate_hz + (carried + 1) * release_hz)
-    longest = [dead.dead_time_s / _FEWEST_STEPS, wait_s / _STEPS_PER_WAIT]
+    if rate_hz * dead.dead_time_s < 3e-3 and release_hz * dead.dead_time_s > 7:
+        # carriers meet dead pixels, in which hardly any photon arrives
+        wait_s = 1 / rate_hz
+    # waits for arrivals have their exact mean and variance in long steps, too
+    longest = [dead.dead_time_s, wait_s / _STEPS_PER_WAIT, ends_s[-1] / _FEWEST_STEPS]
     if dead.recharge_s:
         longest += [dead.recharge_s / 12, (dead.recharge_s / rate_hz) ** 0.5 / 8]
     if gate[0]:  # which opens and closes within steps
-        longest = [min(longest) / _STEPS_PER_GATED, gate[1] / 12]
+        is_short = gate[1] < 30 * dead.dead_time_s
+        longest = [min(longest) / (_STEPS_PER_GATED if is_short else 1), gate[1] / 100]
     steps = math.ceil(dead.dead_time_s / min(longest))
     warm_s = 0.0
     if dead.start == "stationary":
@@ -227,7 +231,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                 continue
             fires[:] = 0.0
             is_whole = part == 1
-            arrival, leave = rate * opened * step * length, release * step * length
+            arrival, leave = rate * opened * step * length, min(release * step, 0.5) * length
             for w in range(2):
                 lost = 0.0
                 for m in range(states - 1, -1, -1):
@@ -296,7 +300,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                 for more in range(states):
                     arrived[w, min(n + more, states - 1)] += trapped[more] * fires[w, n]
         if is_paralyzable:
-            arrival, leave = rate * opened * step, release * step
+            arrival, leave = rate * opened * step, min(release * step, 0.5)
             for w in range(2):
                 released, effective = 0.0, 0.0
                 for m in range(states - 1, -1, -1):
