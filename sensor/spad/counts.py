@@ -23,7 +23,6 @@ from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import open_rate, pixel_moments
 from megalopta.sensor.spad.simulation import simulate_frame
 
-
 SIMULATED_EVENTS = 5e3
 """Events of a pixel without crosstalk above which only their mean and variance are used."""
 MOST_COUPLED = 1.1

@@ -9,7 +9,6 @@ probability below 1 while it recharges. It then counts, fills traps and lights i
 from typing import NamedTuple
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
@@ -97,7 +96,11 @@ def parameters_of(
     places = places_fired(weights)
     chances = weights.reshape(rows * columns, *weights.shape[2:])[:, places[:, 0], places[:, 1]]
     flat = np.ascontiguousarray(rates.reshape(len(rates), -1), np.float64)
-    totals, ranks, guide = flat.sum(1, keepdims=True), flat[:, :0], np.empty((len(flat), 0), np.int32)
+    totals, ranks, guide = (
+        flat.sum(1, keepdims=True),
+        flat[:, :0],
+        np.empty((len(flat), 0), np.int32),
+    )
     if effects.crosstalk.is_on:
         ranks = np.cumsum(flat, axis=1)
         ranks /= np.maximum(ranks[:, -1:], 1e-300)
@@ -175,7 +178,17 @@ def run_frame(
                 blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
         if parameters.is_coupled:
             photon = parameters.start_s
-            _look_ahead(rng, parameters, tables, photon, ahead_times, ahead_pixels, chances, blind_until, counts)
+            _look_ahead(
+                rng,
+                parameters,
+                tables,
+                photon,
+                ahead_times,
+                ahead_pixels,
+                chances,
+                blind_until,
+                counts,
+            )
             next_ahead, photon = 0, ahead_times[0]
         else:
             photon = _first_photon(rng, first, parameters, tables, blind_until[first])
@@ -269,7 +282,17 @@ def _run(  # type: ignore[no-untyped-def]
         if is_photon and is_coupled:
             next_ahead += 1
             if next_ahead == ahead_times.size:
-                _look_ahead(rng, parameters, tables, time, ahead_times, ahead_pixels, chances, blind_until, counts)
+                _look_ahead(
+                    rng,
+                    parameters,
+                    tables,
+                    time,
+                    ahead_times,
+                    ahead_pixels,
+                    chances,
+                    blind_until,
+                    counts,
+                )
                 next_ahead = 0
             photon = ahead_times[next_ahead]
         elif is_photon:
@@ -283,7 +306,9 @@ def _run(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _look_ahead(rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts):  # type: ignore[no-untyped-def]
+def _look_ahead(
+    rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts
+):  # type: ignore[no-untyped-def]
     """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
     totals, ranks, guide = tables.totals, tables.ranks, tables.guide
     part_s, parts, pixels = parameters.exposure_s / len(totals), len(totals), guide.shape[1]

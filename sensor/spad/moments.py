@@ -121,7 +121,7 @@ def _over_factors(
             "mismatch_sigma: in so bright light, mean and variance are not stated for pixels that "
             "differ in dead time or carriers; lower the light, or ask for no expectation"
         )
-    return fine
+    return np.asarray(fine)
 
 
 def _scaled(effect: Any, field: str, factor: float) -> Any:
@@ -169,9 +169,7 @@ def _at_rates(
     return mean, variance
 
 
-def _in_pieces(
-    place: Floats, exposure_s: float, effects: AvalancheEffects, share: float
-) -> Floats:
+def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, share: float) -> Floats:
     """Mean and variance (N, 2) at logarithms of arrivals, for a share of the longest time."""
     moments, total = np.empty((place.size, 2)), 0.0
     pieces = [(1.0, place // 1.0, np.arange(place.size))]

@@ -113,9 +113,10 @@ def _with_dead_time(
     carried = traps.mean_carriers * min(most_hz, 1 / dead.dead_time_s) * traps.delay_s
     states = int(carried + 6 * carried**0.5 + 8) if traps.is_on else 1
     wait_s = 1 / (rate_hz + (carried + 1) * release_hz)
-    if rate_hz * dead.dead_time_s < 3e-3 and release_hz * dead.dead_time_s > 7:
-        # carriers meet dead pixels, in which hardly any photon arrives
-        wait_s = 1 / rate_hz
+    if release_hz * dead.dead_time_s > 7:
+        # carriers meet dead pixels, whose dead time they hardly extend
+        is_extended = dead.kind == "paralyzable" and rate_hz * dead.dead_time_s > 0.01
+        wait_s = min(1 / rate_hz, dead.dead_time_s / 4 if is_extended else math.inf)
     # waits for arrivals have their exact mean and variance in long steps, too
     longest = [dead.dead_time_s, wait_s / _STEPS_PER_WAIT, ends_s[-1] / _FEWEST_STEPS]
     if dead.recharge_s:
@@ -159,13 +160,13 @@ def _efficiencies(rate_hz: float, step_s: float, recharge_s: float) -> Floats:
     """
     longest = np.linspace(0, 14, 1401)
     waited = rate_hz * recharge_s * (longest + np.expm1(-longest))
-    last = longest[min(np.searchsorted(waited, 30.0), longest.size - 1)]
+    last = float(longest[min(int(np.searchsorted(waited, 30.0)), longest.size - 1)])
     x = step_s / recharge_s
     steps = np.arange(math.ceil(last / x) + 2)
     grown = -np.expm1(-x) / x
     efficiencies = 1 - np.exp(-(steps - 1) * x) * grown**2
     efficiencies[0] = 1 - 2 * (1 - grown) / x  # of those that come in this step
-    return efficiencies
+    return np.asarray(efficiencies)
 
 
 @compiled
@@ -193,7 +194,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
         dead[0, 0] = 1 - live[0, 0]
     else:
         live[0, 0] = 1.0
-    start = int(round(warm / step))
+    start = round(warm / step)
     mean = square = 0.0
     window = tau if is_paralyzable else twilight
     at_end = 0
@@ -317,9 +318,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
 
 @compiled
 def _returns(rate, release, tau, window, open_s, is_paralyzable, silent, all_back):  # type: ignore[no-untyped-def]
-    """Probabilities that a pixel with n carriers comes back with m: without arrival in the window,
-    and at all.
-    """
+    """Chances that a pixel with n carriers is back with m: without arrival in the window; at all."""
     states = len(silent)
     opened = open_s / window if window > 0 else 0.0
     before = math.exp(-release * (tau - window))
@@ -369,9 +368,7 @@ def _lags(cell_s: float, longest_s: float, effects: AvalancheEffects) -> Floats:
 
 
 @compiled
-def _hawkes(
-    opened: Floats, warm: int, arrivals: float, lags: Floats
-) -> tuple[float, float]:
+def _hawkes(opened: Floats, warm: int, arrivals: float, lags: Floats) -> tuple[float, float]:
     """Mean and variance from the open part of every cell, the first `warm` of which are before."""
     counts, progeny = np.zeros(opened.size), np.zeros(opened.size)
     for k in range(opened.size):

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+
 from megalopta.core.errors import UserError
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.crosstalk import Crosstalk
@@ -25,7 +26,7 @@ PAIRS = [
     pair
     for pair in combinations(ALL, 2)
     if not {*pair} <= {"nonparalyzable", "paralyzable", "twilight", "recharging"}
-    or pair[0] == "nonparalyzable" != pair[1] and pair[1] != "paralyzable"
+    or (pair[0] == "nonparalyzable" != pair[1] and pair[1] != "paralyzable")
 ]
 RATES = 0.01, 0.1, 0.6, 2.0, 7.0, 15.0, 33.0, 100.0
 EXPOSURES = 5.0, 20.3, 200.0, 1000.0
