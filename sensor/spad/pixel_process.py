@@ -318,7 +318,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
 
 @compiled
 def _returns(rate, release, tau, window, open_s, is_paralyzable, silent, all_back):  # type: ignore[no-untyped-def]
-    """Chances that a pixel with n carriers is back with m: without arrival in the window; at all."""
+    """Chances to come back from n carriers with m: without arrival in the window, and at all."""
     states = len(silent)
     opened = open_s / window if window > 0 else 0.0
     before = math.exp(-release * (tau - window))

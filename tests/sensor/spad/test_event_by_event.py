@@ -65,7 +65,7 @@ def simulated(pair, rate_hz, exposure_s, events):
     )  # fmt: skip
     gate = GATE_S if "gate" in pair else (0.0, 0.0)
     fired = FIRED * ("crosstalk" in pair)
-    counts = simulate(1, frames, rates, exposure_s, pixel, gate, fired)
+    counts = simulate(np.random.default_rng(1), frames, rates, exposure_s, pixel, gate, fired)
     middle = side // 2
     return rates, counts[:, middle, middle].astype(np.float64)
 
