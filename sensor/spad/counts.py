@@ -88,15 +88,19 @@ def draw_frame(
 
 
 def check_load(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None,
+    most: float = MOST_SIMULATED,
 ) -> None:
     """Raise UserError for light in which a frame takes too long to simulate event by event."""
     load = _load(rate_hz, exposure_s, effects, maps).sum()
-    if load > MOST_SIMULATED:
-        brightest = float(rate_hz.max()) * min(1.0, MOST_SIMULATED / float(load))
+    if load > most:
+        brightest = float(rate_hz.max()) * min(1.0, most / float(load))
         raise UserError(
             f"about {load:.2g} events in a frame are to be simulated one by one with these "
-            f"effects, more than {MOST_SIMULATED:.0e}; use light of at most {brightest:.2g} "
+            f"effects, more than {most:.0e}; use light of at most {brightest:.2g} "
             "detections and dark counts per second in a pixel, a shorter exposure_s, fewer pixels, "
             "or switch crosstalk and free running off"
         )
