@@ -50,13 +50,15 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import check_load, draw_frame, mean_rate
+from megalopta.sensor.spad.counts import MOST_SIMULATED, check_load, draw_frame, mean_rate
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
 
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
+MOST_STORED = 5e7
+"""Most events of a frame whose times are kept."""
 
 
 def expose(
@@ -403,7 +405,8 @@ class _Frames:
         arrivals_hz = np.add(*self.rates(index))
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         check_arrivals(arrivals_hz, self.sensor.exposure_s)
-        check_load(arrivals_hz, self.sensor.exposure_s, effects, maps)
+        most = MOST_STORED if keep_events else MOST_SIMULATED
+        check_load(arrivals_hz, self.sensor.exposure_s, effects, maps, most)
         return array.expose(
             rng or self.rng("events", index),
             arrivals_hz,

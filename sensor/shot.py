@@ -17,7 +17,13 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
 from megalopta.sensor.event_stream import Events
 from megalopta.sensor.expectations import expectation, settled
-from megalopta.sensor.exposure import expose, expose_binary, expose_events, expose_rate
+from megalopta.sensor.exposure import (
+    MOST_STORED,
+    expose,
+    expose_binary,
+    expose_events,
+    expose_rate,
+)
 from megalopta.sensor.histograms import expose_histograms
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
@@ -28,7 +34,7 @@ from megalopta.sensor.sub_frames import Following
 
 Arrays = Mapping[str, FreeRunning]
 
-MOST_EVENTS = 5e7
+MOST_EVENTS = MOST_STORED
 """Limit of events per frame; they take about 3 GB of memory while drawn and sorted."""
 _BITS_AT_ONCE = 16
 """Binary frames of a burst drawn together."""

@@ -25,6 +25,8 @@ from megalopta.sensor.spad.simulation import simulate_frame
 
 SIMULATED_EVENTS = 5e3
 """Events of a pixel without crosstalk above which only their mean and variance are used."""
+MOST_COUPLED = 1.1
+"""Largest rate times dead time at which moments with crosstalk are stated."""
 MOST_SIMULATED = 4e8
 """Most events of a frame that are simulated one by one, in about half a minute."""
 
@@ -86,15 +88,19 @@ def draw_frame(
 
 
 def check_load(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None,
+    most: float = MOST_SIMULATED,
 ) -> None:
     """Raise UserError for light in which a frame takes too long to simulate event by event."""
     load = _load(rate_hz, exposure_s, effects, maps).sum()
-    if load > MOST_SIMULATED:
-        brightest = float(rate_hz.max()) * min(1.0, MOST_SIMULATED / float(load))
+    if load > most:
+        brightest = float(rate_hz.max()) * min(1.0, most / float(load))
         raise UserError(
             f"about {load:.2g} events in a frame are to be simulated one by one with these "
-            f"effects, more than {MOST_SIMULATED:.0e}; use light of at most {brightest:.2g} "
+            f"effects, more than {most:.0e}; use light of at most {brightest:.2g} "
             "detections and dark counts per second in a pixel, a shorter exposure_s, fewer pixels, "
             "or switch crosstalk and free running off"
         )
@@ -144,6 +150,13 @@ def count_moments(
         return (
             crosstalk.mean(primaries, effects.crosstalk, _strength(maps)),
             crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
+        )
+    dead_s = effects.dead_time.dead_time_s * (1.0 if maps is None else float(maps.dead_time.max()))
+    if float(rate_hz.max(initial=0)) * dead_s > MOST_COUPLED:
+        raise UserError(
+            "crosstalk with dead time: mean and variance are stated up to "
+            f"{MOST_COUPLED / dead_s:.3g} detections and dark counts per second in a pixel; the "
+            f"brightest has {rate_hz.max():.3g}: lower the light, or ask for no expectation"
         )
     return _coupled_moments(rate_hz, exposure_s, effects, maps)
 

@@ -306,9 +306,9 @@ def _run(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _look_ahead(
+def _look_ahead(  # type: ignore[no-untyped-def]
     rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts
-):  # type: ignore[no-untyped-def]
+):
     """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
     totals, ranks, guide = tables.totals, tables.ranks, tables.guide
     part_s, parts, pixels = parameters.exposure_s / len(totals), len(totals), guide.shape[1]
@@ -318,10 +318,8 @@ def _look_ahead(
         ahead_times[drawn], chances[drawn] = since, rng.random()
         drawn += 1
     # short loops, in which the processor waits for many places of memory at once
-    part = np.int64(0)
     for k in range(drawn):
-        if parts > 1:
-            part = min(max(int(ahead_times[k] / part_s), 0), parts - 1)
+        part = 0 if parts == 1 else min(max(int(ahead_times[k] / part_s), 0), parts - 1)
         pixel = np.int64(guide[part, int(chances[k] * pixels)])
         while ranks[part, pixel] <= chances[k]:
             pixel += 1

@@ -121,7 +121,7 @@ def _over_factors(
             "mismatch_sigma: in so bright light, mean and variance are not stated for pixels that "
             "differ in dead time or carriers; lower the light, or ask for no expectation"
         )
-    return fine
+    return np.asarray(fine)
 
 
 def _scaled(effect: Any, field: str, factor: float) -> Any:

@@ -37,9 +37,8 @@ from megalopta.sensor.spad.model import AvalancheEffects
 
 MOST_WORK = 2e8
 """Largest number of operations for one rate, about 4 s."""
-_FEWEST_STEPS, _STEPS_PER_WAIT = 24, 2.5
-"""Least number of steps per dead time; steps per mean wait for an arrival."""
-_STEPS_PER_GATED = 4
+_FEWEST_STEPS, _STEPS_PER_WAIT, _STEPS_PER_GATED = 200, 2.5, 4
+"""Least number of steps per exposure; steps per mean wait for an arrival; more with short gates."""
 _FIRST_DEAD_TIMES, _FIRST_MEMORIES, _FIRST_PERIODS = 60, 3, 6
 _OFF = 1e-4
 _MOST_CARRIERS = 160
@@ -114,11 +113,17 @@ def _with_dead_time(
     carried = traps.mean_carriers * min(most_hz, 1 / dead.dead_time_s) * traps.delay_s
     states = int(carried + 6 * carried**0.5 + 8) if traps.is_on else 1
     wait_s = 1 / (rate_hz + (carried + 1) * release_hz)
-    longest = [dead.dead_time_s / _FEWEST_STEPS, wait_s / _STEPS_PER_WAIT]
+    if release_hz * dead.dead_time_s > 7:
+        # carriers meet dead pixels, whose dead time they hardly extend
+        is_extended = dead.kind == "paralyzable" and rate_hz * dead.dead_time_s > 0.01
+        wait_s = min(1 / rate_hz, dead.dead_time_s / 4 if is_extended else math.inf)
+    # waits for arrivals have their exact mean and variance in long steps, too
+    longest = [dead.dead_time_s, wait_s / _STEPS_PER_WAIT, ends_s[-1] / _FEWEST_STEPS]
     if dead.recharge_s:
         longest += [dead.recharge_s / 12, (dead.recharge_s / rate_hz) ** 0.5 / 8]
     if gate[0]:  # which opens and closes within steps
-        longest = [min(longest) / _STEPS_PER_GATED, gate[1] / 12]
+        is_short = gate[1] < 30 * dead.dead_time_s
+        longest = [min(longest) / (_STEPS_PER_GATED if is_short else 1), gate[1] / 100]
     steps = math.ceil(dead.dead_time_s / min(longest))
     warm_s = 0.0
     if dead.start == "stationary":
@@ -155,13 +160,13 @@ def _efficiencies(rate_hz: float, step_s: float, recharge_s: float) -> Floats:
     """
     longest = np.linspace(0, 14, 1401)
     waited = rate_hz * recharge_s * (longest + np.expm1(-longest))
-    last = longest[min(np.searchsorted(waited, 30.0), longest.size - 1)]
+    last = float(longest[min(int(np.searchsorted(waited, 30.0)), longest.size - 1)])
     x = step_s / recharge_s
     steps = np.arange(math.ceil(last / x) + 2)
     grown = -np.expm1(-x) / x
     efficiencies = 1 - np.exp(-(steps - 1) * x) * grown**2
     efficiencies[0] = 1 - 2 * (1 - grown) / x  # of those that come in this step
-    return efficiencies
+    return np.asarray(efficiencies)
 
 
 @compiled
@@ -189,7 +194,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
         dead[0, 0] = 1 - live[0, 0]
     else:
         live[0, 0] = 1.0
-    start = int(round(warm / step))
+    start = round(warm / step)
     mean = square = 0.0
     window = tau if is_paralyzable else twilight
     at_end = 0
@@ -227,7 +232,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                 continue
             fires[:] = 0.0
             is_whole = part == 1
-            arrival, leave = rate * opened * step * length, release * step * length
+            arrival, leave = rate * opened * step * length, min(release * step, 0.5) * length
             for w in range(2):
                 lost = 0.0
                 for m in range(states - 1, -1, -1):
@@ -296,7 +301,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                 for more in range(states):
                     arrived[w, min(n + more, states - 1)] += trapped[more] * fires[w, n]
         if is_paralyzable:
-            arrival, leave = rate * opened * step, release * step
+            arrival, leave = rate * opened * step, min(release * step, 0.5)
             for w in range(2):
                 released, effective = 0.0, 0.0
                 for m in range(states - 1, -1, -1):
@@ -313,9 +318,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
 
 @compiled
 def _returns(rate, release, tau, window, open_s, is_paralyzable, silent, all_back):  # type: ignore[no-untyped-def]
-    """Probabilities that a pixel with n carriers comes back with m: without arrival in the window,
-    and at all.
-    """
+    """Chances to come back from n carriers with m: without arrival in the window, and at all."""
     states = len(silent)
     opened = open_s / window if window > 0 else 0.0
     before = math.exp(-release * (tau - window))

@@ -196,9 +196,7 @@ def test_paths_of_light_are_as_long_as_the_kind_of_scene_needs(tmp_path):
     meshes = {"scene.kind": "meshes", "scene.files": str(tmp_path / "a.obj")}
     text = f"scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}\n"
     plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "scenes: [{preset: demo, scene: {kind: meshes, files: a.obj}}]"
-    )
+    plan.write_text("scenes: [{preset: demo, scene: {kind: meshes, files: a.obj}}]")
     assert [
         load("demo").render.max_depth,
         load("demo", meshes).render.max_depth,

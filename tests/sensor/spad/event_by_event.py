@@ -11,14 +11,13 @@ from numba import njit
 
 
 @njit
-def simulate(seed, frames, rate_hz, exposure_s, pixel, gate, fired):
+def simulate(rng, frames, rate_hz, exposure_s, pixel, gate, fired):
     """Counts (frames, rows, columns) from a live start, at arrival rates (rows, columns).
 
     `pixel`: dead time, whether it is paralyzable, twilight, recharging, mean number of carriers
     and mean delay. `gate`: period and width; period 0: always open. `fired`: probability to fire
     each of the four neighbors.
     """
-    np.random.seed(seed)
     tau, is_paralyzable, twilight, recharge, carriers, delay = pixel
     period, width = gate
     rows, columns = rate_hz.shape
@@ -30,7 +29,7 @@ def simulate(seed, frames, rate_hz, exposure_s, pixel, gate, fired):
         photon, number = np.empty(rows * columns), np.zeros(rows * columns, np.int64)
         for at in range(rows * columns):
             rate = rate_hz[at // columns, at % columns]
-            photon[at] = np.random.exponential(1 / rate) if rate > 0 else np.inf
+            photon[at] = rng.exponential(1 / rate) if rate > 0 else np.inf
         while True:
             # the earliest of photons, carriers and twilight pulses
             time, at, kind, which = exposure_s, -1, 0, 0
@@ -45,7 +44,7 @@ def simulate(seed, frames, rate_hz, exposure_s, pixel, gate, fired):
             if at < 0:
                 break
             if kind == 0:
-                photon[at] += np.random.exponential(1 / rate_hz[at // columns, at % columns])
+                photon[at] += rng.exponential(1 / rate_hz[at // columns, at % columns])
             elif kind == 1:
                 due[at] = np.inf
             else:
@@ -66,19 +65,19 @@ def simulate(seed, frames, rate_hz, exposure_s, pixel, gate, fired):
                     elif since >= -twilight:
                         due[at] = ready[at]
                     continue
-                if recharge > 0 and np.random.random() < math.exp(-since / recharge):
+                if recharge > 0 and rng.random() < math.exp(-since / recharge):
                     continue
                 counts[frame, at // columns, at % columns] += 1
                 ready[at] = time + tau
                 if carriers > 0:
-                    for _ in range(np.random.poisson(carriers)):
-                        trapped[at, number[at]] = time + np.random.exponential(delay)
+                    for _ in range(rng.poisson(carriers)):
+                        trapped[at, number[at]] = time + rng.exponential(delay)
                         number[at] += 1
                 if fired > 0:
                     row, column = at // columns, at % columns
                     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
                         y, x = row + down, column + right
-                        if 0 <= y < rows and 0 <= x < columns and np.random.random() < fired:
+                        if 0 <= y < rows and 0 <= x < columns and rng.random() < fired:
                             queue[waiting] = y * columns + x
                             waiting += 1
     return counts
