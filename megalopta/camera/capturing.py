@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from megalopta.camera.camera_settings import CaptureSettings, sensor_as_identified, sensor_as_set
 from megalopta.camera.link import Arrived, Link, LinkLostError, NoPortError, Plugged, Unplugged
 from megalopta.camera.recorder import Recorder
-from megalopta.camera.recording import RAW, RecordingSettings, recover_command
+from megalopta.camera.recording import Recording, open_recording
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
@@ -28,22 +28,22 @@ from megalopta.sensor.formats.protocol import (
     command,
 )
 
-_WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0
 _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
 _LOOK_AGAIN_S = 0.1
 _LONGEST_WAIT_S = 604_800.0
 PATIENCE_S = 8.0
-"""Longest wait for frames of a connected camera, beyond three frame periods; also limits the disk
-space that bytes of another device fill."""
+"""Longest wait for frames of a connected camera, beyond three frame periods."""
 
 
 class State(NamedTuple):
     """State of a capture, for display."""
 
-    record: RecordingSettings
     frames: int
+    gaps: int
+    missing_frames: int
+    damaged_packets: int
     rate_hz: float
     is_plugged: bool
     counts: NDArray[np.uint16] | None
@@ -57,7 +57,7 @@ def capture(
     stop: threading.Event,
     show: Callable[[State], None] = lambda state: None,
     wait_s: float = 0.0,
-) -> RecordingSettings:
+) -> Recording:
     """Record into a new folder until frames or seconds are complete, or `stop` is set.
 
     It waits up to `wait_s`, with a message, for a port that does not exist yet. Raises UserError if
@@ -72,15 +72,17 @@ def capture(
     frames = 0
     with locked(out), _switching_fast():
         try:
-            with _linked(find, out / RAW, wait_s, stop) as link:
+            with _linked(find, wait_s, stop) as link:
                 begun = _Capture(link, out, settings, show)
                 begun.run(stop)
         except (OSError, UserError) as error:
             problem = error
-        finally:
+        try:
             frames = begun.finish() if begun else 0
-            if not frames and (problem or begun is None or begun.recorder is None):
-                remove(out)
+        except OSError as error:
+            frames, problem = begun.recorder.frames if begun and begun.recorder else 0, error
+        if not frames and (problem or begun is None or begun.recorder is None):
+            remove(out)
     if problem is not None and frames:
         reason = str(problem) if isinstance(problem, UserError) else _reason(problem)
         raise UserError(f"{reason}; the {frames} earlier frames are kept in {out}") from problem
@@ -88,7 +90,7 @@ def capture(
         raise problem
     if begun is None or begun.recorder is None:
         raise UserError(f"{out}: no recording, stopped before the camera answered; try again")
-    return begun.recorder.record
+    return open_recording(out)
 
 
 @contextmanager
@@ -107,13 +109,13 @@ def _reason(problem: OSError) -> str:
     return (machine_problem(problem) or str(problem)).partition(";")[0]
 
 
-def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
+def _linked(find: Callable[[], str], wait_s: float, stop: threading.Event) -> Link:
     if not 0 <= wait_s <= _LONGEST_WAIT_S:
         raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
     end_s, has_told = time.monotonic() + wait_s, False
     while True:
         try:
-            return Link(find, log)
+            return Link(find)
         except NoPortError as problem:
             if time.monotonic() >= end_s or stop.is_set():
                 raise
@@ -134,7 +136,7 @@ class _Capture:
         self._frame_s, self._came_before = self._start_s, 0
         self._valid_us = 0
         self._is_plugged = False
-        self._written_s = self._shown_s = 0.0
+        self._shown_s = 0.0
         self._rate_from = (self._start_s, 0)
         self._rate_hz = 0.0
         self.recorder: Recorder | None = None
@@ -145,30 +147,25 @@ class _Capture:
             self._take(self._link.next(_SHOW_EVERY_S))
             now_s = time.monotonic()
             if self._is_plugged and now_s - self._frame_s > self._patience_s:
-                size = self._link.decoded_bytes - self._came_before
+                size = self._link.read_bytes - self._came_before
                 arrived = f"{size} bytes came" if size else "nothing came"
-                raise self._link.given_up(
-                    f"no new frame in {self._patience_s:.1f} s, {arrived} instead"
+                raise UserError(
+                    f"{self._link.path}: no new frame in {self._patience_s:.1f} s, {arrived} "
+                    "instead; unplug the camera and plug it in again, or choose another --port"
                 )
             self._look_around(now_s)
 
     def finish(self) -> int:
         """Record what a closed link has read, complete the files, and count frames.
 
-        Raises UserError if they cannot be written.
+        Raises OSError if they cannot be written.
         """
         if self.recorder is None:
             return 0
-        try:
-            while (event := self._link.read_already()) and not self._is_enough():
-                if isinstance(event, Arrived):
-                    self._take(event)
-            self.recorder.finish(self._link.damaged)
-        except OSError as problem:
-            raise UserError(
-                f"{_reason(problem)}; free some space, then recover the frames: "
-                f"{recover_command(self._out)}"
-            ) from problem
+        while (event := self._link.read_already()) and not self._is_enough():
+            if isinstance(event, Arrived):
+                self._take(event)
+        self.recorder.finish(self._link.damaged)
         return self.recorder.frames
 
     def _is_enough(self) -> bool:
@@ -182,7 +179,7 @@ class _Capture:
     def _take(self, event: Plugged | Unplugged | Arrived | None) -> None:
         if isinstance(event, Plugged):
             try:
-                self._begin(event.raw_offset)
+                self._begin()
             except LinkLostError:
                 self._is_plugged = False
         elif isinstance(event, Unplugged):
@@ -194,27 +191,26 @@ class _Capture:
                 self.recorder.take(*event)
                 if self.recorder.frames > before:
                     self._be_patient()
-                self._link.allow(self.recorder.frames)
                 self._first_s = self._first_s or event.host_s
 
-    def _begin(self, raw_offset: int) -> None:
+    def _begin(self) -> None:
         identity = self._link.identity()
         settings = self._configure()
         if self.recorder is None:
             sensor = sensor_as_set(sensor_as_identified(self._settings.sensor, identity), settings)
             kind = self._settings.kind
             self.recorder = Recorder(self._out, sensor, kind, identity, settings, self._start_s)
-        elif identity.serial_number != self.recorder.record.serial_number:
+        elif identity.serial_number != self.recorder.header.serial_number:
             raise UserError(
                 f"{self._link.path}: camera {identity.serial_number} was plugged in instead of "
-                f"{self.recorder.record.serial_number}; record it separately"
+                f"{self.recorder.header.serial_number}; record it separately"
             )
-        self.recorder.plugged(raw_offset)
+        self.recorder.plugged()
         self._is_plugged = True
         self._be_patient()
 
     def _be_patient(self) -> None:
-        self._frame_s, self._came_before = time.monotonic(), self._link.decoded_bytes
+        self._frame_s, self._came_before = time.monotonic(), self._link.read_bytes
 
     def _configure(self) -> Settings:
         """Configure the camera; frames whose exposure began earlier are skipped."""
@@ -253,31 +249,34 @@ class _Capture:
             return
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
-            record, frames = self.recorder.record, self.recorder.frames
-            shown = self.recorder.last() or (None, None)
-            self._show(State(record, frames, self._rate_hz, self._is_plugged, *shown))
+            taken, shown = self.recorder, self.recorder.last() or (None, None)
+            self._show(
+                State(
+                    taken.frames,
+                    taken.gaps,
+                    taken.missing_frames,
+                    self._link.damaged,
+                    self._rate_hz,
+                    self._is_plugged,
+                    *shown,
+                )
+            )
         since_s, frames = self._rate_from
         if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
             self._rate_from = (now_s, self.recorder.frames)
-        if now_s - self._written_s >= _WRITE_EVERY_S:
-            self._written_s = now_s
-            self.recorder.write(self._link.damaged)
 
 
-_NO_CLOCK_S = 1.0
-"""Mean error of times from which the camera's clock is off by more than a quartz can be."""
 _SATURATED = "on rgb(220,60,40)"
 
 
 def status_line(state: State) -> str:
     """Return the state of a capture as one line."""
-    record = state.record
     parts = [
         f"{state.frames} frames",
         f"{state.rate_hz:.1f} frames/s",
-        f"{record.gaps} gaps ({record.missing_frames} frames missing)",
-        f"{record.damaged_packets} packets damaged",
+        f"{state.gaps} gaps ({state.missing_frames} frames missing)",
+        f"{state.damaged_packets} packets damaged",
     ]
     if state.saturated is not None:
         parts.append(f"{int(state.saturated.sum())} pixels saturated")
@@ -286,24 +285,17 @@ def status_line(state: State) -> str:
     return ", ".join(parts)
 
 
-def recorded_line(path: Path, record: RecordingSettings) -> str:
+def recorded_line(recording: Recording) -> str:
     """Return a summary of a recording as one line."""
+    settings, error_s = recording.settings, recording.times_error_s
+    times = f", times to {error_s * 1e3:.2g} ms" if error_s else ""
+    if error_s is None:
+        times = ", times by the camera's clock alone, which disagrees with this machine's"
     return (
-        f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps between "
-        f"first and last ({record.missing_frames} frames missing), "
-        f"{record.damaged_packets} packets damaged{_how_sure_times_are(record)}"
+        f"{recording.path}: {len(recording)} frames of {settings.serial_number}, "
+        f"{recording.gaps} gaps between first and last ({recording.missing_frames} frames "
+        f"missing), {settings.damaged_packets} packets damaged{times}"
     )
-
-
-def _how_sure_times_are(record: RecordingSettings) -> str:
-    if record.recovered and any(each.error_s is None for each in record.connections):
-        return ", times by the camera's clock alone"
-    error_s = record.connections[-1].error_s if record.connections else None
-    if not error_s:
-        return ""
-    if error_s > _NO_CLOCK_S:
-        return ", times by the camera's clock alone, which disagrees with this machine's"
-    return f", times to {error_s * 1e3:.2g} ms"
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
 
 It sees uniform light, the plate of the motion bench or a rendered dataset; the last two load scenes
-and the renderer on first use. Its line may have faults.
+and the renderer on first use.
 """
 
 import math
@@ -33,7 +33,6 @@ from megalopta.sensor import (
     changed,
     detection_rate,
     expose_adc,
-    generator,
     photon_rate,
 )
 from megalopta.sensor.formats.protocol import (
@@ -171,9 +170,9 @@ _MOST_AHEAD = 64
 class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
-    A frame depends only on these, its number, the settings, and how often the camera was plugged
-    in. Raises UserError if the sensor has no analog counters with an ADC, or cannot see the
-    stimulus, or seed or serial number (at most 16 ASCII characters) are invalid.
+    A frame depends only on these, its number and the settings. Raises UserError if the sensor has
+    no analog counters with an ADC, or cannot see the stimulus, or seed or serial number (at most 16
+    ASCII characters) are invalid.
     """
 
     settings: Settings
@@ -187,21 +186,13 @@ class EmulatedCamera:
             raise UserError(f"--serial: {quoted(serial_number)!r}; give 1 to 16 ASCII characters")
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
         self.serial_number = serial_number
-        self._plugged_in = 0
-        self._number = 0
-        self._start_us = 0
+        self._number = self._start_us = 0
         self._set(Settings())
 
     @property
     def due_us(self) -> int:
         """Time of the next exposure by the camera's clock, µs."""
         return self._start_us + self.settings.exposure_us
-
-    def restart(self) -> None:
-        """Reset counter, clock and settings, as after plugging in."""
-        self._plugged_in += 1
-        self._number = self._start_us = 0
-        self._set(Settings())
 
     def answer(self, command: Packet, now_us: int) -> Packet:
         """Execute a command. Raises ValueError if it is not a command."""
@@ -247,7 +238,7 @@ class EmulatedCamera:
                 self.stimulus.rates_hz(times_s, sensor),
                 sensor,
                 seed=self.seed,
-                stream=self._plugged_in,
+                stream=0,
                 first_frame=self._number - gone,
                 together=together,
             )[gone:]
@@ -268,115 +259,61 @@ BUFFER_BYTES = 24576 + 65536
 and for a pseudo-terminal a sixth of it; a frame that does not fit is dropped."""
 
 _LONGEST_WAIT_S = 0.05
-_A_DAY_S = 86400.0
-_LIMITS = {"noise": (0.0, 1.0), "lost": (0.0, 1.0), "drift_ppm": (-9e5, 1e8)}
-_TIMES = (1e-3, _A_DAY_S)
-"""Limits of all other faults, s, if not 0."""
-
-
-@dataclass(frozen=True)
-class Faults:
-    """Faults of the line."""
-
-    noise: float = 0.0
-    lost: float = 0.0
-    """Probability that a byte has a flipped bit, or is lost."""
-    burst_s: float = 0.0
-    """Interval at which held-back bytes are sent at once, s."""
-    drift_ppm: float = 0.0
-    """Relative error of the camera's clock, positive if fast, 1e-6."""
-    stall_every_s: float = 0.0
-    stall_s: float = 0.0
-    """Interval and duration of stops, s."""
-    unplug_every_s: float = 0.0
-    unplug_s: float = 0.5
-    """Time plugged in, and time unplugged, s."""
-
-    def check(self) -> None:
-        """Check the values. Raises UserError."""
-        for name, value in vars(self).items():
-            least, most = _LIMITS.get(name, _TIMES)
-            if value != 0 and not least <= value <= most:
-                raise UserError(
-                    f"--{name.replace('_', '-')}: {value:g}; give 0, or {least:g} to {most:g}"
-                )
-        if self.stall_every_s and self.stall_s >= self.stall_every_s:
-            raise UserError(
-                f"--stall-s: {self.stall_s:g}; give less than --stall-every-s, "
-                f"{self.stall_every_s:g}"
-            )
-
-    def on(self, line: bytes, seed: int, packet: Packet) -> bytes:
-        """Return the bytes of a packet that arrive."""
-        if not self.noise and not self.lost:
-            return line
-        rng = generator(seed, "line", packet.kind, packet.sequence)
-        data = np.frombuffer(line, np.uint8)
-        flips = np.uint8(1) << rng.integers(0, 8, data.size, np.uint8)
-        noisy = np.where(rng.random(data.size) < self.noise, data ^ flips, data)
-        return noisy[rng.random(data.size) >= self.lost].tobytes()
 
 
 class EmulatedPort:
     """A pseudo-terminal with an emulated camera behind it.
 
-    The terminal's name may change when the camera is unplugged and plugged in again; `link` is a
-    symbolic link to it. `plugged_in` is called with the terminal's path each time, `sent` with the
-    bytes that leave the camera.
+    `link` is a symbolic link to the terminal; `plugged_in` is called with its path, `sent` with the
+    bytes that leave the camera. The camera's clock runs `clock_rate` times as fast as the host's.
     """
 
     def __init__(
         self,
         camera: EmulatedCamera,
-        faults: Faults | None = None,
         link: Path | None = None,
         plugged_in: Callable[[str], None] = lambda path: None,
         sent: Callable[[bytes], None] = lambda data: None,
+        clock_rate: float = 1.0,
     ) -> None:
         if link is not None and link.exists() and not link.is_symlink():
             raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
-        self._camera, self._faults, self._link = camera, faults or Faults(), link
-        self._faults.check()
+        self._camera, self._link, self._clock_rate = camera, link, clock_rate
         self._plugged_in, self._sent = plugged_in, sent
         self._waiting, self._start_s = bytearray(), 0.0
         self.dropped = 0
         """Packets that did not fit into the buffer."""
 
     def run(self, stop: threading.Event) -> None:
-        """Serve until stopped, plugged in and out as the faults define."""
-        while not stop.is_set():
-            # While the other end is open somewhere, writing to this one does not fail.
-            end, other_end = pty.openpty()
-            try:
-                tty.setraw(other_end)
-                os.set_blocking(end, False)
-                path = os.ttyname(other_end)
-                if self._link is not None:
-                    self._link.parent.mkdir(parents=True, exist_ok=True)
-                    self._link.unlink(missing_ok=True)
-                    self._link.symlink_to(path)
-                self._plugged_in(path)
-                self._serve(end, stop)
-            finally:
-                if self._link is not None:
-                    self._link.unlink(missing_ok=True)
-                os.close(end)
-                os.close(other_end)
-            if not stop.wait(self._faults.unplug_s):
-                self._camera.restart()
+        """Serve until stopped."""
+        # While the other end is open somewhere, writing to this one does not fail.
+        end, other_end = pty.openpty()
+        try:
+            tty.setraw(other_end)
+            os.set_blocking(end, False)
+            path = os.ttyname(other_end)
+            if self._link is not None:
+                self._link.parent.mkdir(parents=True, exist_ok=True)
+                self._link.unlink(missing_ok=True)
+                self._link.symlink_to(path)
+            self._plugged_in(path)
+            self._serve(end, stop)
+        finally:
+            if self._link is not None:
+                self._link.unlink(missing_ok=True)
+            os.close(end)
+            os.close(other_end)
 
     def _serve(self, end: int, stop: threading.Event) -> None:
-        """Send frames when they are due, and answer, until stopped or unplugged."""
-        parser, life_s = Parser(), self._faults.unplug_every_s or float("inf")
-        self._waiting, self._start_s = bytearray(), time.monotonic()
-        while not stop.is_set() and self._elapsed_s() < life_s:
+        """Send frames when they are due, and answer, until stopped."""
+        parser, self._start_s = Parser(), time.monotonic()
+        while not stop.is_set():
             if self._camera.due_us <= self._now_us():
                 self._post(self._camera.next_frame())
-            may_send = bool(self._waiting) and self._may_send()
-            due_s = max((self._camera.due_us - self._now_us()) * 1e-6, 0.0)
-            # until the next frame, or until held-back bytes are due
-            pause_s = min(due_s, 2e-3 if self._waiting and not may_send else _LONGEST_WAIT_S)
-            can_read, can_write, _ = select.select([end], [end] if may_send else [], [], pause_s)
+            due_s = (self._camera.due_us - self._now_us()) * 1e-6 / self._clock_rate
+            pause_s = min(max(due_s, 0.0), _LONGEST_WAIT_S)
+            writing = [end] if self._waiting else []
+            can_read, can_write, _ = select.select([end], writing, [], pause_s)
             for command in parser.feed(os.read(end, 4096)) if can_read else ():
                 if command.kind >= Kind.IDENTIFY:
                     self._post(self._camera.answer(command, self._now_us()))
@@ -385,23 +322,13 @@ class EmulatedPort:
                 self._sent(bytes(self._waiting[:count]))
                 del self._waiting[:count]
 
-    def _elapsed_s(self) -> float:
-        return time.monotonic() - self._start_s
-
     def _now_us(self) -> int:
-        return int(self._elapsed_s() * (1e6 + self._faults.drift_ppm))
+        return int((time.monotonic() - self._start_s) * 1e6 * self._clock_rate)
 
     def _post(self, packet: Packet) -> None:
         """Queue a packet, if it fits into the buffer."""
         line = encode(packet)
         if len(self._waiting) + len(line) <= BUFFER_BYTES:
-            self._waiting += self._faults.on(line, self._camera.seed, packet)
+            self._waiting += line
         else:
             self.dropped += 1
-
-    def _may_send(self) -> bool:
-        faults, now_s = self._faults, self._elapsed_s()
-        sending_s = faults.stall_every_s - faults.stall_s
-        if faults.stall_every_s and now_s % faults.stall_every_s > sending_s:
-            return False
-        return not faults.burst_s or now_s % faults.burst_s < 0.2 * faults.burst_s

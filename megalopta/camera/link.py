@@ -1,8 +1,7 @@
-"""The link to a camera: its serial port, a thread that reads it, and its user, who logs.
+"""The link to a camera: its serial port, and a thread that reads it.
 
 The thread only reads and notes the time, so that neither a slow disk nor a busy user makes it miss
-anything; bytes are in the log before the user sees them. When the camera is unplugged, it waits
-until it is back.
+anything. When the camera is unplugged, it waits until it is back.
 """
 
 import errno
@@ -12,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import NamedTuple, Self
 
 import serial
@@ -20,7 +18,7 @@ from serial.tools import list_ports
 
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.protocol import LONGEST, Identity, Kind, Packet, Parser, encode
+from megalopta.sensor.formats.protocol import Identity, Kind, Packet, Parser, encode
 
 TEENSY_VENDOR = 0x16C0
 UDEV_RULE = (
@@ -111,20 +109,15 @@ _ASKED = 3
 """Attempts; all commands may be repeated."""
 _MOST_WAITING = 8192
 """Most waiting chunks of bytes, a frame or more each. Further ones wait in the camera."""
-MOST_ELSE = 16 * 1024**2
-"""Bytes allowed that are no frames, plus nine times the frames': bounds `raw.bin`."""
-_TIMES = 10
 _GATHER_S = 0.003
 _MUCH = 3000
 """Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
-for each would cost more than reading it. Times rest on the fastest frames (`clock`) and are not
-affected. A pseudo-terminal holds 4096 bytes; as many waiting mean that the reader is late."""
+for each would cost more than reading it. Times rest on the fastest frames. A pseudo-terminal holds
+4096 bytes; as many waiting mean that the reader is late."""
 
 
 class Plugged(NamedTuple):
-    """The camera was plugged in; its bytes begin there in the log."""
-
-    raw_offset: int
+    """The camera was plugged in."""
 
 
 class Unplugged(NamedTuple):
@@ -149,30 +142,22 @@ class LinkLostError(Exception):
 class Link:
     """An open link; a context manager that closes it.
 
-    `find` returns the path of the port, at first and after unplugging; the log is a new file for
-    all bytes. Raises UserError if the port is not found or does not open.
+    `find` returns the path of the port, at first and after unplugging. Raises UserError if the port
+    is not found or does not open.
     """
 
-    def __init__(self, find: Callable[[], str], log: Path) -> None:
+    def __init__(self, find: Callable[[], str]) -> None:
         self._find = find
         self.path = find()
         self._port = open_port(self.path)
-        try:
-            self._log = log.open("xb", buffering=0)
-        except OSError:
-            self._port.close()
-            raise
-        self._read_bytes = 0
-        self.decoded_bytes = 0
-        """Bytes whose packets the user has seen."""
-        self._allowed_bytes = MOST_ELSE
+        self.read_bytes = 0
+        """Bytes that came so far."""
         self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
         self._commands = 0
         self._stop = threading.Event()
-        self._is_logging = True
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
         self._reader.start()
 
@@ -183,7 +168,7 @@ class Link:
         self.close()
 
     def close(self) -> None:
-        """Stop reading; `next` still returns what was read before."""
+        """Stop reading; `read_already` still returns what was read before."""
         self._stop.set()
         try:
             while self._reader.is_alive() or not self._pieces.empty():
@@ -192,7 +177,6 @@ class Link:
                     self._decode(self._pieces.get())
         finally:
             self._port.close()
-            self._log.close()
 
     @property
     def damaged(self) -> int:
@@ -200,12 +184,7 @@ class Link:
         return self._damaged_before + self._parser.damaged
 
     def next(self, timeout_s: float) -> Event | None:
-        """Return the next event; None if there is none.
-
-        Raises OSError if the log cannot be written; UserError if too many bytes are no frames.
-        """
-        if self.decoded_bytes > self._allowed_bytes:
-            raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
+        """Return the next event; None if there is none."""
         if not self._seen:
             with suppress(queue.Empty):
                 self._decode(self._pieces.get(timeout=timeout_s))
@@ -214,17 +193,6 @@ class Link:
     def read_already(self) -> Event | None:
         """Return the next event that is already decoded; after `close` there are no others."""
         return self._seen.popleft() if self._seen else None
-
-    def allow(self, frames: int) -> None:
-        """Raise the limit of bytes to that of `frames` frames in all."""
-        self._allowed_bytes = MOST_ELSE + _TIMES * frames * (LONGEST + 1)
-
-    def given_up(self, why: str) -> UserError:
-        """Stop logging, and return the error to raise."""
-        self._is_logging = False
-        return UserError(
-            f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
-        )
 
     def request(self, kind: Kind, payload: bytes) -> Packet:
         """Send a command and return the reply; events meanwhile are kept for `next`.
@@ -265,7 +233,7 @@ class Link:
             return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
         if any(isinstance(event, Arrived) for event in seen):
             return "sends frames but does not answer; unplug it and plug it in again"
-        if self._parser.damaged or self._read_bytes:
+        if self._parser.damaged or self.read_bytes:
             return f"does not speak SPADCAM's protocol; {remedy}"
         return f"is silent; {remedy}, and keep ModemManager away from it"
 
@@ -281,25 +249,13 @@ class Link:
             self._damaged_before += self._parser.damaged
             self._parser = Parser()
             self._seen.append(piece)
-        elif self._is_logging:
-            self._log_and_parse(*piece)
-
-    def _log_and_parse(self, host_s: float, data: bytes) -> None:
-        written = 0
-        try:
-            while written < len(data):  # a nearly full disk may write only a part
-                written += self._log.write(data[written:])
-        except OSError:
-            self._is_logging = False
-            raise
-        finally:
-            self.decoded_bytes += written
-            packets = self._parser.feed(data[:written])
-            self._seen.extend(Arrived(host_s, packet) for packet in packets)
+            return
+        host_s, data = piece
+        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
 
     def _read(self) -> None:
         while not self._stop.is_set():
-            self._pieces.put(Plugged(self._read_bytes))
+            self._pieces.put(Plugged())
             with suppress(OSError, TypeError):  # the port disappeared during a read
                 self._read_until_unplugged()
             if self._stop.is_set():
@@ -318,6 +274,6 @@ class Link:
             data = first + bytes(self._port.read(self._port.in_waiting))
             if data:
                 self._pieces.put((time.monotonic(), data))
-                self._read_bytes += len(data)
+                self.read_bytes += len(data)
             if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)

@@ -1,13 +1,20 @@
 """A recording of the camera, or of another one: content, name, and opening.
 
-    RECORDING/counts.zarr      counts, saturated, adc, times_s, device_us, sequence_number
-    RECORDING/raw.bin          every byte that the camera sent
-    RECORDING/recording.yaml   the fields of `RecordingSettings`
+    RECORDING/recording.yaml   header: the fields of `RecordingSettings`
+    RECORDING/frames.bin       a record for each frame, as in `RECORD`
 
-`counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too. On the command line
-it is named RECORDING or RECORDING@LIGHT; another camera's file of counts
-(`megalopta.sensor.formats`) is FILE@LIGHT:EXPOSURE_S. A range of frames, for a recording of
+Records are only appended, so a recording opens at any moment, even after its capture was killed;
+an incomplete one at the end is dropped and counted.
+
+On the command line a recording is named RECORDING or RECORDING@LIGHT; another camera's file of
+counts (`megalopta.sensor.formats`) is FILE@LIGHT:EXPOSURE_S. A range of frames, for a recording of
 several lights, is RECORDING#0-100@LIGHT.
+
+Times are the camera's in the host's clock, from arrival times of frames. The delay of an arrival is
+never negative, often small and sometimes large: a USB hub, or the host, was busy. So host time over
+device time lies above a straight line and touches it again and again. The line goes through the
+earliest arrivals of a few equal parts of the connection. The delay of the fastest frame is unknown:
+all times are late by it.
 """
 
 from collections.abc import Mapping
@@ -21,47 +28,43 @@ from pydantic import AfterValidator, Field
 
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import printable, quoted, read_text
-from megalopta.core.errors import UserError, refused_as, shell_command
-from megalopta.core.format_numbers import check_format
+from megalopta.core.bounded import check_file, printable, quoted, read_text
+from megalopta.core.errors import UserError, refused_as
+from megalopta.core.files import write_text
+from megalopta.core.format_numbers import check_format, written
 from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
-from megalopta.sensor import Sensor, StoredFrames, open_counts
-from megalopta.sensor.formats.protocol import COLUMNS, ROWS
+from megalopta.sensor import AnalogCounter, Sensor
+from megalopta.sensor.formats.protocol import COLUMNS, NOT_READ, ROWS
 from megalopta.sensor.formats.reading import FrameKind, read_frames
+from megalopta.sensor.spad.counters import counts_of_codes, nominal_pixels
 
-COUNTS = "counts.zarr"
-RAW = "raw.bin"
+FRAMES = "frames.bin"
 SETTINGS = "recording.yaml"
 _SETTINGS_BYTES = 4 * 1024**2
-_MOST_CHUNK_FRAMES = 65536
 _MOST_LETTERS = 100
+_LARGEST_BYTES = 2**40
+_LARGEST_DRIFT = 1e-3
+"""No quartz is worse."""
+_CLOCK_PARTS = 16
+_WRAP = 2**32
+
+RECORD = np.dtype(
+    [
+        ("connection", "<u4"),
+        ("sequence", "<u4"),
+        ("device_us", "<u8"),
+        ("host_s", "<f8"),
+        ("adc", "<u2", (ROWS, COLUMNS)),
+    ]
+)
+"""A frame: times that the camera was plugged in before, its frame counter, its clock at the end of
+the exposure, the host's clock at arrival (s from the start), and codes of its ADC (65535: not
+read)."""
 
 Text = Annotated[str, AfterValidator(printable)]
 """Text of a camera or a foreign file: shown without control codes."""
-
-
-_SHAPES: Mapping[str, tuple[int, ...]] = {
-    **dict.fromkeys(("counts", "saturated", "adc"), (ROWS, COLUMNS)),
-    **dict.fromkeys(("times_s", "device_us", "sequence_number"), ()),
-}
-"""Arrays of a recording, and the shape of a frame in them."""
-
-
-class Connection(Record, frozen=True):
-    """A connection, from plugging to unplugging: host time = offset_s + rate · device time."""
-
-    first_frame: int
-    """Number of its first frame in the recording."""
-    raw_offset: int
-    """Offset of its bytes in raw.bin."""
-    offset_s: float | None = None
-    """Host time at device time 0 (s from the recording's start); none: too few frames."""
-    rate: float | None = None
-    """Host seconds per device second."""
-    error_s: float | None = None
-    """Mean distance of the earliest arrivals from that line (s)."""
 
 
 class RecordingSettings(Record, frozen=True):
@@ -70,11 +73,11 @@ class RecordingSettings(Record, frozen=True):
     kind: Text
     """Kind of recording, as given: "dark", "flat", …."""
     started: Text
-    """UTC at the host, ISO 8601; `times_s` counts from here."""
+    """UTC at the host, ISO 8601; times count from here."""
     finished: bool = False
     """True if the recording was stopped, not killed."""
-    recovered: bool = False
-    """True if it was recovered from raw.bin, which has no times of the host's clock."""
+    damaged_packets: int = 0
+    """Packets refused, if finished."""
     serial_number: Text
     """Serial number of the camera."""
     firmware: Text
@@ -84,13 +87,30 @@ class RecordingSettings(Record, frozen=True):
     """Code of the DAC that sets the step of the counters."""
     row_window: tuple[int, int]
     """First row that was read, and the row after the last; others hold 0 and are saturated."""
-    frames: int = 0
-    gaps: int = 0
-    """Places where the frame counter skipped or restarted."""
-    missing_frames: int = 0
-    """Frames skipped there, as far as known."""
-    damaged_packets: int = 0
-    connections: tuple[Connection, ...] = ()
+    sensor: Sensor
+    """Nominal sensor, from which counts are computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class FramesByCode:
+    """Frames computed from codes of the ADC when sliced, (T, 16, 16)."""
+
+    adc: NDArray[np.uint16]
+    of_code: NDArray[Any]
+    """Value of each code, (65536,)."""
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.adc)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Frames, rows, columns."""
+        return self.adc.shape
+
+    def __getitem__(self, frames: slice | int) -> NDArray[Any]:
+        """Return these frames."""
+        return np.asarray(self.of_code[self.adc[frames]])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,16 +119,29 @@ class Recording:
 
     path: Path
     settings: RecordingSettings
-    sensor: Sensor
-    """Nominal sensor, from which counts were computed."""
-    counts: StoredFrames
-    saturated: StoredFrames
-    adc: StoredFrames
+    counts: FramesByCode
+    saturated: FramesByCode
+    adc: NDArray[np.uint16]
     """(T, 16, 16); slice it: `recording.counts[:]`."""
     times_s: NDArray[np.float64]
     """(T,) float64: end of each exposure, by the host's clock, s from the start."""
+    times_error_s: float | None
+    """Mean delay of the earliest arrivals beyond the fastest, s; None: times are the camera's."""
     sequence_number: NDArray[np.uint32]
     """(T,) uint32: the camera's frame counter."""
+    connection: NDArray[np.uint32]
+    """(T,) uint32: how often the camera was plugged in before."""
+    gaps: int
+    """Places where the frame counter skipped or restarted."""
+    missing_frames: int
+    """Frames skipped there, as far as known."""
+    dropped_bytes: int
+    """Bytes of an incomplete record at the end."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """Nominal sensor, from which counts were computed."""
+        return self.settings.sensor
 
     @property
     def kind(self) -> str:
@@ -122,7 +155,7 @@ class Recording:
 
     def __len__(self) -> int:
         """Return the number of frames."""
-        return len(self.counts)
+        return len(self.adc)
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -131,26 +164,75 @@ def open_recording(path: str | Path) -> Recording:
     Raises FileNotFoundError if it does not exist; ValueError if it is no recording, or damaged.
     """
     path = Path(path)
-    check_folder(path)
-    settings = read_settings(path)
-    if not settings.finished and (path / RAW).exists():
-        say(
-            f"{path}: not finished; if its capture was killed, recover frames that are only in "
-            f"raw.bin: {recover_command(path)}"
-        )
-    try:
-        return _opened(path, settings)
-    except (ValueError, FileNotFoundError) as problem:
-        if (path / RAW).exists():
-            raise ValueError(f"{problem}, or recover raw.bin: {recover_command(path)}") from problem
-        raise
+    for name in (SETTINGS, FRAMES):
+        if (path / name).is_symlink():
+            raise UserError(f"{path / name}: a link in a recording; remove it")
+    settings = _read_settings(path)
+    check_file(path / FRAMES, _LARGEST_BYTES)
+    frames, dropped_bytes = divmod((path / FRAMES).stat().st_size, RECORD.itemsize)
+    if not settings.finished or dropped_bytes:
+        rest = f", {dropped_bytes} bytes of an incomplete one are dropped" if dropped_bytes else ""
+        say(f"{path}: not finished; {frames} complete frames{rest}")
+    # an empty file cannot be mapped
+    records = (
+        np.memmap(path / FRAMES, RECORD, "r", shape=(frames,)) if frames else np.empty(0, RECORD)
+    )
+    times_s, errors_s = np.empty(frames), [0.0]
+    connection, sequence = (np.array(records[name]) for name in ("connection", "sequence"))
+    restarts = np.diff(connection.astype(np.int64)) != 0
+    for part in np.split(np.arange(frames), np.flatnonzero(restarts) + 1):
+        device_s, host_s = records["device_us"][part] * 1e-6, records["host_s"][part]
+        if not np.isfinite(host_s).all():
+            raise ValueError(f"{path / FRAMES}: times are no finite numbers; restore the file")
+        times_s[part], error_s = _host_times(device_s, host_s)
+        errors_s.append(np.nan if error_s is None else error_s)
+    skipped = ((np.diff(sequence.astype(np.int64)) - 1) % _WRAP)[~restarts]
+    counts, saturated = counts_by_code(settings.sensor)
+    return Recording(
+        path=path,
+        settings=settings,
+        counts=FramesByCode(records["adc"], counts),
+        saturated=FramesByCode(records["adc"], saturated),
+        adc=records["adc"],
+        times_s=times_s,
+        times_error_s=None if np.isnan(errors_s).any() else max(errors_s),
+        sequence_number=sequence,
+        connection=connection,
+        gaps=int(restarts.sum() + (skipped > 0).sum()),
+        missing_frames=int(skipped.sum()),
+        dropped_bytes=dropped_bytes,
+    )
 
 
-def check_folder(path: Path) -> None:
-    """Refuse a folder with content that no recording has. Raises UserError."""
-    for each in path.rglob("*"):
-        if each.is_symlink() or not (each.is_file() or each.is_dir()):
-            raise UserError(f"{each}: a link, device or pipe in a recording; remove it")
+def _host_times(device_s: Floats, host_s: Floats) -> tuple[Floats, float | None]:
+    """Return times of the camera's clock by the host's, and their error if it is known, s.
+
+    A connection's arrivals are cut into equal parts. The line goes through the earliest of each
+    part, and is lowered until none is before it.
+    """
+    delay_s = host_s - device_s
+    if device_s.size == 0:
+        return delay_s, 0.0
+    parts = np.array_split(np.arange(delay_s.size), min(delay_s.size, _CLOCK_PARTS))
+    earliest = np.array([part[np.argmin(delay_s[part])] for part in parts])
+    drift = 0.0
+    if earliest.size > 1 and np.ptp(device_s[earliest]) > 0:
+        drift = float(np.polyfit(device_s[earliest], delay_s[earliest], 1)[0])
+    is_possible = abs(drift) <= _LARGEST_DRIFT
+    late_s = delay_s - (drift if is_possible else 0.0) * device_s
+    times_s = host_s - (late_s - late_s.min())
+    return times_s, float((late_s[earliest] - late_s.min()).mean()) if is_possible else None
+
+
+def counts_by_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+    """Counts, and mask of lower bounds, by the code of the ADC, (65536,)."""
+    counter = sensor.counter
+    if not isinstance(counter, AnalogCounter):
+        raise ValueError(f"sensor {sensor.name}: has no analog counters; give one such as spadcam")
+    known = nominal_pixels(counter, sensor.exposure_s)
+    counts, saturated = counts_of_codes(np.arange(2**16).astype(np.uint16), counter, known)
+    counts[NOT_READ], saturated[NOT_READ] = 0, True
+    return counts, saturated
 
 
 def check_kind(kind: str) -> None:
@@ -161,23 +243,16 @@ def check_kind(kind: str) -> None:
         )
 
 
-def recover_command(path: Path) -> str:
-    """Return the command that recovers raw.bin."""
-    return shell_command("spadcam", "recover", path)
+def write_settings(folder: Path, settings: RecordingSettings) -> None:
+    """Write recording.yaml."""
+    stated = {"format": written("recording"), **settings.model_dump(mode="json")}
+    write_text(folder / SETTINGS, strict_yaml.dump(stated))
 
 
-def read_settings(folder: Path) -> RecordingSettings:
-    """Read recording.yaml.
-
-    Raises FileNotFoundError if it does not exist; ValueError or UserError if it is damaged, or
-    newer than this program.
-    """
+def _read_settings(folder: Path) -> RecordingSettings:
     path = folder / SETTINGS
     if not path.exists():
-        remedy = "give the folder of a recording"
-        if (folder / RAW).exists():
-            remedy = f"recover raw.bin: {recover_command(folder)}"
-        raise FileNotFoundError(f"{path}: no such file; {remedy}")
+        raise FileNotFoundError(f"{path}: no such file; give the folder of a recording")
     try:
         values = strict_yaml.load(read_text(path, _SETTINGS_BYTES))
         if isinstance(values, Mapping):
@@ -186,38 +261,6 @@ def read_settings(folder: Path) -> RecordingSettings:
         return checked(RecordingSettings, values)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _opened(path: Path, settings: RecordingSettings) -> Recording:
-    opened = open_counts(path / COUNTS)
-    if not isinstance(opened.sensor, Sensor):
-        raise ValueError(f"{path / COUNTS}: not of a counting sensor; give a recording of SPADCAM")
-    frames = len(opened["counts"])
-    for name, shape in _SHAPES.items():
-        if name not in opened.arrays:
-            raise ValueError(f"{opened.path}: lacks {name}; give a recording of SPADCAM")
-        _check_array(opened.path / name, opened[name], (frames, *shape))
-    return Recording(
-        path=path,
-        settings=settings,
-        sensor=opened.sensor,
-        counts=opened["counts"],
-        saturated=opened["saturated"],
-        adc=opened["adc"],
-        times_s=opened["times_s"][:],
-        sequence_number=opened["sequence_number"][:],
-    )
-
-
-def _check_array(path: Path, frames: StoredFrames, shape: tuple[int, ...]) -> None:
-    """Refuse an array that a capture does not write, before it is read."""
-    at_once = frames.array.chunks[0]
-    if frames.shape != shape or at_once > _MOST_CHUNK_FRAMES:
-        found = f"is {frames.shape} in chunks of {at_once} frames, not {shape}"
-        raise ValueError(f"{path}: {quoted(found)}; give a recording of SPADCAM")
-    chunks = sum(each.is_file() for each in (path / "c").rglob("*"))
-    if chunks < -(-shape[0] // at_once):
-        raise ValueError(f"{path}: chunks are missing; restore them")
 
 
 _PLANCK_TIMES_C = 1.98644586e-25
@@ -327,7 +370,7 @@ class RecordingFrames:
 
 def is_recording(path: Path) -> bool:
     """Return True for a recording of SPADCAM, which has codes of its ADC."""
-    return any((path / each).exists() for each in (COUNTS, RAW))
+    return any((path / name).exists() for name in (SETTINGS, FRAMES))
 
 
 def read_recorded(source: Source) -> RecordingFrames:
@@ -343,10 +386,9 @@ def read_recorded(source: Source) -> RecordingFrames:
 
 def _captured(source: Source) -> RecordingFrames:
     recording = open_recording(source.path)
-    codes = np.asarray(recording.adc[:])
     times_s = recording.times_s - recording.exposure_s
     return RecordingFrames(
-        recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s
+        recording.counts[:], recording.adc, recording.exposure_s, recording.sensor, times_s
     )
 
 

@@ -29,16 +29,6 @@ from megalopta.core.progress import say
 if TYPE_CHECKING:
     from megalopta.camera.emulated import Stimulus
 
-_FAULTS = {
-    "noise": "probability that a bit of a byte is flipped",
-    "lost": "probability that a byte is lost",
-    "burst_s": "send bytes in bursts at this interval (s)",
-    "drift_ppm": "relative error of the camera's clock, positive if fast (1e-6)",
-    "stall_every_s": "stop sending at this interval (s)",
-    "stall_s": "duration of a stop (s)",
-    "unplug_every_s": "unplug the camera at this interval (s)",
-    "unplug_s": "time unplugged (s, default: 0.5)",
-}
 _RECORDINGS = (
     option(
         "recordings RECORDING[#FIRST-END][@LIGHT]",
@@ -102,29 +92,9 @@ def _capture(options: Namespace) -> str:
         return options.port or find_port(options.usb_serial)
 
     with viewing() as show:
-        record = capture(
-            find, out, chosen(options, CaptureSettings), stop, show, wait_s=options.wait
-        )
-    return recorded_line(out, record)
-
-
-@verb(
-    "spadcam recover",
-    "recover a broken recording from its raw.bin",
-    option("raw", "folder of the recording, or its raw.bin", Path),
-    option("--out", "new folder (default: the recording's own, rewriting its counts)", Path),
-    option(
-        "--sensor",
-        "preset or YAML file with the counters' nominal step, if counts.zarr is lost "
-        "(default: spadcam)",
-        default="spadcam",
-    ),
-)
-def _recover(options: Namespace) -> str:
-    from megalopta.camera.capturing import recorded_line
-    from megalopta.camera.recorder import recover
-
-    return recorded_line(*recover(options.raw, options.out, options.sensor))
+        settings = chosen(options, CaptureSettings)
+        recording = capture(find, out, settings, stop, show, wait_s=options.wait)
+    return recorded_line(recording)
 
 
 @verb(
@@ -277,24 +247,25 @@ def _tags(options: Namespace) -> list[Path]:
     option("--lux", "light level of a dataset (lux)", within(0.0, 1e6)),
     option("--sensor", "preset or YAML file", default="spadcam"),
     option("--device-seed", "seed of the device's fixed pattern", within(0, 2**32 - 1)),
-    option("--seed", "seed of photons, noise and faults", whole, 0),
+    option("--seed", "seed of photons and noise", whole, 0),
+    option("--clock", "speed of the camera's clock, to emulate faster", within(0.1, 100.0), 1.0),
     option("--serial", "the camera's serial number", default="EMULATED"),
     option("--link", "symbolic link to the terminal", Path),
-    *(option(f"--{name.replace('_', '-')}", text, type=finite) for name, text in _FAULTS.items()),
 )
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.camera_settings import named_sensor
-    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Faults
+    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
     from megalopta.sensor import changed
 
-    faults = chosen(options, Faults)
-    faults.check()
     sensor = named_sensor(options.sensor)
     if options.device_seed is not None:
         sensor = changed(sensor, device_seed=options.device_seed)
     camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
-        camera, faults, options.link, lambda path: print(options.link or path, flush=True)
+        camera,
+        options.link,
+        lambda path: print(options.link or path, flush=True),
+        clock_rate=options.clock,
     )
     port.run(stopped_by_signals())
     say(

@@ -22,7 +22,7 @@ FORMATS: Mapping[str, Format] = {
     "sequence": Format(2, 2),  # sequences/SEQ.json
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
-    "recording": Format(1, 0),  # recording.yaml
+    "recording": Format(2, 2),  # recording.yaml
     "ranking": Format(2, 2),  # ranking.json
     "scores": Format(2, 0),  # scores.json, and lines of a leaderboard
 }

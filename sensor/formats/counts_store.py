@@ -5,30 +5,23 @@ Arrays `counts`, `saturated` and, with the expectation, `photons`, `mean_events`
 with its unit as an attribute: counts, or electrons of an integrating sensor. The attributes of the
 group hold their origin: sensor, exposure, seed, sequence, illuminance. A store is written under a
 temporary name and renamed, so it is never incomplete.
-
-A running camera's number of frames is not known beforehand. Its store can be opened at any time,
-even after its writer was killed, with the frames of the last `publish`. Readers take all shapes
-from the metadata of the group, one file that is replaced atomically (Zarr's consolidated metadata),
-even if an array's own metadata is ahead.
 """
 
-import json
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import zarr
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
-from zarr.codecs import BloscCodec
 
 from megalopta.core.bounded import check_decoded, undamaged
-from megalopta.core.files import atomic_write, write_text
+from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.zarr_store import Store, open_store
 from megalopta.sensor.formats.recorded_frames import check_new
@@ -56,9 +49,6 @@ _MEANINGS = {
 CHUNK_BYTES = 4 * 2**20
 _CHUNK_FRAMES = 16
 """As many as the stages write at once: larger chunks would be read and written again."""
-_GROWING_FRAMES = 4096
-_CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
-"""For a camera's readings: smaller than Zarr's default, at half the computing time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,9 +103,16 @@ def counts_writer(
             for name, values in _arrays(exposure):
                 if name not in arrays:
                     most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
-                    shape, unit = (frames, *values.shape[1:]), _unit(name, origin.sensor)
-                    new = _created(group, name, shape, max(1, most), unit, dtype=values.dtype)
-                    arrays[name] = new
+                    arrays[name] = group.create_array(
+                        name,
+                        shape=(frames, *values.shape[1:]),
+                        chunks=(max(1, most), *values.shape[1:]),
+                        dtype=values.dtype,
+                        dimension_names=("frame", "row", "column"),
+                        attributes={"unit": _unit(name, origin.sensor)},
+                        # so that a missing chunk is not read as darkness
+                        config={"write_empty_chunks": True},
+                    )
                 arrays[name][first : first + len(values)] = values
 
         yield write
@@ -153,99 +150,6 @@ def _new_group(path: Path, origin: Origin) -> zarr.Group:
 def format_attribute() -> dict[str, Any]:
     """Return the attribute with the format of a Zarr group."""
     return {FORMAT_KEY: written("counts")}
-
-
-def _created(
-    group: zarr.Group, name: str, shape: tuple[int, ...], per_chunk: int, unit: str, **how: Any
-) -> "zarr.Array[Any]":
-    return group.create_array(
-        name,
-        shape=shape,
-        chunks=(per_chunk, *shape[1:]),
-        dimension_names=("frame", "row", "column")[: len(shape)],
-        attributes={"unit": unit},
-        config={"write_empty_chunks": True},  # so that a missing chunk is not read as darkness
-        **how,
-    )
-
-
-class ExtraArray(NamedTuple):
-    """Additional array: type, description, and True if it has one value per pixel."""
-
-    dtype: DTypeLike
-    unit: str
-    of_pixels: bool = False
-
-
-class GrowingCounts:
-    """New store of counts that grows frame by frame.
-
-    `path`: must not exist; `shape`: rows, columns; `extras`: further arrays by name, such as times.
-    """
-
-    def __init__(
-        self, path: Path, origin: Origin, shape: tuple[int, int], extras: Mapping[str, ExtraArray]
-    ) -> None:
-        check_new(path)
-        self.path = path
-        self.frames = 0
-        """Frames published or pending."""
-        group = _new_group(path, origin)
-        readings = {
-            name: ExtraArray(kind, _unit(name, origin.sensor), of_pixels=True)
-            for name, kind in zip(READINGS, (np.uint16, np.bool_), strict=True)
-        }
-        self._arrays = {}
-        for name, (dtype, unit, of_pixels) in {**readings, **extras}.items():
-            none = (0, *(shape if of_pixels else ()))
-            how = {"dtype": np.dtype(dtype), "compressors": _CODEC}
-            self._arrays[name] = _created(group, name, none, _GROWING_FRAMES, unit, **how)
-        self._chunk = {
-            name: np.empty((_GROWING_FRAMES, *array.shape[1:]), array.dtype)
-            for name, array in self._arrays.items()
-        }
-        self._published = 0
-        self.publish()
-
-    def append(self, values: Mapping[str, NDArray[Any]]) -> None:
-        """Append frames: one array (n, …) for every array of the store."""
-        taken, frames = 0, len(values["counts"])
-        while taken < frames:
-            place = self.frames % _GROWING_FRAMES
-            some = min(_GROWING_FRAMES - place, frames - taken)
-            for name, chunk in self._chunk.items():
-                chunk[place : place + some] = values[name][taken : taken + some]
-            taken += some
-            self.frames += some
-            if self.frames % _GROWING_FRAMES == 0:
-                self.publish()
-
-    def publish(self) -> None:
-        """Make all frames so far readable."""
-        first = self._published // _GROWING_FRAMES * _GROWING_FRAMES
-        for name, array in self._arrays.items():
-            array.resize((self.frames, *array.shape[1:]))
-            if self.frames > first:
-                array[first:] = self._chunk[name][: self.frames - first]
-        self._published = self.frames
-        whole = json.loads((self.path / "zarr.json").read_text("utf-8"))
-        whole["consolidated_metadata"] = {
-            "kind": "inline",
-            "must_understand": False,
-            "metadata": {
-                name: json.loads((self.path / name / "zarr.json").read_text("utf-8"))
-                for name in self._arrays
-            },
-        }
-        write_text(self.path / "zarr.json", json.dumps(whole))
-
-    def read(self, name: str, first: int, end: int) -> NDArray[Any]:
-        """Read published values of one array."""
-        return np.asarray(self._arrays[name][first:end])
-
-    def rewrite(self, name: str, first: int, values: NDArray[Any]) -> None:
-        """Replace published values of one array from a frame on."""
-        self._arrays[name][first : first + len(values)] = values
 
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
@@ -313,7 +217,7 @@ class OpenedCounts(Origin):
 
     path: Path
     arrays: Mapping[str, StoredFrames]
-    """Name to frames: `READINGS`, `MOMENTS` if stored, and further arrays of every frame."""
+    """Name to frames: `READINGS`, and `MOMENTS` if stored."""
 
     def __getitem__(self, name: str) -> StoredFrames:
         """Return one array. Raises ValueError if it was not stored."""
@@ -380,11 +284,6 @@ def _opened(path: Path, store: Store) -> OpenedCounts:
     shapes = [array.shape for array in arrays.values()]
     if len(shapes[0]) != 3 or len(set(shapes)) > 1:
         raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
-    extras = {
-        name: StoredFrames(path, array)
-        for name, array in store.arrays.items()
-        if name not in arrays and array.shape[0] == shapes[0][0]
-    }
     return OpenedCounts(
         sensor=_IMAGE_SENSOR.validate_python(store.attributes["sensor"]),
         **{
@@ -392,5 +291,5 @@ def _opened(path: Path, store: Store) -> OpenedCounts:
             for name in ("seed", "sequence", "illuminance_lux", "extra")
         },
         path=path,
-        arrays=arrays | extras,
+        arrays=arrays,
     )

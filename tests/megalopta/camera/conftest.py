@@ -26,16 +26,15 @@ STIMULUS = Flat((5e6,))
 
 
 @contextmanager
-def emulating(link, faults=None, **camera):
-    """Run a camera; `sent` holds its bytes, a bytearray for each time it was plugged in."""
-    sent, stop = [], threading.Event()
+def emulating(link, clock_rate=1.0, **camera):
+    """Run a camera; `sent` holds its bytes."""
+    sent, stop = bytearray(), threading.Event()
     given = {"sensor": SENSOR, "stimulus": STIMULUS} | camera
     port = EmulatedPort(
         EmulatedCamera(**given),
-        faults,
         link,
-        lambda path: sent.append(bytearray()),
-        lambda data: sent[-1].extend(data),
+        sent=sent.extend,
+        clock_rate=clock_rate,
     )
     thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
     thread.start()
@@ -83,6 +82,12 @@ def _act(end, camera, then, answered, stop):
             waiting = waiting[os.write(end, waiting) :]
 
 
+def frames(camera):
+    """Yield the lines of a camera's frames."""
+    while True:
+        yield encode(camera.next_frame())
+
+
 def wanted(**fields):
     """Settings of a fast capture, but for these fields."""
     given = {"exposure_s": 0.005, "frame_rate_hz": 200, "step_bias": 2048, "row_window": (0, 16)}
@@ -104,14 +109,14 @@ def running(*words):
             process.kill()
 
 
-def expected_adc(settings: Settings, number: int, plugged_in: int = 0):
+def expected_adc(settings: Settings, number: int):
     """What the emulated camera reads in a frame, by the sensor model alone."""
     sensor = sensor_as_set(SENSOR, settings)
     # Frames of 64 ms, and at most 64, share a stream.
     together = min(max(64_000 // settings.period_us, 1), 64)
     place = number % together
     rate = STIMULUS.rates_hz(np.zeros(place + 1), sensor)
-    drawn = {"seed": 0, "stream": plugged_in, "together": together}
+    drawn = {"seed": 0, "stream": 0, "together": together}
     return expose_adc(rate, sensor, first_frame=number - place, **drawn)[place]
 
 

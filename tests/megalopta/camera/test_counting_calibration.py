@@ -226,7 +226,7 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
 
 
 def test_sums_of_a_camera_of_codes_are_refused(tmp_path):
-    (tmp_path / "raw.bin").write_bytes(b"")
+    (tmp_path / "frames.bin").write_bytes(b"")
     with pytest.raises(UserError, match="sums: of recordings of SPADCAM"):
         calibrate_recordings([Source(tmp_path, sums=255)], tmp_path / "out.yaml", beam=Beam())
 

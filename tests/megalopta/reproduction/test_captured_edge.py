@@ -2,7 +2,7 @@
 
 import pytest
 
-from megalopta.camera.emulated import Faults, Plate
+from megalopta.camera.emulated import Plate
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
@@ -22,7 +22,7 @@ def recording(tmp_path, request, monkeypatch):
     """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
     monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
     link, out = tmp_path / "cam", tmp_path / "plate"
-    with emulating(link, Faults(drift_ppm=19e6), stimulus=Plate(request.param), seed=3):
+    with emulating(link, clock_rate=20.0, stimulus=Plate(request.param), seed=3):
         words = f"--port {link} --kind plate --rate 10 --exposure 0.1 --frames 600 --out {out}"
         cli.main(["spadcam", "capture", *words.split()])
     return out
@@ -62,7 +62,8 @@ def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem,
     from megalopta.sensor.formats.protocol import Identity, Settings
 
     identity = Identity(16, 16, 12, 3300, "A", "test 1")
-    Recorder(tmp_path, changed(SENSOR, exposure_s=0.05), "plate", identity, Settings(), 0.0)
+    sensor = changed(SENSOR, exposure_s=0.05)
+    Recorder(tmp_path, sensor, "plate", identity, Settings(), 0.0).finish(0)
     given = [word.format(tmp_path) for word in words]
     assert problem in refused("spadcam", "figures", *given, "--out", tmp_path / "new")
     assert not (tmp_path / "new").exists()
