@@ -1,15 +1,12 @@
-"""`megalopta dataset`: make, check and preview a dataset of many sequences."""
+"""`megalopta dataset`: make a dataset of many sequences."""
 
-import sys
 from argparse import Namespace
 from pathlib import Path
 
 from megalopta.cli.command import (
     CLUSTER,
-    DATASET,
     VERBS,
     Verb,
-    at_least,
     option,
     out,
     switch,
@@ -18,7 +15,7 @@ from megalopta.cli.command import (
 from megalopta.core.errors import UserError
 from megalopta.settings.verb_settings import VerbSettings
 
-VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
+VERBS["dataset"] = Verb("make a dataset of many sequences")
 
 
 @verb(
@@ -55,52 +52,3 @@ def _make(options: Namespace) -> Path | None:
     where = {"workers": options.workers, "scheduler": options.scheduler}
     make(options.out, plan, only=only, retry=options.retry, **where)
     return Path(options.out)
-
-
-@verb(
-    "dataset expose",
-    "add sensors, exposures and light levels to a finished dataset",
-    DATASET,
-    *CLUSTER,
-    settings=VerbSettings(("Exposing",)),
-    example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
-)
-def _expose(options: Namespace) -> Path:
-    from megalopta.generation.adding import add_exposures
-
-    where = options.workers, options.scheduler
-    return add_exposures(options.dataset, options.overrides, *where).root
-
-
-@verb(
-    "dataset check",
-    "verify a dataset: hashes, shapes, completeness, and flow derived independently",
-    DATASET,
-    option("--truth N", "sequences whose flow is rederived from depth and poses", at_least(0), 3),
-)
-def _check(options: Namespace) -> None:
-    from megalopta.verification.files import run_check_files
-
-    if not run_check_files(options.dataset, options.truth):
-        sys.exit(1)
-
-
-@verb(
-    "dataset card", "write README.md: contents of a dataset, with statistics and pictures", DATASET
-)
-def _card(options: Namespace) -> Path:
-    from megalopta.report.dataset_card import write_card
-
-    return write_card(options.dataset)
-
-
-@verb(
-    "dataset view",
-    "write index.html, a contact sheet with clips of light, counts, flow and depth",
-    DATASET,
-    option("--sequences N", "sequences to show, evenly spaced", at_least(1), 24),
-)
-def _view(options: Namespace) -> Path:
-    from megalopta.report.dataset_card import write_contact_sheet
-
-    return write_contact_sheet(options.dataset, options.sequences)

@@ -113,13 +113,14 @@ def _reproduce(options: Namespace) -> list[Path]:
     "verify a dataset's truth by a second method, or its files by their hashes",
     option("what", "what to verify", choices=["truth", "files"]),
     DATASET,
+    option("--truth N", "files of many: sequences whose truth is verified, too", at_least(0), 3),
 )
 def _check(options: Namespace) -> None:
     from megalopta.dataset.store import open_sequence
     from megalopta.verification import files, truth
 
     if options.what == "files":
-        passes = files.run_check_files(options.dataset)
+        passes = files.run_check_files(options.dataset, options.truth)
     else:
         passes = truth.run_check_truth(open_sequence(options.dataset))
     if not passes:

@@ -192,7 +192,7 @@ _OF_PICTURES = (
     option("--out", "dataset folder for pictures (default: out/NAME)", Path),
     *_OF_PICTURES,
     *CLUSTER,
-    settings=VerbSettings(stage="sense", argument="input"),
+    settings=VerbSettings(("Configuration", "Exposing"), stage="sense", argument="input"),
     often=(
         *("light_levels", "sensors", "products", "sub_frames", "burst_hz", "free_running"),
         *("expectation", "correct"),

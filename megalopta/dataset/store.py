@@ -216,7 +216,7 @@ class Dataset:
         if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
                 f"{self.home / name} {what}; find other damage with: "
-                f"{shell_command('dataset', 'check', self.home)}"
+                f"{shell_command('check', 'files', self.home)}"
             )
         if is_hashed:
             self._compared.add(name)

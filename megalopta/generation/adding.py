@@ -91,7 +91,8 @@ class Exposing(Record, frozen=True):
     """Levels, by name or in lux"""
 
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Exposures of each, with independent noise; later ones are SENSOR-r2, SENSOR-r3, …"""
+    """Of a dataset of many: exposures of each, with independent noise; later ones are SENSOR-r2,
+    SENSOR-r3, …"""
 
     products: tuple[ProductName, ...] = ("counts",)
     """Output of each, as in a configuration"""
@@ -110,7 +111,7 @@ class _Exposed:
             **self.exposing.model_dump(mode="json", exclude={"repeats"}),
             "imu": None,  # it is there
         }
-        settings = validated(Configuration, values, "dataset expose")
+        settings = validated(Configuration, values, "sense")
         return replace(made, configuration=repeated(settings, self.exposing.repeats))
 
     def check(self, made: Dataset, wanted: Dataset) -> None:
@@ -250,5 +251,5 @@ def add_exposures(
     sensor cannot expose a sequence.
     """
     if not isinstance(wanted, Exposing):
-        wanted = validated(Exposing, {}, "dataset expose", wanted)
+        wanted = validated(Exposing, {}, "sense", wanted)
     return add_to_all(root, _Exposed(wanted), "Exposing sequences", workers, scheduler)

@@ -1,4 +1,4 @@
-"""`megalopta dataset card` and `view`: README.md with statistics, and a page of short films."""
+"""A dataset of many sequences: README.md with statistics, and a page of short films."""
 
 import html
 import re
@@ -126,7 +126,7 @@ def write_card(root: Path) -> Path:
 
 def _rows(root: Path, table: str) -> Rows:
     path = table_path(root, table)
-    with undamaged(path, "run megalopta dataset check"):
+    with undamaged(path, "run megalopta check files"):
         columns = [name for name in _COLUMNS if name in pq.read_schema(path).names]
         return list(pq.read_table(path, columns=columns).to_pylist())
 

@@ -54,8 +54,9 @@ class VerbSettings:
 
         A switch takes none, or "true" or "false".
         """
-        types: list[Any] = [{"model": name} for name in self.models]
-        steps = path.split(".")
+        steps, models = path.split("."), description()["models"]
+        having = [name for name in self.models if steps[0] in models[name]]
+        types: list[Any] = [{"model": name} for name in having[:1] or self.models]
         for depth, step in enumerate(steps):
             inner = [each for outer in types for each in _inside(outer, step)]
             if not inner:
@@ -119,7 +120,8 @@ class VerbSettings:
         for path, field, value in settings_of(first, given):
             yield path, field, "(the dataset's)" if values is None else value
         for other in others:
-            yield from settings_of(other, dict.fromkeys(description()["models"][other], ...))
+            only = {name: ... for name in description()["models"][other] if name not in fields}
+            yield from settings_of(other, only)
 
 
 def settings_of(model: str, values: Mapping[str, Any], prefix: str = "") -> Iterator[Any]:

@@ -1,4 +1,4 @@
-"""`megalopta check files` and `dataset check`: a dataset against its records and its plan.
+"""`megalopta check files`: a dataset against its records and its plan.
 
 Every file is compared with its hash, shapes with the configuration, and unknown files are reported.
 For many sequences, also the records with the manifest, the index with the Croissant file, and the

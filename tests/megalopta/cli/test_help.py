@@ -17,7 +17,6 @@ from megalopta.cli.command import VERBS
 from megalopta.cli.main import main, program
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan, load_plan
-from megalopta.generation.adding import Exposing
 from megalopta.settings.describing import described
 from megalopta.settings.verb_settings import FILE, VerbSettings
 
@@ -151,7 +150,6 @@ def test_the_help_states_the_configuration(helped, tmp_path, monkeypatch, words,
     ("words", "model"),
     [
         ("dataset make", Plan),
-        ("dataset expose", Exposing),
         ("benchmark sequence", RankingSettings),
         ("design", DesignSettings),
     ],

@@ -253,11 +253,10 @@ def option(rng, here):
         ["render", "grating", "--trajectory.frames", "1", f"--{path}"],
         ["benchmark", "pairs", "x", "--photons"], ["benchmark", "pairs", "x", "--pairs"],
         ["benchmark", "pairs", "x", "--draws"], ["dataset", "make", "x", "--only"],
-        ["dataset", "make", "x", "--workers"], ["dataset", "check", "x", "--truth"],
+        ["dataset", "make", "x", "--workers"], ["check", "files", "x", "--truth"],
         ["reproduce", "fig-4.5", "--workers"], ["benchmark", "photons", "x", "--workers"],
         ["spadcam", "calibrate", "x", "--wavelength-nm"], ["spadcam", "calibrate", "x", "--beam-area-mm2"],
         ["spadcam", "compare", "x", "--device", "y", "--margin"], ["spadcam", "compare", "x", "--device", "y", "--seed"],
-        ["dataset", "view", "x", "--sequences"],
     )  # fmt: skip
     words = one_of(rng, verbs)
     return [*words[:-1], f"{words[-1]}={one_of(rng, BAD_NUMBERS)}"]

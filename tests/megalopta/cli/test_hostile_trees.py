@@ -9,10 +9,10 @@ from ..harm import link, pipe, text
 from ..small import content, copied
 
 VERBS = {
-    "check": ("dataset", "check"),
-    "card": ("dataset", "card"),
-    "view": ("dataset", "view"),
-    "expose": ("dataset", "expose", "--sensors", "ideal"),
+    "check": ("check", "files"),
+    "report": ("report",),
+    "view": ("view",),
+    "expose": ("sense", "--sensors", "ideal"),
     "benchmark": ("benchmark", "sequence"),
 }
 

@@ -129,7 +129,7 @@ def test_reading_a_damaged_file_names_it(single_copy, name):
     READS[name](sequence)
     damaged(single_copy / name)
     again = megalopta.open_dataset(single_copy)[0]
-    with pytest.raises(UserError, match=f"{name} differs from its record; .*dataset check"):
+    with pytest.raises(UserError, match=f"{name} differs from its record; .*check files"):
         READS[name](pickle.loads(pickle.dumps(again)))
 
 

@@ -112,9 +112,7 @@ def test_make_killed_at_random_moments(plan, tmp_path, workers):
 
 def test_expose_killed_at_random_moments(plan, tmp_path):
     run("dataset", "make", plan, "--out", tmp_path / "made")
-    broken_off_and_gone_on_with(
-        lambda root: ("dataset", "expose", root, *EXPOSE), tmp_path / "made", tmp_path
-    )
+    broken_off_and_gone_on_with(lambda root: ("sense", root, *EXPOSE), tmp_path / "made", tmp_path)
 
 
 def test_pictures_killed_at_random_moments(tmp_path):

@@ -136,7 +136,7 @@ def test_new_light_on_old_frames(small_copy, small_dataset):
 def test_an_exposure_of_this_name_with_other_settings_is_refused(small_copy, refused):
     level = megalopta.open_dataset(small_copy)[0].configuration.light_levels[0]
     told = refused(
-        "dataset", "expose", small_copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
+        "sense", small_copy, "--sensors", "{preset: spadcam, exposure_s: 0.01}",
         "--light-levels", level,
     )  # fmt: skip
     assert "give the sensor another name" in told
