@@ -1,0 +1,524 @@
+"""Whole inputs of every format, the ways in which they are damaged, and the verbs that read them.
+
+`cases` lists damaged and hostile inputs, each a folder with files and a command. All is drawn from
+fixed seeds.
+"""
+
+import io
+import json
+import os
+import re
+import shutil
+import socket
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import av
+import h5py
+import numpy as np
+import OpenEXR
+import tifffile
+import trimesh
+import yaml
+from PIL import Image
+
+from megalopta.camera.recorder import Recorder
+from megalopta.config.model import load
+from megalopta.config.recipe import Plan
+from megalopta.config.yaml_model import to_yaml
+from megalopta.flow.formats import write_flo, write_flo5, write_kitti_png
+from megalopta.sensor import expose_events, preset
+from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
+from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
+from megalopta.verification.capture_files import shipped
+
+from ..scenes.meshes.files import Gltf, png
+from ..sensor.formats.test_cameras import COUNTS, spc3
+from ..sensor.formats.test_time_tags import CHANNELS, TICKS, photon_hdf5, ptu_of_mode_t2
+from .harm import BOMB, claiming
+
+ROWS, COLUMNS = 72, 80
+RNG = np.random.default_rng(0)
+CODES = RNG.integers(20, 230, (ROWS, COLUMNS, 3)).astype(np.uint8)
+FLOW = np.ones((ROWS, COLUMNS, 2), np.float32)
+SMALL = (
+    "--camera.width=16 --camera.height=12 --trajectory.frames=2 --render.samples-per-pixel=1 "
+    "--render.max-depth=2 --render.bands-nm=[[450,550],[550,650]] --render.integrator=path"
+)
+BEFORE = "--trajectory.position-m=[-2,0,0.2] --trajectory.look-at-m=[0,0,0.2]"
+SENSE = "sense {file} --photons=2 --frames=2 --out=o"
+PAIR = "benchmark pairs {file} good.png good.flo --methods=LK --photons=1 --out=p.csv"
+NO_TRUTH = "benchmark pairs {file} --no-truth --methods=LK --photons=1 --pairs=1 --out=p.csv"
+PANORAMA = f"render grating {SMALL} --scene.kind=panorama --scene.file={{file}} --out=o"
+TRUTH = "benchmark pairs good.png good.png {file} --methods=LK --photons=1 --out=p.csv"
+SUBMIT = "benchmark submit flows --truth=good_flows --out=s.json"
+AS_TRUTH = "benchmark submit good_flows --truth=flows --out=s.json"
+EXPORT = f"scene export grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
+ANIMATED = EXPORT.replace("[{file}]", "{{file: {file}, animate: true}}")
+MESHES = f"render grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
+VIEW = "view {file} --out=v"
+CALIBRATE = "spadcam calibrate {file} good.npy@1e5 --out=d.yaml"
+COMPARE = "spadcam compare {file} --device=good.yaml --out=c.html"
+TAGS = "spadcam tags {file} --out=t"
+PATH = f"render grating {SMALL} --trajectory.kind=recorded --trajectory.csv={{file}} --out=o"
+SENSOR = f"render grating {SMALL} --sensors=[{{file}}] --out=o"
+MATERIAL = EXPORT.format(file="good.ply") + " --scene.materials={{good: {file}}}"
+SPECIES = "scene export {file} --out=o"
+MEASUREMENT = "spadcam calibrate {file} --out=d.yaml"
+DESIGN = "design {file} --out=o"
+
+READ: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("a.png", "a.jpg", "a.bmp", "a.ppm", "a.webp", "a.tif"), (SENSE, PAIR)),
+    **dict.fromkeys(("gray.png", "packed.tif", "deep.tif", "light.tif"), (SENSE,)),
+    **dict.fromkeys(("deep.png", "light.exr", "light.hdr"), (SENSE, PANORAMA)),
+    **dict.fromkeys(("moving.gif", "moving.png", "moving.webp"), (SENSE, NO_TRUTH)),
+    **dict.fromkeys(("film.mp4", "film.mkv", "film.avi"), (SENSE, NO_TRUTH)),
+    **dict.fromkeys(("light.npy", "light.npz"), (SENSE + " --unit=linear",)),
+    **dict.fromkeys(("f.flo", "f.flo5", "f.png", "f.pfm", "f.npy"), (TRUTH, SUBMIT, AS_TRUTH)),
+    "t.glb": (EXPORT, ANIMATED, MESHES),
+    **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "text.ply", "t.stl", "text.stl"), (EXPORT,)),
+    "t.xml": (EXPORT, MESHES),
+    **{f"t.{name}": (EXPORT.format(file="t.gltf"),) for name in ("bin", "png")},
+    "t.mtl": (EXPORT.format(file="t.obj"),),
+    **{f"x.{name}": (EXPORT.format(file="t.xml"),) for name in ("spd", "ply", "obj", "png")},
+    **dict.fromkeys(("r.npy", "r.tif", "r.spc3"), (VIEW, CALIBRATE, COMPARE)),
+    **dict.fromkeys(("RAW0.bin", "r.h5", "r.npz"), (VIEW, COMPARE)),
+    **dict.fromkeys(("tags.ptu", "tags.hdf5", "tags.dat"), (TAGS,)),
+    "path.csv": (PATH,),
+    **dict.fromkeys(("curve.yaml", "surface.yaml", "map.yaml"), (SENSOR, DESIGN)),
+    **{f"{name}": (SENSOR.format(file=of),) for name, of in (
+        ("curve.csv", "curve.yaml"), ("surface.csv", "surface.yaml"), ("map.npy", "map.yaml"))},
+    "reflectance.csv": (MATERIAL,),
+    "species.yaml": (SPECIES.format(file="woods.yaml"),),
+    "woods.yaml": (SPECIES,),
+    "recordings.yaml": ("spadcam calibrate {file} --out=d.yaml",),
+    "plan.yaml": ("dataset make {file} --out=o --only=0",),
+    "sweep.yaml": ("benchmark photons {file} --out=o --workers=1",),
+    "config.yaml": ("render {file} --out=o",),
+    **dict.fromkeys(("dark-counts.csv", "crosstalk.csv", "autocorrelation.csv"), (MEASUREMENT,)),
+    "board.jsonl": ("benchmark submit good_flows --truth=good_flows --out=s.json --leaderboard={file}",),
+}  # fmt: skip
+"""Files, and the commands that read them."""
+
+TEXTS = (
+    ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", ".jsonl", "text.ply", "text.stl",
+)  # fmt: skip
+UNMARKED = (".csv", ".yaml", ".obj", ".mtl", ".spd", ".jsonl", ".ptu", ".mkv", ".bin", ".avi", ".dat", "map.npy")
+"""Formats of which a part may be whole, or whose reader sees no more than a part"""
+CHECKED = ("a.png", "gray.png", "deep.png", "f.png", ".npz")
+"""Formats with checksums, which no flipped bit passes"""
+
+
+class Case(NamedTuple):
+    """An input: its files are put into a folder, then the command runs there."""
+
+    name: str
+    words: list[str]
+    put: Callable[[Path, Path], object]
+    """Of the folder, and that of whole inputs"""
+    must_tell: bool = False
+    """True if what is damaged can be known"""
+    goes: bool = False
+    """True if a whole input, which must be read"""
+
+
+def animation(path, **more):
+    frames = [Image.fromarray(np.roll(CODES, k, axis=1)) for k in range(3)]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=40, **more)
+
+
+def film(path, codec):
+    with av.open(path, "w") as container:
+        stream = container.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt = COLUMNS, ROWS, "yuv420p"
+        for k in range(4):
+            frame = av.VideoFrame.from_ndarray(np.roll(CODES, k, axis=1), "rgb24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+
+
+def exr(path, values, **header):
+    channels = {name: np.ascontiguousarray(values[..., k]) for k, name in enumerate("RGB")}
+    OpenEXR.File({"type": OpenEXR.scanlineimage, **header}, channels).write(str(path))
+
+
+def radiance(path, values):
+    """A Radiance picture without run lengths."""
+    exponent = np.ceil(np.log2(values.max(axis=-1, keepdims=True)))
+    codes = np.concatenate([values * 256 / 2**exponent, exponent + 128], axis=-1).clip(0, 255)
+    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {values.shape[0]} +X {values.shape[1]}\n"
+    path.write_bytes(head.encode() + codes.astype(np.uint8).tobytes())
+
+
+def gltf():
+    """A triangle that turns, with a picture."""
+    file = Gltf()
+    uv = file.accessor(np.array([[0, 0], [1, 0], [0, 1]], np.float32))
+    mesh = file.triangle(material=0, TEXCOORD_0=uv)
+    image = file.view(png(CODES[:8, :8]))
+    times = file.accessor(np.array([0, 1, 2], np.float32))
+    turns = file.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]], np.float32))
+    sampler = {"input": times, "output": turns}
+    channel = {"sampler": 0, "target": {"node": 1, "path": "rotation"}}
+    file.header |= {
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": image, "mimeType": "image/png"}],
+        "nodes": [{"children": [1]}, {"mesh": mesh}],
+        "scenes": [{"nodes": [0]}],
+        "animations": [{"samplers": [sampler], "channels": [channel]}],
+    }
+    return file
+
+
+def write_whole(here):
+    """Write every input."""
+    _pictures(here)
+    _meshes(here)
+    _readings(here)
+    _texts(here)
+
+
+def _pictures(here):
+    gray, light = CODES[..., 0], (CODES / 255).astype(np.float32)
+    for name in ("a.png", "a.jpg", "a.bmp", "a.ppm", "a.webp", "a.tif", "good.png"):
+        Image.fromarray(CODES).save(here / name)
+    Image.fromarray(gray).save(here / "gray.png")
+    Image.fromarray(gray.astype(np.uint16) * 256).save(here / "deep.png")
+    tifffile.imwrite(here / "packed.tif", CODES, compression="zlib", photometric="rgb")
+    tifffile.imwrite(here / "deep.tif", CODES.astype(np.uint16), photometric="rgb")
+    tifffile.imwrite(here / "light.tif", light, photometric="rgb")
+    exr(here / "light.exr", light)
+    radiance(here / "light.hdr", light)
+    animation(here / "moving.gif")
+    animation(here / "moving.png")
+    animation(here / "moving.webp", lossless=True)
+    for name, codec in (("film.mp4", "libx264"), ("film.mkv", "libx264"), ("film.avi", "mpeg4")):
+        film(here / name, codec)
+    np.save(here / "light.npy", light[None])
+    np.savez_compressed(here / "light.npz", light[None])
+    for folder in ("flows", "good_flows"):
+        (here / folder).mkdir()
+    for path in (here / "f.flo", here / "good.flo", here / "good_flows/frame_0001.flo"):
+        write_flo(path, FLOW)
+    write_flo5(here / "f.flo5", FLOW)
+    write_kitti_png(here / "f.png", FLOW)
+    (here / "f.pfm").write_bytes(
+        b"PF\n%d %d\n-1.0\n" % (COLUMNS, ROWS) + np.pad(FLOW, ((0, 0), (0, 0), (0, 1))).tobytes()
+    )
+    np.save(here / "f.npy", FLOW)
+
+
+def _meshes(here):
+    file = gltf()
+    (here / "t.glb").write_bytes(file.glb())
+    Image.fromarray(CODES[:8, :8]).save(here / "t.png")
+    shutil.copy(here / "t.png", here / "x.png")
+    header = {**file.header, "buffers": [{"byteLength": len(file.data), "uri": "t.bin"}]}
+    header["images"] = [{"uri": "t.png"}]
+    (here / "t.gltf").write_text(json.dumps(header))
+    (here / "t.bin").write_bytes(file.data)
+    (here / "t.obj").write_text(
+        "mtllib t.mtl\no plate\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 0 1\n"
+        "usemtl paint\nf 1/1 2/2 3/3\nf 2/2 4/1 3/3\n"
+    )
+    (here / "t.mtl").write_text("newmtl paint\nKd 0.5 0.4 0.3\nmap_Kd t.png\n")
+    ball = trimesh.creation.icosphere(1, 0.5)
+    for name in ("t.ply", "good.ply", "x.ply"):
+        ball.export(here / name)
+    ball.export(here / "text.ply", encoding="ascii")
+    ball.export(here / "t.stl")
+    ball.export(here / "text.stl", file_type="stl_ascii")
+    (here / "x.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    (here / "x.spd").write_text("400 0.1\n500 0.3\n600 0.5\n700 0.4\n")
+    (here / "t.xml").write_text(
+        '<scene version="3.0.0"><bsdf type="diffuse" id="green"><spectrum name="reflectance" '
+        'filename="x.spd"/></bsdf><shape type="ply"><string name="filename" value="x.ply"/>'
+        '<ref id="green"/><transform name="to_world"><translate x="1" y="0.5"/></transform></shape>'
+        '<shape type="obj"><string name="filename" value="x.obj"/><bsdf type="diffuse"><texture '
+        'type="bitmap" name="reflectance"><string name="filename" value="x.png"/></texture></bsdf>'
+        '</shape><shape type="sphere"><point name="center" x="0" y="1" z="0"/><float name="radius" '
+        'value="0.4"/><bsdf type="diffuse"><spectrum name="reflectance" value="400:0.1, 700:0.6"/>'
+        "</bsdf></shape></scene>"
+    )
+
+
+def _readings(here):
+    bits = RNG.integers(0, 256, (40, 16, 2)).astype(np.uint8)
+    for name in ("r.npy", "good.npy"):
+        np.save(here / name, RNG.poisson(30, (40, 16, 16)).astype(np.uint16))
+    np.save(here / "bits.npy", bits)
+    tifffile.imwrite(here / "r.tif", RNG.poisson(3, (40, 16, 16)).astype(np.uint16), photometric="minisblack")
+    (here / "r.spc3").write_bytes(spc3(COUNTS))
+    (here / "RAW0.bin").write_bytes(RNG.bytes(3 * 512 * 64))
+    rate = RNG.uniform(0, 1500, (3, 20, 30))
+    sensor = preset("ideal")
+    origin = EventOrigin(shape=rate.shape, frame_period_s=0.125, exposure_s=sensor.exposure_s)
+    events = expose_events(rate, sensor, seed=0, sequence="s")
+    write_events_hdf5(here / "r.h5", events, origin)
+    write_events_npz(here / "r.npz", events, origin)
+    photon_hdf5(here / "tags.hdf5", [("photon_data", TICKS, CHANNELS)])
+    ptu_of_mode_t2(here / "tags.ptu", TICKS, CHANNELS)
+    (here / "tags.dat").write_bytes(RNG.bytes(4 * 2048))
+    identity = Identity(16, 16, 12, 3300, "A", "test 1")
+    (here / "recording").mkdir()
+    recorder = Recorder(here / "recording", preset("spadcam"), "dark", identity, Settings(), 0.0)
+    recorder.plugged(0)
+    for number, samples in enumerate(RNG.integers(500, 4096, (50, 16, 16)).astype(np.uint16)):
+        recorder.take(number / 10, frame_packet(number, 100_000 * number, samples))
+    recorder.write(0)
+    (here / "recording/raw.bin").write_bytes(b"nothing")
+
+
+def _texts(here):
+    poses = [f"{k / 50},{k / 50},0,1.5,0,0.7071068,0,0.7071068" for k in range(20)]
+    (here / "path.csv").write_text("t,x,y,z,qx,qy,qz,qw\n" + "\n".join(poses) + "\n")
+    points = [(400, 0.1), (500, 0.3), (700, 0.2)]
+    curve = "".join(f"{nm},{share}\n" for nm, share in points)
+    (here / "curve.csv").write_text("wavelength_nm,efficiency\n" + curve)
+    (here / "reflectance.csv").write_text(curve)
+    (here / "surface.csv").write_text(
+        "".join(f"{nm},{bias},{share}\n" for nm, share in points for bias in (1, 3))
+    )
+    np.save(here / "map.npy", np.ones((12, 16)))
+    small = yaml.safe_load(to_yaml(load("grating")))
+    small["camera"] = {"width": 16, "height": 12}
+    small["trajectory"]["frames"] = 2
+    small["render"] = {"samples_per_pixel": 1, "max_depth": 2, "integrator": "path",
+                       "bands_nm": [[450, 550], [550, 650]]}  # fmt: skip
+    woods = {"scene": {"kind": "forest", "species": "species.yaml", "trees": 2, "mix": {"rowan": 1}},
+             **{part: small[part] for part in ("camera", "render")}, "trajectory": {"frames": 2}}  # fmt: skip
+    texts = {
+        "good": {"preset": "spadcam", "name": "mine"},
+        "curve": {"preset": "ideal", "name": "mine", "efficiency": "curve.csv"},
+        "surface": {
+            "preset": "ideal", "name": "mine", "bias": {"excess_v": 2.0, "efficiency": "surface.csv"},
+        },
+        "map": {"preset": "ideal", "name": "mine", "measured": {"dark_counts": {"path": "map.npy"}}},
+        "species": {"rowan": {"like": "birch", "shape": {"height_m": 6}}},
+        "woods": woods,
+        "recordings": {"recordings": [{"path": "r.npy", "exposure_s": 1e-3},
+                                      {"path": "good.npy", "exposure_s": 1e-3, "light": 1e5}]},
+        "plan": Plan().model_dump(mode="json") | {
+            "sequences": 1, "scenes": [{"preset": "grating"}], "lights": ["twilight"],
+            "every": {part: small[part] for part in ("camera", "render")} | {"trajectory": {"frames": 2}},
+            "sensors": ["spadcam"], "light_levels": ["twilight"],
+        },
+        "sweep": {
+            "trial": {"size": 12, "methods": ["IM"], "search": {"phases": 1, "bits": [2]}},
+            "vary": "velocity_px", "values": [1], "templates": [{"kind": "grating", "cycles_per_frame": 2}],
+        },
+        "config": small,
+    }  # fmt: skip
+    for name, values in texts.items():
+        (here / f"{name}.yaml").write_text(yaml.safe_dump(values))
+    for path in shipped():
+        shutil.copy(path, here / path.name.replace("-1", ""))
+    (here / "board.jsonl").write_text("")
+
+
+# Damage to the bytes of any file
+
+
+def cut(content, rng):
+    return content[: rng.integers(1, max(len(content), 2))]
+
+
+def cut_end(content, rng):
+    return content[: -int(rng.integers(1, 1 + min(16, max(len(content) // 2, 1))))]
+
+
+def empty(content, rng):
+    return b""
+
+
+def flipped(content, rng):
+    changed = bytearray(content)
+    for at in rng.integers(len(changed), size=rng.integers(1, 9)):
+        changed[at] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def blocked(content, rng):
+    """A block of zeros or of ones, as of a disk that failed."""
+    size = int(rng.integers(1, max(len(content) // 2, 2)))
+    start = int(rng.integers(max(len(content) - size, 1)))
+    return content[:start] + bytes([int(rng.integers(2)) * 255]) * size + content[start + size :]
+
+
+def noise(content, rng):
+    return rng.bytes(max(len(content), 64))
+
+
+def other_magic(content, rng):
+    return rng.bytes(8) + content[8:]
+
+
+def stating(content, rng):
+    """Another number in the header, such as a size."""
+    at = 2 * int(rng.integers(1, max(min(len(content), 160) // 2, 2)))
+    value = one_of(rng, (0, 1, -1, 2**31 - 1, -(2**31), 10**9, 65535, 2**24))
+    return content[:at] + struct.pack(one_of(rng, "<>") + "i", value) + content[at + 4 :]
+
+
+def swapped(content, rng):
+    """Two parts in the wrong order."""
+    a, b = sorted(rng.integers(1, max(len(content), 2), 2).tolist())
+    return content[:a] + content[b:] + content[a:b]
+
+
+NUMBERS = (
+    b"nan", b"inf", b"-1", b"0", b"1e300", b"-1e300", b"1e-300", b"1e9", b"999999999", b"1" * 400, b"", b"x", b"0x10",
+    b"1e7", b"-0.0", b"2147483648", b"\xff", b"\xc2\xbd",
+)  # fmt: skip
+
+
+def renumbered(content, rng):
+    """A text with another number in it."""
+    places = [*re.finditer(rb"-?\d+\.?\d*(e[-+]?\d+)?", content)] or [re.match(rb"", content)]
+    place = one_of(rng, places)
+    return content[: place.start()] + one_of(rng, NUMBERS) + content[place.end() :]
+
+
+def repeated(content, rng):
+    """A text with one of its lines a hundred thousand times."""
+    lines = content.splitlines(keepends=True) or [b"x\n"]
+    at = int(rng.integers(len(lines)))
+    times = min(100_000, 40_000_000 // max(len(lines[at]), 1))
+    return b"".join([*lines[:at], (lines[at].rstrip(b"\n") + b"\n") * times, *lines[at:]])
+
+
+def odd_text(content, rng):
+    return one_of(rng, ODD_TEXTS)
+
+
+ODD_TEXTS = (
+    b"\0", b"\xff\xfe\x00", b"[" * 100_000, b"{" * 5000, b"&a [*a]", b"&a x: *a", b"a: b: c", b"? [1, 2]\n: 3",
+    b"!!python/object/apply:os.system [echo]", b"!!set {a}", b"--- 1\n--- 2", b"%YAML 9.9\n---\na: 1",
+    b"name: x\nname: y", b"&a {<<: *a}", b"\t- x", BOMB.encode(), b"k" * 10_000 + b": 1", b"%PDF-1.7", b"\x1f\x8b\x08",
+    b"PK\x03\x04" + b"\0" * 30, b"x\n" * 100_000, b"1,2\n" * 300_000, b"a: " + b"9" * 6000, b"null", b"'",
+    b"<scene>" * 100_000, b"<!DOCTYPE a [<!ENTITY b 'c'>]><scene/>", b"\n" * 1_000_000,
+)  # fmt: skip
+BINARY = (cut, cut, cut, cut_end, empty, flipped, flipped, blocked, noise, other_magic, stating, stating, swapped)
+TEXT = (cut, empty, flipped, blocked, noise, renumbered, renumbered, renumbered, repeated, odd_text, swapped)
+SURE = (cut, cut_end, empty, noise)
+"""Damage that is no whole file of any format"""
+
+
+# What lies in the place of a file
+
+
+def fifo(path, content):
+    os.mkfifo(path)
+
+
+def loop(path, content):
+    path.symlink_to(path.name)
+
+
+def device(name):
+    return lambda path, content: path.symlink_to(name)
+
+
+def folder(path, content):
+    path.mkdir()
+
+
+def nothing(path, content):
+    pass
+
+
+def plug(path, content):
+    with socket.socket(socket.AF_UNIX) as file:
+        file.bind(os.path.relpath(path))
+
+
+def sparse(size):
+    """The file, and zeros after it that take no space on the disk."""
+
+    def put(path, content):
+        path.write_bytes(content)
+        os.truncate(path, size)
+
+    return put
+
+
+PLACES = {
+    "fifo": fifo, "loop": loop, "zero": device("/dev/zero"), "random": device("/dev/urandom"), "full": device("/dev/full"),
+    "folder": folder, "nothing": nothing, "plug": plug, "sparse": sparse(3 * 10**9), "sparser": sparse(10**12),
+}  # fmt: skip
+
+
+def one_of(rng, values):
+    return values[int(rng.integers(len(values)))]
+
+
+def target_of(name):
+    """Place of a file in a case's folder: flow lies in a folder of its own."""
+    return f"flows/frame_0001{Path(name).suffix}" if name.startswith("f.") else name
+
+
+def is_of(name, endings):
+    return name.endswith(tuple(endings))
+
+
+def in_folder(name, make):
+    """Whole inputs linked, but for one, which `make` makes of its path and content."""
+
+    def put(here, whole):
+        for path in whole.iterdir():
+            if path.is_dir():
+                shutil.copytree(path, here / path.name, copy_function=os.link)
+            elif path.name != name:
+                os.link(path, here / path.name)
+        make(here / target_of(name), (whole / name).read_bytes())
+
+    return put
+
+
+def worded(command, name):
+    return [word.replace("{file}", target_of(name)) for word in command.split()]
+
+
+def damaged_files(each=1):
+    """Cases of every file under every verb that reads it."""
+    for name, commands in READ.items():
+        ways = TEXT if is_of(name, TEXTS) else BINARY
+        for number, command in enumerate(commands):
+            ways_here = ways if number == 0 else ways[:: 3 + number]
+            for index, way in enumerate(ways_here * each):
+                rng = np.random.default_rng([index, number, *name.encode()])
+                sure = way in SURE and not is_of(name, UNMARKED)
+                sure |= way in (flipped, blocked) and is_of(name, CHECKED)
+                yield Case(
+                    f"{name}-{way.__name__}-{number}-{index}",
+                    worded(command, name),
+                    in_folder(name, lambda path, content, way=way, rng=rng: path.write_bytes(way(content, rng))),
+                    sure or way is empty and name != "board.jsonl",
+                )
+
+
+def odd_places():
+    """Cases of things that are no file, in turn under the verbs."""
+    for turn, (name, commands) in enumerate(READ.items()):
+        for step in range(2):
+            kind = [*PLACES][(turn * 3 + step * 5) % len(PLACES)]
+            if name == "board.jsonl" and kind == "nothing":
+                continue
+            yield Case(
+                f"{name}-is-{kind}", worded(commands[0], name), in_folder(name, PLACES[kind]),
+                must_tell=kind != "sparse",
+            )  # fmt: skip
+
+
+def whole_files():
+    for name, commands in READ.items():
+        for number, command in enumerate(commands):
+            yield Case(
+                f"{name}-whole-{number}", worded(command, name),
+                in_folder(name, lambda path, content: path.write_bytes(content)), goes=True,
+            )  # fmt: skip
