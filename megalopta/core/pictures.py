@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import check_file
+from megalopta.core.bounded import check_decoded, check_file
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import atomic_write
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
+PIXEL_BYTES = 30
+"""Memory of a pixel while a picture is read (bytes, measured)."""
+_COMPARED_BYTES = 100
+"""The same where light, flow and its errors are computed from it."""
 
 
 def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
@@ -24,32 +28,44 @@ def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     Raises DamagedFileError if it is no picture, has more than 8 bits, or claims more pixels than
     Pillow trusts.
     """
-    with opened_picture(path) as image:
+    with opened_picture(path, _COMPARED_BYTES) as image:
         if image.mode[0] in "IF":
             raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
         return np.asarray(image.convert(mode))
 
 
 @contextmanager
-def opened_picture(path: Path) -> Iterator[Image.Image]:
-    """Open a picture for Pillow to decode; errors as `readable`, also during decoding inside."""
+def opened_picture(path: Path, pixel_bytes: float = PIXEL_BYTES) -> Iterator[Image.Image]:
+    """Open a picture for Pillow to decode; errors as `decoded`, also during decoding inside."""
     with readable(path):
         check_file(path)
-        with decoded(path, path) as image:
+        with path.open("rb") as file, decoded(file, path, pixel_bytes) as image:
             yield image
 
 
 @contextmanager
-def decoded(file: Path | BinaryIO, name: object) -> Iterator[Image.Image]:
-    """Open a file for Pillow to decode, as `opened_picture`; its name is for messages."""
-    with readable(name), _opened(file) as image:
-        yield image
+def decoded(
+    file: BinaryIO, name: object, pixel_bytes: float = PIXEL_BYTES
+) -> Iterator[Image.Image]:
+    """Open a file for Pillow to decode if its pixels, each of some bytes, fit into the budget.
 
-
-def _opened(file: Path | BinaryIO) -> Image.Image:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what matters raises an exception
-        return Image.open(file, formats=_FORMATS)
+    Its name is for messages. Errors as `readable`.
+    """
+    with readable(name):
+        beginning = file.read(30)
+        file.seek(0)
+        if beginning[8:16] == b"WEBPVP8L":  # of which Pillow allocates the pixels at once
+            sides = int.from_bytes(beginning[21:25], "little")
+            check_decoded(name, ((sides >> 14 & 16383) + 1, (sides & 16383) + 1), pixel_bytes)
+        elif beginning[8:16] == b"WEBPVP8X":
+            sizes = (int.from_bytes(beginning[at : at + 3], "little") + 1 for at in (27, 24))
+            check_decoded(name, sizes, pixel_bytes)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what matters raises an exception
+            image = Image.open(file, formats=_FORMATS)
+        with image:
+            check_decoded(name, image.size[::-1], pixel_bytes)
+            yield image
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -20,10 +20,11 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
+from megalopta.render.exr import read_channels, read_header, size_in
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of, turned
 from megalopta.render.footage.transfer import to_bt709
 
@@ -108,7 +109,7 @@ class PictureFiles(Footage):
     def _deep(self, path: Path) -> NDArray[Any]:
         numbers = _decoded(path)
         if picture_kind(path) == "PNG":  # OpenCV has already turned TIFF
-            numbers = turned(numbers, *_TURNS.get(_header(path).orientation, (False,) * 3))
+            numbers = turned(numbers, *_TURNS.get(header_of(path).orientation, (False,) * 3))
         is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
         if is_transparent:
             over = numbers[..., :3] * (numbers[..., 3:] / _top(numbers))
@@ -125,7 +126,7 @@ class PictureFiles(Footage):
 
 def open_picture(path: Path, unit: Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
-    footage = _pictures(path, (path,), unit, _header(path))
+    footage = _pictures(path, (path,), unit, header_of(path))
     footage.frame(0)  # reports errors of the file now
     return footage
 
@@ -202,9 +203,9 @@ def _common_header(files: tuple[Path, ...]) -> _Header:
     if len(kinds) > 1:
         one, other = list(kinds.values())[:2]
         raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
-    first = _header(files[0])
+    first = header_of(files[0])
     for path in files[1:]:
-        header = _header(path)
+        header = header_of(path)
         if header.shape != first.shape:
             sizes = ("{1} × {0}".format(*each.shape) for each in (first, header))
             raise UserError(
@@ -231,8 +232,11 @@ def _order(files: tuple[Path, ...]) -> Iterator[str]:
         yield f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
 
 
-def _header(path: Path) -> _Header:
-    """Return the information in a file's header. Raises DamagedFileError."""
+def header_of(path: Path) -> _Header:
+    """Return the information in a file's header.
+
+    Raises DamagedFileError, also if its pixels do not fit into the budget.
+    """
     with readable(path):
         check_file(path)
         if not path.stat().st_size:
@@ -279,11 +283,13 @@ def _colors_left_out(path: Path, profile: bytes) -> tuple[str, ...]:
 
 def _tiff_header(path: Path) -> _Header:
     with tifffile.TiffFile(path) as file:
-        if len(file.pages) > 1:
+        with suppress(IndexError):
+            file.pages[1]  # the number of pages would be counted one by one
             raise DamagedFileError(
-                f"{path} has {len(file.pages)} pages; save each as a picture, or all as .npy"
+                f"{path} has several pages; save each as a picture, or all as .npy"
             )
         page = file.pages.first
+        check_count(path, "samples of a pixel", page.samplesperpixel, 4)
         _check_colors(path, "CMYK" if page.photometric == tifffile.PHOTOMETRIC.SEPARATED else "")
         depth = _tiff_depth(path, page)
         tag = page.tags.get(_ORIENTATION)
@@ -315,10 +321,7 @@ def _radiance_header(path: Path) -> _Header:
 
 
 def _exr_header(path: Path) -> _Header:
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
-        header = dict(file.header())
+    header = read_header(path)
     names = [str(each.name) for each in header["channels"]]
     if any(name.startswith("S0.") for name in names):
         raise DamagedFileError(f"{path} holds spectral radiance; give its dataset")
@@ -326,8 +329,7 @@ def _exr_header(path: Path) -> _Header:
         raise DamagedFileError(
             f"{path} has the channels {quoted(', '.join(names))}; give one with R, G, B, or Y alone"
         )
-    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
-    return _of_primaries(path, (bottom - top + 1, right - left + 1), header.get("chromaticities"))
+    return _of_primaries(path, size_in(header), header.get("chromaticities"))
 
 
 def _of_primaries(path: Path, shape: tuple[int, int], chromaticities: Any) -> _Header:
@@ -341,12 +343,10 @@ def _of_primaries(path: Path, shape: tuple[int, int], chromaticities: Any) -> _H
 
 
 def _exr_light(path: Path) -> NDArray[Any]:
-    import OpenEXR
-
-    with readable(path), OpenEXR.File(str(path), separate_channels=True) as file:
-        channels = file.channels()
+    with readable(path):
+        _, channels = read_channels(path)
         names = "RGB" if "R" in channels else "Y"
-        planes = [np.asarray(channels[name].pixels, np.float32) for name in names]
+        planes = [np.asarray(channels[name], np.float32) for name in names]
         return np.stack(planes, axis=-1) if len(planes) == 3 else planes[0]
 
 

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
+from megalopta.core.bounded import check_count
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
-from megalopta.scenes.meshes.pictures import check_texels, linear_picture
+from megalopta.scenes.meshes.pictures import Texels, linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_MOST_STEPS = 100_000
+"""Most nodes on the ways from the scene's root to all moving meshes."""
 Picture = NDArray[np.float32]
 
 
@@ -44,22 +47,30 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
     above = {child: each for each in to_world for child in nodes[each].get("children", ())}
     materials = file.header.get("materials", ())
-    pictures: dict[int, Picture] = {}
-    looks = [_look(file, number, each, pictures) for number, each in enumerate(materials)]
+    pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
+    looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
+    joints_of, steps = dict[int, Floats](), 0
     for number, pose in to_world.items():
-        motion = _motion(nodes, _chain(above, number), pose, tracks)
-        for part, piece in _parts(file, number, looks):
-            if "skin" in nodes[number]:
-                yield _bent(file, part, piece, _joints(file, nodes[number], to_world))
-            else:
-                yield replace(piece.moved(pose), motion=motion)
+        node = nodes[number]
+        if "mesh" not in node:
+            continue
+        if "skin" in node:
+            if node["skin"] not in joints_of:
+                joints_of[node["skin"]] = _joints(file, node, to_world)
+            for part, piece in _parts(file, number, looks):
+                yield _bent(file, part, piece, joints_of[node["skin"]])
+            continue
+        chain = _chain(above, number) if tracks else []
+        steps += len(chain)
+        check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
+        motion = _motion(nodes, chain, pose, tracks)
+        for _, piece in _parts(file, number, looks):
+            yield replace(piece.moved(pose), motion=motion)
 
 
 def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
     """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
     node = file.header["nodes"][number]
-    if "mesh" not in node:
-        return
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
     for part in mesh["primitives"]:
@@ -148,7 +159,9 @@ def _motion(
     return motion
 
 
-def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Picture]) -> _Look:
+def _look(
+    file: GltfFile, number: int, material: Json, pictures: dict[int, Picture], texels: Texels
+) -> _Look:
     color, texture = color_of(material)
     red, green, blue = np.clip(color, 0, 1).tolist()
     name = str(material.get("name") or f"material {number}")
@@ -157,8 +170,7 @@ def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Pictu
         return _Look(paint)
     image = image_of(file.header, texture)
     if image not in pictures:
-        pictures[image] = linear_picture(file.image(image), name)
-        check_texels(pictures.values())
+        pictures[image] = texels.add(linear_picture(file.image(image), name))
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
     coordinates = change.get("texCoord", texture.get("texCoord", 0))
     return _Look(replace(paint, picture=pictures[image]), coordinates, _transform(change))
@@ -213,6 +225,8 @@ def _faces(corners: Ints, mode: int) -> Ints:
     if mode == _FAN:
         first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
         return np.stack([first, corners[1:-1], corners[2:]], axis=1)
+    if mode != _TRIANGLES:
+        raise ValueError(f"it has a part of mode {mode}, which glTF does not define")
     return corners.reshape(-1, 3)
 
 

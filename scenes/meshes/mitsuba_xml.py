@@ -12,9 +12,10 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
+from megalopta.scenes.meshes.counting import MOST_OBJECTS, check_triangles
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.meshes.xml_document import (
@@ -26,8 +27,6 @@ from megalopta.scenes.meshes.xml_document import (
     value_of,
 )
 
-_MOST_TRIANGLES = 10**7
-_MOST_INSTANCES = 10**5
 _FILES = ("obj", "ply")
 _OF_SHAPES = ("bsdf", "emitter", "medium", "sensor", "shape", "transform")
 _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
@@ -52,12 +51,10 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
     """Yield the pieces of all shapes. Raises any exception if the file is damaged."""
     reader, total = _Reader(contents), 0
     for number, (shape, pose) in enumerate(reader.shapes()):
-        if number == _MOST_INSTANCES:
-            raise ValueError(f"it has more than {_MOST_INSTANCES} shapes")
+        check_count(next(iter(contents)), "shapes", number + 1, MOST_OBJECTS)
         for piece in reader.pieces(shape, number):
             total += len(piece.faces)
-            if total > _MOST_TRIANGLES:
-                raise ValueError(f"it has more than {_MOST_TRIANGLES:.0e} triangles")
+            check_triangles(next(iter(contents)), total)
             yield piece.moved(pose)
 
 
@@ -151,6 +148,8 @@ def _basic(kind: str, shape: Element) -> Piece:
         if each.tag in ("point", "vector")
     }
     radius = float(value_of(shape, "float", "radius") or 1)
+    if not radius > 0:
+        raise ValueError(f"it has a {quoted(kind)} of radius {radius:g}")
     match kind:
         case "rectangle":
             made = basic_shapes.rectangle()

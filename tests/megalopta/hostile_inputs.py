@@ -41,7 +41,7 @@ from ..sensor.formats.test_cameras import COUNTS, spc3
 from ..sensor.formats.test_time_tags import CHANNELS, TICKS, photon_hdf5, ptu_of_mode_t2
 from .harm import BOMB, claiming
 
-ROWS, COLUMNS = 72, 80
+ROWS, COLUMNS = 72, 144
 RNG = np.random.default_rng(0)
 CODES = RNG.integers(20, 230, (ROWS, COLUMNS, 3)).astype(np.uint8)
 FLOW = np.ones((ROWS, COLUMNS, 2), np.float32)
@@ -57,18 +57,19 @@ PANORAMA = f"render grating {SMALL} --scene.kind=panorama --scene.file={{file}} 
 TRUTH = "benchmark pairs good.png good.png {file} --methods=LK --photons=1 --out=p.csv"
 SUBMIT = "benchmark submit flows --truth=good_flows --out=s.json"
 AS_TRUTH = "benchmark submit good_flows --truth=flows --out=s.json"
-EXPORT = f"scene export grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
-ANIMATED = EXPORT.replace("[{file}]", "{{file: {file}, animate: true}}")
-MESHES = f"render grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
+OF_MESHES = f"grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
+EXPORT, MESHES = f"scene export {OF_MESHES}", f"render {OF_MESHES}"
+ANIMATED = EXPORT.replace("[{file}]", '[{"file":"{file}","animate":true}]')
 VIEW = "view {file} --out=v"
-CALIBRATE = "spadcam calibrate {file} good.npy@1e5 --out=d.yaml"
-COMPARE = "spadcam compare {file} --device=good.yaml --out=c.html"
+CALIBRATE = "spadcam calibrate {file}@0:1e-3 good.npy@1e5:1e-3 --out=d.yaml"
+COMPARE = "spadcam compare {file}@0:1e-3 --device=good.yaml --out=c.html"
 TAGS = "spadcam tags {file} --out=t"
-PATH = f"render grating {SMALL} --trajectory.kind=recorded --trajectory.csv={{file}} --out=o"
+LINOSPAD = TAGS + " --linospad2=2212b --columns=64"
+PATH = MESHES.replace("{file}", "good.ply").replace(BEFORE, "--trajectory.kind=recorded --trajectory.csv={file}")
 SENSOR = f"render grating {SMALL} --sensors=[{{file}}] --out=o"
-MATERIAL = EXPORT.format(file="good.ply") + " --scene.materials={{good: {file}}}"
+MATERIAL = EXPORT.replace("{file}", "good.ply") + ' --scene.materials={"good":"{file}"}'
 SPECIES = "scene export {file} --out=o"
-MEASUREMENT = "spadcam calibrate {file} --out=d.yaml"
+TABLES = "spadcam calibrate dark-counts.csv crosstalk.csv autocorrelation.csv --out=d.yaml"
 DESIGN = "design {file} --out=o"
 
 READ: dict[str, tuple[str, ...]] = {
@@ -82,24 +83,26 @@ READ: dict[str, tuple[str, ...]] = {
     "t.glb": (EXPORT, ANIMATED, MESHES),
     **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "text.ply", "t.stl", "text.stl"), (EXPORT,)),
     "t.xml": (EXPORT, MESHES),
-    **{f"t.{name}": (EXPORT.format(file="t.gltf"),) for name in ("bin", "png")},
-    "t.mtl": (EXPORT.format(file="t.obj"),),
-    **{f"x.{name}": (EXPORT.format(file="t.xml"),) for name in ("spd", "ply", "obj", "png")},
-    **dict.fromkeys(("r.npy", "r.tif", "r.spc3"), (VIEW, CALIBRATE, COMPARE)),
-    **dict.fromkeys(("RAW0.bin", "r.h5", "r.npz"), (VIEW, COMPARE)),
-    **dict.fromkeys(("tags.ptu", "tags.hdf5", "tags.dat"), (TAGS,)),
+    **{f"t.{name}": (EXPORT.replace("{file}", "t.gltf"),) for name in ("bin", "png")},
+    "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
+    **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply", "obj", "png")},
+    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE, COMPARE)),
+    **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5", "r.npz"), (VIEW,)),
+    **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
+    "tags.dat": (LINOSPAD,),
     "path.csv": (PATH,),
-    **dict.fromkeys(("curve.yaml", "surface.yaml", "map.yaml"), (SENSOR, DESIGN)),
-    **{f"{name}": (SENSOR.format(file=of),) for name, of in (
+    **dict.fromkeys(("curve.yaml", "surface.yaml"), (SENSOR, DESIGN)),
+    "map.yaml": (SENSOR,),
+    **{f"{name}": (SENSOR.replace("{file}", of),) for name, of in (
         ("curve.csv", "curve.yaml"), ("surface.csv", "surface.yaml"), ("map.npy", "map.yaml"))},
     "reflectance.csv": (MATERIAL,),
-    "species.yaml": (SPECIES.format(file="woods.yaml"),),
+    "species.yaml": (SPECIES.replace("{file}", "woods.yaml"),),
     "woods.yaml": (SPECIES,),
     "recordings.yaml": ("spadcam calibrate {file} --out=d.yaml",),
     "plan.yaml": ("dataset make {file} --out=o --only=0",),
     "sweep.yaml": ("benchmark photons {file} --out=o --workers=1",),
     "config.yaml": ("render {file} --out=o",),
-    **dict.fromkeys(("dark-counts.csv", "crosstalk.csv", "autocorrelation.csv"), (MEASUREMENT,)),
+    **dict.fromkeys(("dark-counts.csv", "crosstalk.csv", "autocorrelation.csv"), (TABLES,)),
     "board.jsonl": ("benchmark submit good_flows --truth=good_flows --out=s.json --leaderboard={file}",),
 }  # fmt: skip
 """Files, and the commands that read them."""
@@ -124,6 +127,11 @@ class Case(NamedTuple):
     """True if what is damaged can be known"""
     goes: bool = False
     """True if a whole input, which must be read"""
+
+    @property
+    def damaged(self):
+        """Name of the file that is damaged."""
+        return target_of(self.name.partition("-")[0])
 
 
 def animation(path, **more):
@@ -249,10 +257,10 @@ def _meshes(here):
 
 def _readings(here):
     bits = RNG.integers(0, 256, (40, 16, 2)).astype(np.uint8)
-    for name in ("r.npy", "good.npy"):
-        np.save(here / name, RNG.poisson(30, (40, 16, 16)).astype(np.uint16))
+    for name, mean in (("r.npy", 3), ("good.npy", 60)):
+        np.save(here / name, RNG.poisson(mean, (64, 16, 16)).astype(np.uint16))
     np.save(here / "bits.npy", bits)
-    tifffile.imwrite(here / "r.tif", RNG.poisson(3, (40, 16, 16)).astype(np.uint16), photometric="minisblack")
+    tifffile.imwrite(here / "r.tif", RNG.poisson(3, (64, 16, 16)).astype(np.uint16), photometric="minisblack")
     (here / "r.spc3").write_bytes(spc3(COUNTS))
     (here / "RAW0.bin").write_bytes(RNG.bytes(3 * 512 * 64))
     rate = RNG.uniform(0, 1500, (3, 20, 30))
@@ -290,13 +298,13 @@ def _texts(here):
     small["trajectory"]["frames"] = 2
     small["render"] = {"samples_per_pixel": 1, "max_depth": 2, "integrator": "path",
                        "bands_nm": [[450, 550], [550, 650]]}  # fmt: skip
-    woods = {"scene": {"kind": "forest", "species": "species.yaml", "trees": 2, "mix": {"rowan": 1}},
+    woods = {"scene": {"kind": "forest", "species": "species.yaml", "trees": 25, "mix": {"rowan": 1}},
              **{part: small[part] for part in ("camera", "render")}, "trajectory": {"frames": 2}}  # fmt: skip
     texts = {
         "good": {"preset": "spadcam", "name": "mine"},
-        "curve": {"preset": "ideal", "name": "mine", "efficiency": "curve.csv"},
+        "curve": {"preset": "ideal", "name": "mine", "efficiency": {"path": "curve.csv"}},
         "surface": {
-            "preset": "ideal", "name": "mine", "bias": {"excess_v": 2.0, "efficiency": "surface.csv"},
+            "preset": "ideal", "name": "mine", "bias": {"excess_v": 2.0, "reference_v": 2.0, "efficiency_surface": {"path": "surface.csv"}},
         },
         "map": {"preset": "ideal", "name": "mine", "measured": {"dark_counts": {"path": "map.npy"}}},
         "species": {"rowan": {"like": "birch", "shape": {"height_m": 6}}},
@@ -309,7 +317,7 @@ def _texts(here):
             "sensors": ["spadcam"], "light_levels": ["twilight"],
         },
         "sweep": {
-            "trial": {"size": 12, "methods": ["IM"], "search": {"phases": 1, "bits": [2]}},
+            "trial": {"size": 30, "methods": ["IM"], "search": {"phases": 1, "bits": [2]}},
             "vary": "velocity_px", "values": [1], "templates": [{"kind": "grating", "cycles_per_frame": 2}],
         },
         "config": small,
@@ -520,5 +528,36 @@ def whole_files():
         for number, command in enumerate(commands):
             yield Case(
                 f"{name}-whole-{number}", worded(command, name),
-                in_folder(name, lambda path, content: path.write_bytes(content)), goes=True,
+                in_folder(name, lambda path, content: path.write_bytes(content)), 
+                goes=name not in ("tags.dat", "a.bmp"),  # one needs a package that is seldom installed
             )  # fmt: skip
+
+
+MOST_CPU_S, MOST_GB, LONGEST = 10, 2.5, 1000
+"""Most processor time and resident memory of a command, and most characters of a refusal"""
+
+
+def faults(case, done):
+    """List what is wrong with how a command ended."""
+    return [*_faults(case, done)]
+
+
+def _faults(case, done):
+    told, code = done["told"], done["code"]
+    refusals = [line for line in told.splitlines() if line.startswith("megalopta: ")]
+    if "Traceback" in told or "Traceback" in done["printed"]:
+        yield "a traceback"
+    if code not in ((0, 1, 2) if case.words[0] == "check" else (0, 2)):
+        yield f"exit code {code}"
+    if code == 2 and (refusals != told.splitlines()[-1:] or not refusals[0].isprintable()):
+        yield "no sentence at the end"
+    if any(len(line) > LONGEST for line in refusals):
+        yield "a long sentence"
+    if done["cpu_s"] > MOST_CPU_S:
+        yield f"{done['cpu_s']:.1f} s of processor time"
+    if done["peak_gb"] > MOST_GB:
+        yield f"{done['peak_gb']:.2f} GB"
+    if case.must_tell and code == 0 and Path(case.damaged).name not in told:
+        yield "silence on damage"
+    if case.goes and code:
+        yield "a whole input is refused"
