@@ -27,9 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, check_file, read_bytes
+from megalopta.core.errors import TooLargeError
 from megalopta.core.files import atomic_write
-from megalopta.core.pictures import write_codes
+from megalopta.core.pictures import checked_png, write_codes
 
 Flow = NDArray[np.float32]
 
@@ -39,11 +40,9 @@ _UNKNOWN, _LARGEST_KNOWN = 1e10, 1e9
 _LARGEST_SIDE = 100_000
 
 _GZIP_LEVEL = 5
-_LARGEST_BYTES = 2**32
-
 _CODES_PER_PX, _CODE_OF_ZERO, _LARGEST_CODE = 64, 2**15, 2**16 - 1
-_MOST_PX = 10**8
-"""A file of a few megabytes can claim any number."""
+_PX_BYTES = 100
+"""Memory of a pixel of a flow that is compared with another (bytes, measured)."""
 
 _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
 
@@ -92,6 +91,7 @@ def read_flo(path: str | Path) -> Flow:
         raise ValueError(f"{path} starts with {tag!r}: a .flo file starts with {_TAG!r}")
     if not (0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
         raise ValueError(f"{path} claims {width} × {height} px: the file is damaged")
+    check_decoded(path, (height, width), _PX_BYTES)
     expected = _HEADER.size + 8 * width * height
     if len(content) != expected:
         raise ValueError(
@@ -118,10 +118,9 @@ def read_flo5(path: str | Path) -> Flow:
             stored = file["flow"] if is_here else None
             if stored is None or stored.is_virtual or stored.external:
                 raise ValueError("no flow, or a link to another file")
-            if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
-                raise ValueError("more than 4 GiB")
+            check_decoded(path, stored.shape, _PX_BYTES / 2)
             flow = stored[()]
-    except FileNotFoundError:
+    except (FileNotFoundError, TooLargeError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
         reason = " ".join(str(problem).split())[:160]
@@ -145,11 +144,12 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_kitti_png(path: str | Path) -> Flow:
     """Read KITTI's PNG. Raises ValueError if it does not have 16 bits and three channels."""
     content = read_bytes(path, ARRAY_BYTES)
-    width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # from PNG's first chunk
-    if width * height > _MOST_PX:
-        raise ValueError(f"{path} claims {width} × {height} px; give flow of fewer pixels")
-    coded = np.frombuffer(content, np.uint8)
-    image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if content else None
+    check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
+    try:
+        coded = np.frombuffer(checked_png(content), np.uint8)
+    except (ValueError, struct.error):
+        coded = None
+    image = None if coded is None else cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
         raise ValueError(f"{path} is not a 16-bit PNG with three channels, as KITTI's flow")
     flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / _CODES_PER_PX
@@ -163,6 +163,7 @@ def _read_pfm(path: Path) -> Flow:
     if header is None:
         raise ValueError(f"{path} is not a .pfm file of three channels")
     width, height, scale = int(header[1]), int(header[2]), float(header[3])
+    check_decoded(path, (height, width), _PX_BYTES)
     size, expected = len(content) - header.end(), 12 * width * height
     if size != expected:
         raise ValueError(

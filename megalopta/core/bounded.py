@@ -70,6 +70,17 @@ def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
     _check(path, Path(path).stat(), at_most)
 
 
+def budget_bytes() -> float:
+    """Return the memory that the content of a file may take. Raises UserError."""
+    given = os.environ.get("MEGALOPTA_DECODED_GB", str(DECODED_GB))
+    try:
+        return float(given) * 1e9
+    except ValueError:
+        raise UserError(
+            f"MEGALOPTA_DECODED_GB: {quoted(given)!r}; give a number of gigabytes, such as 4"
+        ) from None
+
+
 def check_decoded(path: object, shape: Iterable[int], bytes_each: float) -> None:
     """Refuse, before a reader decodes it, what takes more memory than the budget.
 
@@ -77,13 +88,7 @@ def check_decoded(path: object, shape: Iterable[int], bytes_each: float) -> None
     bytes of a value there, copies of the reader included. A few bytes on disk can state any shape.
     Raises TooLargeError, or UserError if the setting is no number.
     """
-    given = os.environ.get("MEGALOPTA_DECODED_GB", str(DECODED_GB))
-    try:
-        budget_gb = float(given)
-    except ValueError:
-        raise UserError(
-            f"MEGALOPTA_DECODED_GB: {quoted(given)!r}; give a number of gigabytes, such as 4"
-        ) from None
+    budget_gb = budget_bytes() / 1e9
     sizes = [min(max(size, -1), 10**18) for size in shape]  # a file can state thousands of digits
     decoded_gb = math.prod(sizes) * bytes_each / 1e9
     if not decoded_gb <= budget_gb or min(sizes, default=0) < 0:

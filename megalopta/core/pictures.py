@@ -1,7 +1,10 @@
 """Read pictures as arrays, write arrays as PNG. Every folder may import this module."""
 
+import io
+import struct
 import warnings
-from collections.abc import Iterator
+import zlib
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -16,6 +19,7 @@ from megalopta.core.files import atomic_write
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PIXEL_BYTES = 30
 """Memory of a pixel while a picture is read (bytes, measured)."""
 _COMPARED_BYTES = 100
@@ -60,12 +64,30 @@ def decoded(
         elif beginning[8:16] == b"WEBPVP8X":
             sizes = (int.from_bytes(beginning[at : at + 3], "little") + 1 for at in (27, 24))
             check_decoded(name, sizes, pixel_bytes)
+        elif beginning.startswith(PNG_SIGNATURE):
+            file = io.BytesIO(checked_png(file.read()))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what matters raises an exception
             image = Image.open(file, formats=_FORMATS)
         with image:
             check_decoded(name, image.size[::-1], pixel_bytes)
             yield image
+
+
+def checked_png(content: bytes, kept: Collection[bytes] = ()) -> bytes:
+    """Return a PNG file of which every part is there and has its checksum.
+
+    Only parts of some names are kept, if any are given. Raises ValueError.
+    """
+    parts, at, name = [PNG_SIGNATURE], len(PNG_SIGNATURE), b""
+    while name != b"IEND":
+        length, name = struct.unpack_from(">I4s", content, at)
+        part = content[at : at + length + 12]
+        if len(part) < length + 12 or part[-4:] != struct.pack(">I", zlib.crc32(part[4:-4])):
+            raise ValueError(f"part {name!r} is damaged")
+        parts += [part] if not kept or name in kept else []
+        at += length + 12
+    return b"".join(parts)
 
 
 @contextmanager

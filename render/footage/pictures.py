@@ -6,8 +6,6 @@ OpenEXR.
 
 import logging
 import re
-import struct
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -22,7 +20,7 @@ from PIL import Image, ImageOps
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.pictures import opened_picture, readable
+from megalopta.core.pictures import checked_png, opened_picture, readable
 from megalopta.core.progress import working
 from megalopta.render.exr import read_channels, read_header, size_in
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of, turned
@@ -60,7 +58,6 @@ _TURNS = {
     8: (True, False, True),
 }
 """Arguments of `turned` for an Exif orientation."""
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 
@@ -369,24 +366,11 @@ def _decoded(path: Path) -> NDArray[Any]:
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         else:  # not from the file: OpenCV 5 cannot turn a TIFF from there
             content = read_bytes(path, ARRAY_BYTES)
-            plain = _plain_png(content) if picture_kind(path) == "PNG" else content
+            plain = checked_png(content, _PNG_CHUNKS) if picture_kind(path) == "PNG" else content
             numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
         if numbers is None or numbers.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(path)
         return np.asarray(numbers)
-
-
-def _plain_png(content: bytes) -> bytes:
-    """Return a PNG file with only its pixels; libpng may complain about other chunks."""
-    kept, at = [_PNG_SIGNATURE], len(_PNG_SIGNATURE)
-    while not kept[-1].endswith(b"IEND\xae\x42\x60\x82"):
-        length, name = struct.unpack_from(">I4s", content, at)
-        chunk = content[at : at + length + 12]
-        if len(chunk) < length + 12 or chunk[-4:] != struct.pack(">I", zlib.crc32(chunk[4:-4])):
-            raise ValueError("damaged chunk")
-        kept += [chunk] if name in _PNG_CHUNKS else []
-        at += length + 12
-    return b"".join(kept)
 
 
 def _top(numbers: NDArray[Any]) -> float:

@@ -42,6 +42,9 @@ class Surfacing:
         """Begin without names: materials of a file may share one."""
         self._alike: dict[str, dict[tuple[object, ...], int]] = {}
         self._texels = Texels(self.label)
+        for material in self.materials.values():
+            if material.texture:
+                self._texels.add(material.texture.weight)
 
     def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
         """Return the first piece and the asset of each object of a file."""

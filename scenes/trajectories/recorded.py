@@ -17,11 +17,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import read_text
+from megalopta.core.bounded import check_count, read_text
 from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _LARGEST_NORM_ERROR = 0.01
+_MOST_LINES = 200_000
 
 
 def recorded_text(source: object) -> object:
@@ -92,6 +93,7 @@ def read_recording(text: str) -> Floats:
 
     Raises ValueError with the first invalid line and the reason.
     """
+    check_count("a recorded path", "lines", text.count("\n") + text.count("\r"), _MOST_LINES)
     rows: list[list[float]] = []
     for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):
         names = tuple(field.strip() for field in fields)
