@@ -166,7 +166,9 @@ class FilmReader:
         if film.codec_context is None:
             raise DamagedFileError(f"{self._path} has a codec that cannot be decoded; {REMEDY}")
         check_size(self._path, (film.codec_context.height, film.codec_context.width))
-        film.codec_context.options = {"max_pixels": str(int(min(budget_bytes() / PIXEL_BYTES, 2**31 - 1)))}
+        film.codec_context.options = {
+            "max_pixels": str(int(min(budget_bytes() / PIXEL_BYTES, 2**31 - 1)))
+        }
         return film
 
     def _survey(self) -> None:

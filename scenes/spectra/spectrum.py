@@ -48,7 +48,9 @@ class Spectrum:
                 f"spectrum: wavelengths {quoted(self.wavelengths_nm)} must increase and be finite"
             )
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
-            raise ValueError(f"spectrum: values {quoted(self.values)} must be finite and non-negative")
+            raise ValueError(
+                f"spectrum: values {quoted(self.values)} must be finite and non-negative"
+            )
 
     @classmethod
     def of(cls, wavelengths_nm: ArrayLike, values: ArrayLike) -> "Spectrum":

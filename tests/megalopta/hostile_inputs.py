@@ -11,14 +11,12 @@ import re
 import shutil
 import socket
 import struct
-import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import av
-import h5py
 import numpy as np
 import OpenEXR
 import tifffile
@@ -26,10 +24,13 @@ import trimesh
 import yaml
 from PIL import Image
 
+from megalopta.benchmark.scores import add_entries, score_submission
 from megalopta.camera.recorder import Recorder
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
+from megalopta.config.settings import settings_of
 from megalopta.config.yaml_model import to_yaml
+from megalopta.dataset.store import open_sequence
 from megalopta.flow.formats import write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import expose_events, preset
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
@@ -65,7 +66,9 @@ CALIBRATE = "spadcam calibrate {file}@0:1e-3 good.npy@1e5:1e-3 --out=d.yaml"
 COMPARE = "spadcam compare {file}@0:1e-3 --device=good.yaml --out=c.html"
 TAGS = "spadcam tags {file} --out=t"
 LINOSPAD = TAGS + " --linospad2=2212b --columns=64"
-PATH = MESHES.replace("{file}", "good.ply").replace(BEFORE, "--trajectory.kind=recorded --trajectory.csv={file}")
+PATH = MESHES.replace("{file}", "good.ply").replace(
+    BEFORE, "--trajectory.kind=recorded --trajectory.csv={file}"
+)
 SENSOR = f"render grating {SMALL} --sensors=[{{file}}] --out=o"
 MATERIAL = EXPORT.replace("{file}", "good.ply") + ' --scene.materials={"good":"{file}"}'
 SPECIES = "scene export {file} --out=o"
@@ -110,7 +113,20 @@ READ: dict[str, tuple[str, ...]] = {
 TEXTS = (
     ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", ".jsonl", "text.ply", "text.stl",
 )  # fmt: skip
-UNMARKED = (".csv", ".yaml", ".obj", ".mtl", ".spd", ".jsonl", ".ptu", ".mkv", ".bin", ".avi", ".dat", "map.npy")
+UNMARKED = (
+    ".csv",
+    ".yaml",
+    ".obj",
+    ".mtl",
+    ".spd",
+    ".jsonl",
+    ".ptu",
+    ".mkv",
+    ".bin",
+    ".avi",
+    ".dat",
+    "map.npy",
+)
 """Formats of which a part may be whole, or whose reader sees no more than a part"""
 CHECKED = ("a.png", "gray.png", "deep.png", "f.png", ".npz")
 """Formats with checksums, which no flipped bit passes"""
@@ -241,7 +257,9 @@ def _meshes(here):
     ball.export(here / "text.ply", encoding="ascii")
     ball.export(here / "t.stl")
     ball.export(here / "text.stl", file_type="stl_ascii")
-    (here / "x.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    (here / "x.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    )
     (here / "x.spd").write_text("400 0.1\n500 0.3\n600 0.5\n700 0.4\n")
     (here / "t.xml").write_text(
         '<scene version="3.0.0"><bsdf type="diffuse" id="green"><spectrum name="reflectance" '
@@ -260,7 +278,9 @@ def _readings(here):
     for name, mean in (("r.npy", 3), ("good.npy", 60)):
         np.save(here / name, RNG.poisson(mean, (64, 16, 16)).astype(np.uint16))
     np.save(here / "bits.npy", bits)
-    tifffile.imwrite(here / "r.tif", RNG.poisson(3, (64, 16, 16)).astype(np.uint16), photometric="minisblack")
+    tifffile.imwrite(
+        here / "r.tif", RNG.poisson(3, (64, 16, 16)).astype(np.uint16), photometric="minisblack"
+    )
     (here / "r.spc3").write_bytes(spc3(COUNTS))
     (here / "RAW0.bin").write_bytes(RNG.bytes(3 * 512 * 64))
     rate = RNG.uniform(0, 1500, (3, 20, 30))
@@ -327,6 +347,9 @@ def _texts(here):
     for path in shipped():
         shutil.copy(path, here / path.name.replace("-1", ""))
     (here / "board.jsonl").write_text("")
+    add_entries(
+        here / "board.jsonl", score_submission(here / "good_flows", here / "good_flows").entries
+    )
 
 
 # Damage to the bytes of any file
@@ -345,7 +368,7 @@ def empty(content, rng):
 
 
 def flipped(content, rng):
-    changed = bytearray(content)
+    changed = bytearray(content or b"\n")
     for at in rng.integers(len(changed), size=rng.integers(1, 9)):
         changed[at] ^= 1 << int(rng.integers(8))
     return bytes(changed)
@@ -411,8 +434,72 @@ ODD_TEXTS = (
     b"PK\x03\x04" + b"\0" * 30, b"x\n" * 100_000, b"1,2\n" * 300_000, b"a: " + b"9" * 6000, b"null", b"'",
     b"<scene>" * 100_000, b"<!DOCTYPE a [<!ENTITY b 'c'>]><scene/>", b"\n" * 1_000_000,
 )  # fmt: skip
-BINARY = (cut, cut, cut, cut_end, empty, flipped, flipped, blocked, noise, other_magic, stating, stating, swapped)
-TEXT = (cut, empty, flipped, blocked, noise, renumbered, renumbered, renumbered, repeated, odd_text, swapped)
+ODD_VALUES = (
+    None, True, -1, 0, 1e308, -1e308, float("nan"), float("inf"), 10**400, 2**63, "", "x" * 5000, "\x1b[31m",
+    "☃\u202e", "..", "/dev/zero", "/dev/urandom", "0x10", "1:2:3", "yes", [], {}, [[]], [None], {"kind": "x"},
+    {"uniform": [2, 1]}, {"one_of": []}, {"path": "/dev/zero"}, "[/b]", "a\0b", "000731",
+)  # fmt: skip
+
+
+def mutated(tree, rng):
+    """Data as YAML holds it, with one node replaced, dropped or renamed."""
+    if not isinstance(tree, dict | list) or not tree or rng.random() < 0.1:
+        return one_of(rng, ODD_VALUES)
+    keys = list(tree) if isinstance(tree, dict) else range(len(tree))
+    key = keys[int(rng.integers(len(keys)))]
+    changed = tree.copy()
+    if rng.random() < 0.1:
+        changed.pop(key)
+    elif rng.random() < 0.1 and isinstance(tree, dict):
+        changed[f"{key}{one_of(rng, ('☃', 'x' * 3000, chr(27), '.'))}"] = changed.pop(key)
+    else:
+        changed[key] = mutated(tree[key], rng)
+    return changed
+
+
+def another_value(content, rng):
+    """YAML or JSON with another value at one of its nodes; a line of another text again."""
+    try:
+        tree = yaml.safe_load(content)
+    except (yaml.YAMLError, UnicodeDecodeError):
+        return renumbered(content, rng)
+    if not isinstance(tree, dict | list):
+        return renumbered(content, rng)
+    return yaml.safe_dump(
+        mutated(tree, rng), default_flow_style=content[:1] in b"{[" or None
+    ).encode()
+
+
+BINARY = (
+    cut,
+    cut,
+    cut,
+    cut_end,
+    empty,
+    flipped,
+    flipped,
+    blocked,
+    noise,
+    other_magic,
+    stating,
+    stating,
+    swapped,
+)
+TEXT = (
+    cut,
+    empty,
+    flipped,
+    blocked,
+    noise,
+    renumbered,
+    renumbered,
+    renumbered,
+    repeated,
+    odd_text,
+    odd_text,
+    swapped,
+    *[another_value] * 4,
+)
 SURE = (cut, cut_end, empty, noise)
 """Damage that is no whole file of any format"""
 
@@ -505,8 +592,11 @@ def damaged_files(each=1):
                 yield Case(
                     f"{name}-{way.__name__}-{number}-{index}",
                     worded(command, name),
-                    in_folder(name, lambda path, content, way=way, rng=rng: path.write_bytes(way(content, rng))),
-                    sure or way is empty and name != "board.jsonl",
+                    in_folder(
+                        name,
+                        lambda path, content, way=way, rng=rng: path.write_bytes(way(content, rng)),
+                    ),
+                    sure or (way is empty and name != "board.jsonl"),
                 )
 
 
@@ -528,7 +618,7 @@ def whole_files():
         for number, command in enumerate(commands):
             yield Case(
                 f"{name}-whole-{number}", worded(command, name),
-                in_folder(name, lambda path, content: path.write_bytes(content)), 
+                in_folder(name, lambda path, content: path.write_bytes(content)),
                 goes=name not in ("tags.dat", "a.bmp"),  # one needs a package that is seldom installed
             )  # fmt: skip
 
@@ -561,3 +651,360 @@ def _faults(case, done):
         yield "silence on damage"
     if case.goes and code:
         yield "a whole input is refused"
+
+
+# Files that state what they do not hold, or more than anybody reads
+
+
+def deflated(rows, columns, bits=8):
+    """A TIFF of zeros, deflated twice as it were: a few bytes for each strip."""
+    file = io.BytesIO()
+    dtype = {8: np.uint8, 16: np.uint16}[bits]
+    tifffile.imwrite(
+        file,
+        np.broadcast_to(dtype(0), (rows, columns)),
+        photometric="minisblack",
+        compression="zlib",
+    )
+    return file.getvalue()
+
+
+def blank_png(width, height, bits=1, frames=0):
+    """A PNG of zeros, which deflate to a thousandth."""
+
+    def part(name, content):
+        return (
+            struct.pack(">I", len(content))
+            + name
+            + content
+            + struct.pack(">I", zlib.crc32(name + content))
+        )
+
+    packer = zlib.compressobj(9)
+    line = bytes(1 + (width * bits + 7) // 8)
+    data = b"".join(
+        [
+            *(packer.compress(line * 64) for _ in range(height // 64)),
+            packer.compress(line * (height % 64)),
+            packer.flush(),
+        ]
+    )
+    head = struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)
+    animated = part(b"acTL", struct.pack(">II", frames, 0)) if frames else b""
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + part(b"IHDR", head)
+        + animated
+        + part(b"IDAT", data)
+        + part(b"IEND", b"")
+    )
+
+
+def exr_of(channels=3, window=None):
+    file = Path("stated.exr")
+    values = np.zeros((4, 4), np.float32)
+    names = ["R", "G", "B", *(f"c{k}" for k in range(channels - 3))]
+    OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.RLE_COMPRESSION},
+                 dict.fromkeys(names, values)).write(str(file))  # fmt: skip
+    content = file.read_bytes()
+    file.unlink()
+    if window:
+        at = content.index(b"dataWindow\0box2i\0") + 21
+        content = content[:at] + struct.pack("<4i", *window) + content[at + 16 :]
+    return content
+
+
+def many_nodes(count, chained, animated=False):
+    file = gltf()
+    children = (
+        [{"children": [k + 1], "mesh": 0} for k in range(count)]
+        if chained
+        else [{"mesh": 0}] * count
+    )
+    file.header["nodes"] = [{"children": [1]}, {"mesh": 0}, *children, {"mesh": 0}]
+    if chained:
+        file.header["nodes"] = [{"children": [k + 1], "mesh": 0} for k in range(count)] + [
+            {"mesh": 0}
+        ]
+    file.header["scenes"] = [{"nodes": [0] if chained else [*range(count)]}]
+    return file.glb()
+
+
+def changed_gltf(change):
+    file = gltf()
+    change(file.header)
+    return file.glb()
+
+
+def ply_stating(element, count):
+    return re.sub(
+        rb"element %s \d+" % element,
+        b"element %s %d" % (element, count),
+        trimesh.creation.box().export(file_type="ply"),
+    )
+
+
+def xml(inside):
+    return f'<scene version="3.0.0">{inside}</scene>'.encode()
+
+
+def stacked(pages):
+    file = io.BytesIO()
+    with tifffile.TiffWriter(file) as writer:
+        for _ in range(pages):
+            writer.write(np.zeros((4, 4), np.uint16), photometric="minisblack", metadata=None)
+    return file.getvalue()
+
+
+def gif_of(frames, reaching=8):
+    """A GIF of frames that may reach beyond it."""
+    head = b"GIF89a" + struct.pack("<HHBBB", 8, 8, 0x80, 0, 0) + b"\0\0\0\xff\xff\xff"
+    frame = b"\x2c" + struct.pack("<HHHHB", 0, 0, reaching, reaching, 0) + b"\x02\x02\x44\x01\x00"
+    return head + frame * frames + b";"
+
+
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+SPHERE = '<shape type="sphere"><float name="radius" value="{}"/></shape>'
+MANY = ", ".join(f"{k / 1000}:0.5" for k in range(1000, 501_000))
+CLAIMS: dict[tuple[str, str], Callable[[], bytes]] = {
+    ("a.tif", "20000²"): lambda: deflated(20_000, 20_000),
+    ("r.tif", "20000²"): lambda: deflated(20_000, 20_000),
+    ("deep.tif", "16 bits"): lambda: deflated(13_000, 13_000, 16),
+    ("r.tif", "pages"): lambda: stacked(2000)[:-200],
+    ("gray.png", "13000²"): lambda: blank_png(13_000, 13_000, 8),
+    ("a.png", "1 bit"): lambda: blank_png(20_000, 10_000),
+    ("a.png", "9000²"): lambda: blank_png(9000, 9000, 8),
+    ("a.png", "4500²"): lambda: blank_png(4500, 4500, 8),
+    ("deep.png", "16 bits"): lambda: blank_png(16_000, 8000, 16),
+    ("deep.png", "panorama"): lambda: blank_png(16_384, 8192, 8),
+    ("a.png", "claimed"): lambda: claiming(png(CODES), 2**31 - 1, 2**31 - 1),
+    ("a.png", "none"): lambda: claiming(png(CODES), 0, 8),
+    ("a.webp", "16383²"): lambda: b"RIFF\x1a\0\0\0WEBPVP8L\r\0\0\0/\xff\xff\xff\x0f\0\x07\x10\x11\x11\x88\x88\xfe\x07\0",
+    ("moving.png", "frames"): lambda: blank_png(8, 8, 8, frames=2**31 - 1),
+    ("moving.gif", "frames"): lambda: gif_of(100_000),
+    ("moving.gif", "beyond"): lambda: gif_of(3, reaching=12_000),
+    ("light.exr", "window"): lambda: exr_of(window=(0, 0, 2**30, 2**30)),
+    ("light.exr", "large"): lambda: exr_of(window=(0, 0, 30_000, 15_000)),
+    ("light.exr", "negative"): lambda: exr_of(window=(5, 5, -5, -5)),
+    ("light.exr", "channels"): lambda: exr_of(channels=5000),
+    ("light.hdr", "stated"): lambda: b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 32000\n" + bytes(100),
+    ("a.ppm", "stated"): lambda: b"P6 30000 30000 255\n" + bytes(100),
+    ("f.flo", "stated"): lambda: struct.pack("<4sii", b"PIEH", 99_999, 99_999) + bytes(100),
+    ("f.flo", "negative"): lambda: struct.pack("<4sii", b"PIEH", -3, -4) + bytes(96),
+    ("f.pfm", "stated"): lambda: b"PF\n999999 999999\n-1.0\n" + bytes(100),
+    ("f.pfm", "none"): lambda: b"PF\n0 0\n-1.0\n",
+    ("f.png", "stated"): lambda: claiming(blank_png(8, 8, 8), 60_000, 60_000),
+    ("t.ply", "10^30 faces"): lambda: ply_stating(b"face", 10**30),
+    ("t.ply", "10^9 vertices"): lambda: ply_stating(b"vertex", 10**9),
+    ("t.ply", "5000 digits"): lambda: ply_stating(b"face", 10**4000),
+    ("t.stl", "10^9 triangles"): lambda: bytes(80) + struct.pack("<I", 10**9) + bytes(50),
+    ("t.glb", "bufferView"): lambda: changed_gltf(lambda h: h["bufferViews"][0].update(byteLength=10**12)),
+    ("t.glb", "buffer"): lambda: changed_gltf(lambda h: h["bufferViews"].append({"buffer": 0, "byteOffset": 2**40, "byteLength": 1})),
+    ("t.glb", "accessor"): lambda: changed_gltf(lambda h: h["accessors"][0].update(count=10**12)),
+    ("t.glb", "sparse"): lambda: changed_gltf(lambda h: [h["accessors"][0].pop("bufferView"), h["accessors"][0].update(count=10**9)]),
+    ("t.glb", "mode 99"): lambda: changed_gltf(lambda h: h["meshes"][0]["primitives"][0].update(mode=99)),
+    ("t.glb", "mode -1"): lambda: changed_gltf(lambda h: h["meshes"][0]["primitives"][0].update(mode=-1)),
+    ("t.glb", "chain"): lambda: many_nodes(30_000, True),
+    ("t.glb", "short chain"): lambda: many_nodes(5000, True),
+    ("t.glb", "nodes"): lambda: many_nodes(300_000, False),
+    ("t.glb", "some nodes"): lambda: many_nodes(9000, False),
+    ("t.glb", "materials"): lambda: changed_gltf(lambda h: h["materials"].extend([{"name": "a"}] * 200_000)),
+    ("t.glb", "keys"): lambda: changed_gltf(lambda h: h["animations"][0]["channels"].extend(h["animations"][0]["channels"] * 100_000)),
+    ("t.glb", "far"): lambda: changed_gltf(lambda h: h["nodes"][0].update(translation=[1e300, 0, 0])),
+    ("t.obj", "objects"): lambda: OBJ + b"".join(b"o a%d\nf 1 2 3\n" % k for k in range(100_000)),
+    ("t.obj", "groups"): lambda: OBJ + b"".join(b"g a%d\nf 1 2 3\n" % k for k in range(9000)),
+    ("t.obj", "materials"): lambda: OBJ + b"".join(b"usemtl a%d\nf 1 2 3\n" % k for k in range(9000)),
+    ("t.obj", "faces"): lambda: OBJ + b"f 1 2 3\n" * 10_000_000,
+    ("t.obj", "corners"): lambda: OBJ + b"f" + b" 1 2 3" * 1_000_000,
+    ("t.obj", "nan"): lambda: OBJ + b"v nan inf 0\nf 1 2 4\n",
+    ("t.xml", "radius -1"): lambda: xml(SPHERE.format(-1)),
+    ("t.xml", "radius nan"): lambda: xml(SPHERE.format("nan")),
+    ("t.xml", "far"): lambda: xml('<shape type="cube"><transform name="to_world"><translate x="1e300"/></transform></shape>'),
+    ("t.xml", "infinite"): lambda: xml('<shape type="cube"><transform name="to_world"><scale value="inf"/></transform></shape>'),
+    ("t.xml", "spectrum"): lambda: xml(f'<shape type="cube"><bsdf type="diffuse"><spectrum name="reflectance" value="{MANY}"/></bsdf></shape>'),
+    ("t.xml", "metal"): lambda: xml(f'<shape type="cube"><bsdf type="conductor"><spectrum name="eta" value="{MANY}"/><spectrum name="k" value="1"/></bsdf></shape>'),
+    ("t.xml", "shapes"): lambda: xml(SPHERE.format(1) * 100_000),
+    ("t.xml", "cubes"): lambda: xml('<shape type="cube"/>' * 9000),
+    ("t.xml", "deep"): lambda: xml("<a>" * 300_000 + "</a>" * 300_000),
+    ("curve.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
+    ("curve.csv", "20000 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 20_001)),
+    ("surface.csv", "10^6 rows"): lambda: b"".join(b"%d,%d,0.5\n" % (k, k) for k in range(1, 1_000_001)),
+    ("reflectance.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
+    ("path.csv", "10^6 rows"): lambda: b"".join(b"%d,0,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(1_000_000)),
+    ("path.csv", "far"): lambda: b"".join(b"%d,1e300,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(9)),
+    ("dark-counts.csv", "wide"): lambda: b"1," * 5_000_000 + b"1",
+}  # fmt: skip
+HARMLESS = (
+    "4500²",
+    "short chain",
+    "some nodes",
+    "groups",
+    "materials",
+    "corners",
+    "cubes",
+    "20000 rows",
+    "keys",
+    "metal",
+)
+"""Claims that may be read: they are bounded, or a reader for whom they are small"""
+
+
+def claims():
+    for (name, what), make in CLAIMS.items():
+        for number, command in enumerate(READ[name][:2]):
+            yield Case(
+                f"{name}-{what}-{number}", worded(command, name),
+                in_folder(name, lambda path, content, make=make: path.write_bytes(make())),
+                must_tell=what not in HARMLESS,
+            )  # fmt: skip
+
+
+HUGE = ("1e9", "1e12", "999999999", "1e300", "-1", "0", "nan", "inf", "1" + "0" * 400)
+SIZES = {
+    "render grating --out=o": (
+        "camera.width", "camera.height", "trajectory.frames", "trajectory.frame_rate_hz", "render.samples_per_pixel",
+        "render.max_depth", "scene.cycles_per_frame", "shutter.readout_s", "camera.fov_deg",
+    ),
+    "render demo --out=o --trajectory.frames=1": ("scene.trees", "scene.density_per_ha", "camera.width"),
+    "sense good.png --photons=2 --out=o": ("frames", "width", "frame-rate", "picture-rate", "photons", "sub_frames", "burst_hz"),
+    "design ideal --out=o": ("camera.width", "exposure_s", "speed_px"),
+    "dataset make plan.yaml --out=o": ("only", "workers"),
+    "benchmark pairs good.png good.png good.flo --methods=LK --out=p.csv": ("photons", "pairs", "draws"),
+    "view r.npy --out=v": ("sum", "fps"),
+}  # fmt: skip
+
+
+def sizes():
+    """Numbers of frames, pixels, trees and the like that no machine can hold."""
+    for command, names in SIZES.items():
+        for name in names:
+            for number in HUGE:
+                if (name, number) in (
+                    ("scene.cycles_per_frame", "0"),
+                    ("frames", "0"),
+                    ("sub_frames", "0"),
+                ):
+                    continue
+                if "view" in command or (
+                    name in ("exposure_s", "frame-rate", "workers", "photons")
+                    and number[:2] in ("1e", "99")
+                ):
+                    continue
+                yield Case(
+                    f"size-{command.split()[0]}-{name}-{number[:9]}", [*command.split(), f"--{name}={number}"],
+                    in_folder("a.png", lambda path, content: None),
+                )  # fmt: skip
+
+
+def in_dataset(root, damage):
+    """A dataset with hard links, of which a file is replaced."""
+
+    def put(here, whole):
+        shutil.copytree(root, here / "data", symlinks=True, copy_function=os.link)
+        damage(here / "data")
+
+    return put
+
+
+ON_DATASETS = (
+    "sense data", "flow data", "report data", "view data --out=v", "check files data", "check truth data",
+    "benchmark photons data", "benchmark sequence data --out=o", "render data --out=data", "scene export data --out=o",
+)  # fmt: skip
+ON_MANY = (
+    "dataset check data",
+    "dataset card data",
+    "dataset view data",
+    "dataset expose data --sensors=ideal",
+    "view data --out=v",
+)
+
+
+def damaged_datasets(whole, many, each=3):
+    """Cases of every file of two datasets, under the verbs in turn."""
+    turn = 0
+    for root, verbs in ((whole, ON_DATASETS), (many, ON_MANY)):
+        names = [path.relative_to(root) for path in sorted(root.rglob("*")) if path.is_file()]
+        for name in names:
+            for step in range(each):
+                turn += 1
+                rng = np.random.default_rng([turn])
+                ways = (
+                    TEXT if name.suffix in (".json", ".yaml", ".csv", ".txt", ".jsonl") else BINARY
+                )
+                way = one_of(rng, [each for each in ways if each is not repeated])
+
+                def damage(data, name=name, way=way, rng=rng):
+                    content = (data / name).read_bytes()
+                    (data / name).unlink()
+                    (data / name).write_bytes(way(content or b"\n", rng))
+
+                verb = verbs[turn % len(verbs)]
+                yield Case(
+                    f"dataset-{name}-{way.__name__}-{turn}", verb.split(), in_dataset(root, damage)
+                )
+
+
+ON_RECORDINGS = (
+    "spadcam calibrate recording recording@1e5 --out=d.yaml", "spadcam compare recording --device=good.yaml --out=c.html",
+    "spadcam figures recording@1 --out=g", "spadcam recover recording", "view recording --out=v",
+)  # fmt: skip
+
+
+def damaged_recordings(whole, each=2):
+    turn = 0
+    for path in sorted((whole / "recording").rglob("*")):
+        for _ in range(each if path.is_file() else 0):
+            turn += 1
+            rng = np.random.default_rng([turn, 1])
+            name, way = (
+                path.relative_to(whole),
+                one_of(rng, TEXT if path.suffix in (".json", ".yaml") else BINARY),
+            )
+
+            def put(here, inputs, name=name, way=way, rng=rng):
+                in_folder("a.png", lambda path, content: None)(here, inputs)
+                content = (here / name).read_bytes()
+                (here / name).unlink()
+                (here / name).write_bytes(way(content or b"\n", rng))
+
+            yield Case(
+                f"recording-{name}-{way.__name__}-{turn}", ON_RECORDINGS[turn % 5].split(), put
+            )
+
+
+BAD_NUMBERS = (
+    "nan", "-nan", "inf", "-inf", "1e300", "-1e300", "-0.0", "-1", "1" + "0" * 400, "0x10", "1_0", "½", "٣", "1:2:3",
+    "", " ", "None", "true", "1,2", "--", "☃", "\x1b[31m", "9" * 5000,
+)  # fmt: skip
+NUMERIC = (
+    "benchmark pairs x --photons", "benchmark pairs x --pairs", "benchmark pairs x --draws", "dataset make x --only",
+    "dataset make x --workers", "dataset check x --truth", "reproduce fig-2.9 --workers", "benchmark photons x --workers",
+    "spadcam calibrate x --wavelength-nm", "spadcam calibrate x --beam-area-mm2", "dataset view x --sequences",
+    "spadcam compare x --device y --margin", "spadcam compare x --device y --seed", "spadcam tags x --window-ns",
+    "spadcam recover x --sensor", "gallery --out x --workers", "design x --out",
+)  # fmt: skip
+
+
+def options():
+    """Options with numbers that are none, for files that are not there."""
+    for turn, command in enumerate(NUMERIC):
+        for number in BAD_NUMBERS[turn % 4 :: 4]:
+            *words, last = command.split()
+            yield Case(
+                f"option{turn}-{number[:9]}", [*words, f"{last}={number}"], lambda here, whole: None
+            )
+
+
+def settings(whole, count=30):
+    """A setting of a finished dataset with an odd value, under the stages in turn."""
+    paths = [path for path, _, _ in settings_of(open_sequence(whole).configuration)]
+    for turn in range(count):
+        rng = np.random.default_rng([turn, 2])
+        value = yaml.safe_dump(one_of(rng, ODD_VALUES[:12]), default_flow_style=True).split("\n")[0]
+        verb = one_of(
+            rng, ("render data --out=data", "sense data", "flow data", "benchmark photons data")
+        )
+        yield Case(
+            f"setting-{turn}", [*verb.split(), f"--{one_of(rng, paths)}={value}"],
+            in_dataset(whole, lambda data: None),
+        )  # fmt: skip
