@@ -142,13 +142,11 @@ def _gallery(options: Namespace) -> Path | list[Path]:
     "check",
     "verify sensor effects against theory or real arrays, a dataset's truth by a second method, "
     "or its files by their hashes",
-    option(
-        "what", "what to verify", choices=["physics", "captures", "truth", "files", "panoramas"]
-    ),
+    option("what", "what to verify", choices=["physics", "captures", "truth", "files"]),
     option(
         "subjects",
-        "truth, files: dataset folder; panoramas: folder for new panoramas; captures: measurements "
-        f"in addition to those that ship; physics: any of {', '.join(GROUPS)} (default: all)",
+        "truth, files: dataset folder; captures: measurements in addition to those that ship; "
+        f"physics: any of {', '.join(GROUPS)} (default: all)",
         nargs="*",
         metavar="FOLDER, FILE or GROUP",
     ),
@@ -174,17 +172,15 @@ def _check_captures(paths: list[Path], page: Path | None) -> Path | None:
 
 def _passes(what: str, subjects: list[str]) -> bool:
     from megalopta.dataset.store import open_sequence
-    from megalopta.verification import files, panoramas, physics, truth
+    from megalopta.verification import files, physics, truth
 
     if what == "physics":
         return physics.run_check_physics(subjects)
     if len(subjects) > 1:
         raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
-    folder = Path(subjects[0]) if subjects else None
-    if what == "panoramas":
-        return panoramas.run_check_panoramas(folder)
-    if folder is None:
+    if not subjects:
         raise UserError(f"check {what}: no dataset; give its folder")
+    folder = Path(subjects[0])
     if what == "files":
         return files.run_check_files(folder)
     return truth.run_check_truth(open_sequence(folder))

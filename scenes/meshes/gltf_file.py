@@ -112,9 +112,7 @@ class GltfFile:
         start, size = entry.get("byteOffset", 0), entry["byteLength"]
         buffer = memoryview(self._buffers[entry["buffer"]])
         if min(start, size) < 0 or start + size > len(buffer):
-            raise ValueError(
-                f"bufferViews.{number}: bytes {start} to {start + size} of a buffer of {len(buffer)}"
-            )
+            raise ValueError(f"bufferViews.{number} reaches beyond its {len(buffer)} bytes")
         return buffer[start : start + size]
 
     def values(self, number: int) -> NDArray[Any]:

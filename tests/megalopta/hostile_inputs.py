@@ -13,6 +13,7 @@ import socket
 import struct
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -851,6 +852,7 @@ HARMLESS = (
 
 def claims():
     for (name, what), make in CLAIMS.items():
+        make = cache(make)
         for number, command in enumerate(READ[name][:2]):
             yield Case(
                 f"{name}-{what}-{number}", worded(command, name),
@@ -925,7 +927,7 @@ def damaged_datasets(whole, many, each=3):
     for root, verbs in ((whole, ON_DATASETS), (many, ON_MANY)):
         names = [path.relative_to(root) for path in sorted(root.rglob("*")) if path.is_file()]
         for name in names:
-            for step in range(each):
+            for _ in range(each):
                 turn += 1
                 rng = np.random.default_rng([turn])
                 ways = (

@@ -1,4 +1,4 @@
-"""`megalopta check panoramas`: the shipped forests rendered again and compared, as a table.
+"""The shipped forests rendered again and compared, as a table: check_panoramas.py [FOLDER].
 
 Two renderings of a scene differ by their noise alone. So the RMS of their difference is compared
 with that of the noise, for pixels and for means of blocks, where noise averages out and a change of
@@ -6,6 +6,7 @@ the scene does not. The same seed on the same kind of machine gives a smaller di
 """
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,3 +106,7 @@ def _add_row(
 
 def _rms(values: NDArray[np.float64]) -> float:
     return math.sqrt(np.mean(np.square(values)))
+
+
+if __name__ == "__main__":
+    sys.exit(not run_check_panoramas(Path(sys.argv[1]) if len(sys.argv) > 1 else None))
