@@ -74,7 +74,10 @@ def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tupl
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
     for part in mesh["primitives"]:
-        if part.get("mode", _TRIANGLES) >= _TRIANGLES:
+        mode = part.get("mode", _TRIANGLES)
+        if mode not in range(_FAN + 1):
+            raise ValueError(f"meshes.{node['mesh']} has a part of mode {mode}, which glTF has not")
+        if mode >= _TRIANGLES:
             yield part, _piece(file, part, looks, (number, name))
 
 
@@ -225,8 +228,6 @@ def _faces(corners: Ints, mode: int) -> Ints:
     if mode == _FAN:
         first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
         return np.stack([first, corners[1:-1], corners[2:]], axis=1)
-    if mode != _TRIANGLES:
-        raise ValueError(f"it has a part of mode {mode}, which glTF does not define")
     return corners.reshape(-1, 3)
 
 

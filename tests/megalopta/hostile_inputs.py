@@ -715,18 +715,10 @@ def exr_of(channels=3, window=None):
     return content
 
 
-def many_nodes(count, chained, animated=False):
+def many_nodes(count, chained):
     file = gltf()
-    children = (
-        [{"children": [k + 1], "mesh": 0} for k in range(count)]
-        if chained
-        else [{"mesh": 0}] * count
-    )
-    file.header["nodes"] = [{"children": [1]}, {"mesh": 0}, *children, {"mesh": 0}]
-    if chained:
-        file.header["nodes"] = [{"children": [k + 1], "mesh": 0} for k in range(count)] + [
-            {"mesh": 0}
-        ]
+    children = [{"children": [k + 1], "mesh": 0} for k in range(count)]
+    file.header["nodes"] = [*children, {"mesh": 0}] if chained else [{"mesh": 0}] * count
     file.header["scenes"] = [{"nodes": [0] if chained else [*range(count)]}]
     return file.glb()
 
