@@ -178,7 +178,8 @@ class Surfaces:
         else:
             pairs = numbers_in(text.replace(":", " "))
         wavelengths, values = pairs.reshape(-1, 2).T
-        check_count("a spectrum", "values", len(values), _MOST_VALUES)
+        name = next(iter(self._contents))
+        check_count(name, "values in a spectrum", len(values), _MOST_VALUES)
         return Spectrum.of(wavelengths, values)
 
 

@@ -117,7 +117,10 @@ class _Reader:
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
         )
-        for piece in self._of_file(kind, file) if kind in _FILES else [_basic(kind, shape)]:
+        pieces = [*self._of_file(kind, file)] if kind in _FILES else [_basic(kind, shape)]
+        if not any(len(piece.faces) for piece in pieces):
+            raise ValueError(f"{quoted(file)} has no triangles")
+        for piece in pieces:
             uv = piece.uv
             if uv is not None and not paint.finish:
                 uv = uv @ to_picture[:2, :2].T + to_picture[:2, 2]
