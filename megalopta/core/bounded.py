@@ -20,6 +20,8 @@ ARRAY_BYTES = 4 * 1024**3
 """Largest array or picture that is read."""
 DECODED_GB = 2.0
 """Memory that the content of a file may take, unless MEGALOPTA_DECODED_GB says more."""
+_VALUE_BYTES = 100
+"""Memory of a value of JSON."""
 QUOTED = 200
 """Most characters of a value in a message."""
 SENTENCE = 800
@@ -58,7 +60,8 @@ def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
 
 
 def from_json(text: str) -> Any:
-    """Parse JSON text. Raises ValueError, also if it is nested too deeply."""
+    """Parse JSON text. Raises ValueError, also if it is nested too deeply or too large."""
+    check_decoded("its JSON", (text.count(",") + 1,), _VALUE_BYTES)
     try:
         return json.loads(text)
     except RecursionError:

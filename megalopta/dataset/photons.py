@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.pictures import SENSED_BYTES
 from megalopta.core.validation import checked
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
@@ -70,6 +72,7 @@ def photons_from_images(
     device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
     bands = RenderSettings().bands_nm
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
+        check_decoded(footage.path, (len(footage), *footage.shape), SENSED_BYTES)
         model = checked(ColorsAsLight, colors)
         mean = _mean(footage)
         per_lux = photons_per_lux(model, Light(), bands, device, mean)

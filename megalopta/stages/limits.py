@@ -11,13 +11,12 @@ from pathlib import Path
 from megalopta.config.model import Configuration
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
+from megalopta.core.pictures import SENSED_BYTES
 from megalopta.dataset.frames import frames_at_once
 from megalopta.sensor import Sensor
 from megalopta.stages.sense import burst_frames
 
 _PROGRAM_BYTES = 1e9
-_SENSED_BYTES = 160
-"""Memory of a pixel of a picture while sensors are exposed (bytes, measured)."""
 _REMEDIES = {
     "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
     "sense": "trajectory.frames, the camera's size, sub_frames, burst_hz or tcspc.bins, or give "
@@ -35,7 +34,7 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
     camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
     if stage == "sense" and not settings.scene.has_truth:  # a file states the size
         pixels = camera.width * camera.height * frames_at_once(settings)
-        check_decoded("sense at this size (--width)", (pixels,), _SENSED_BYTES)
+        check_decoded("sense at this size (--width)", (pixels,), SENSED_BYTES)
     physical = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for needed, most, clause in (
         (memory, physical, "of memory, and this machine has"),

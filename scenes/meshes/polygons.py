@@ -36,7 +36,6 @@ def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
         return [Piece(0, path.stem, corners, np.arange(len(corners)).reshape(-1, 3))]
     import trimesh  # slow
 
-    ply_counts(content)
     header = content[:_HEADER_BYTES]
     if b"comment TextureFile" in header:
         raise DamagedFileError(
