@@ -22,7 +22,7 @@ from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _LARGEST_NORM_ERROR = 0.01
-_MOST_LINES = 200_000
+_MOST_LINES, _LARGEST = 200_000, 1e12
 
 
 def recorded_text(source: object) -> object:
@@ -112,7 +112,7 @@ def _numbers(fields: tuple[str, ...], number: int) -> list[float]:
         values = [float(field) for field in fields]
     except ValueError:
         values = []
-    if len(values) != len(COLUMNS) or not all(map(math.isfinite, values)):
+    if len(values) != len(COLUMNS) or not all(abs(value) <= _LARGEST for value in values):
         raise ValueError(
             f"line {number}: {','.join(fields)[:60]!r} is not the 8 numbers "
             f"{','.join(COLUMNS)}; correct the line"

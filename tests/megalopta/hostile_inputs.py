@@ -837,7 +837,7 @@ HARMLESS = (
     "cubes",
     "20000 rows",
     "keys",
-    "metal",
+    "wide",
 )
 """Claims that may be read: they are bounded, or a reader for whom they are small"""
 
