@@ -53,7 +53,7 @@ def read_measurement(path: Path) -> Measurement:
         rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8"))) if row]
         check_count(path, "numbers", content.count(b",") + len(rows), _MOST_NUMBERS)
         if len({len(row) for row in rows}) != 1:
-            raise ValueError("its lines have different numbers of columns")
+            raise ValueError("lines of different numbers of columns" if rows else "empty")
         if set(_PAIR) <= set(rows[0]):
             return _pairs(rows)
         if rows[0][0] == "events":

@@ -855,11 +855,11 @@ def claims():
 
 HUGE = ("1e9", "1e12", "999999999", "1e300", "-1", "0", "nan", "inf", "1" + "0" * 400)
 SIZES = {
-    "render grating --out=o": (
+    f"render grating {SMALL} --out=o": (
         "camera.width", "camera.height", "trajectory.frames", "trajectory.frame_rate_hz", "render.samples_per_pixel",
         "render.max_depth", "scene.cycles_per_frame", "shutter.readout_s", "camera.fov_deg",
     ),
-    "render demo --out=o --trajectory.frames=1": ("scene.trees", "scene.density_per_ha", "camera.width"),
+    f"render demo {SMALL} --out=o": ("scene.trees", "scene.density_per_ha", "camera.width"),
     "sense good.png --photons=2 --out=o": ("frames", "width", "frame-rate", "picture-rate", "photons", "sub_frames", "burst_hz"),
     "design ideal --out=o": ("camera.width", "exposure_s", "speed_px"),
     "dataset make plan.yaml --out=o": ("only", "workers"),
@@ -884,10 +884,12 @@ def sizes():
                     and number[:2] in ("1e", "99")
                 ):
                     continue
+                words = [word for word in command.split() if not word.startswith(f"--{name}=")]
                 yield Case(
-                    f"size-{command.split()[0]}-{name}-{number[:9]}", [*command.split(), f"--{name}={number}"],
+                    f"size-{words[1]}-{name}-{number[:9]}",
+                    [*words, f"--{name}={number}"],
                     in_folder("a.png", lambda path, content: None),
-                )  # fmt: skip
+                )
 
 
 def in_dataset(root, damage):
