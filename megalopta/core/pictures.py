@@ -81,6 +81,8 @@ def checked_png(content: bytes, kept: Collection[bytes] = ()) -> bytes:
 
     Only parts of some names are kept, if any are given. Raises ValueError.
     """
+    if not content.startswith(PNG_SIGNATURE):
+        raise ValueError("no PNG file")
     parts, at, name = [PNG_SIGNATURE], len(PNG_SIGNATURE), b""
     while name != b"IEND":
         length, name = struct.unpack_from(">I4s", content, at)

@@ -52,8 +52,7 @@ def tiff_writer(
 def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # the errors here report it
-    with undamaged(path), tifffile.TiffFile(path) as file:
+    with undamaged(path), _complaining(), tifffile.TiffFile(path) as file:
         with suppress(IndexError):
             file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
             check_count(path, "pages", len(file.pages), _MOST_PAGES)
@@ -74,6 +73,22 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     return RecordedFrames(
         counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total
     )
+
+
+class _Complaint(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage())
+
+
+@contextmanager
+def _complaining() -> Iterator[None]:
+    """Raise what tifffile only logs, such as a chain of pages that is cut, as ValueError."""
+    log, complaint = logging.getLogger("tifffile"), _Complaint(logging.ERROR)
+    log.addHandler(complaint)
+    try:
+        yield
+    finally:
+        log.removeHandler(complaint)
 
 
 def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
