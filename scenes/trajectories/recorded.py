@@ -4,8 +4,6 @@ Positions are interpolated by a cubic spline, orientations by spherical linear i
 (Shoemake, SIGGRAPH 1985).
 """
 
-import csv
-import io
 import math
 from functools import lru_cache
 from pathlib import Path as FilePath
@@ -95,8 +93,8 @@ def read_recording(text: str) -> Floats:
     """
     check_count("a recorded path", "lines", text.count("\n") + text.count("\r"), _MOST_LINES)
     rows: list[list[float]] = []
-    for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):
-        names = tuple(field.strip() for field in fields)
+    for number, line in enumerate(text.splitlines(), 1):
+        names = tuple(field.strip(' "') for field in line.split(","))
         if not any(names) or (not rows and names == COLUMNS):
             continue
         rows.append(_numbers(names, number))
