@@ -11,7 +11,7 @@ from megalopta.scenes.meshes.polygons import ply_counts, stl_triangles
 
 MOST_OBJECTS = 10_000
 """Most objects, materials, nodes or pictures of a file."""
-_TRIANGLE_BYTES, _TEXT_BYTES = 300, 16
+TRIANGLE_BYTES, _TEXT_BYTES = 300, 16
 """Memory of a triangle, or of two vertices, in a scene, and of a byte of text (measured)."""
 _LINE = re.compile(rb"^[ \t]*(v|f|o|g|usemtl)[ \t]", re.MULTILINE | re.IGNORECASE)
 _MESHES = (".obj", ".ply")
@@ -48,7 +48,7 @@ def triangles_in(contents: Mapping[str, bytes]) -> int:
 
 def check_triangles(name: str, count: int) -> None:
     """Raise TooLargeError if so many triangles do not fit into the budget."""
-    check_decoded(name, (count,), _TRIANGLE_BYTES)
+    check_decoded(name, (count,), TRIANGLE_BYTES)
 
 
 def _of_gltf(name: str, header: Json) -> tuple[int, int, int]:

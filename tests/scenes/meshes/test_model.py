@@ -85,7 +85,7 @@ def test_faces_without_area_are_left_out_and_nothing_else_is_a_scene(write):
 def test_too_many_triangles_are_refused(write, monkeypatch, name):
     given = write(exported(name), name)
     assert given.pieces()
-    monkeypatch.setattr(counting, "_TRIANGLE_BYTES", 2e9 / 11)
+    monkeypatch.setattr(counting, "TRIANGLE_BYTES", 2e9 / 11)
     with pytest.raises(ValueError, match=f"{name} takes .* GB of memory .*MEGALOPTA_DECODED_GB"):
         given.pieces()
 
