@@ -43,7 +43,7 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
         status = os.fstat(file.fileno())
         _check(path, status, at_most)
         check_decoded(path, (status.st_size,), 1)
-        content = file.read(at_most + 1)
+        content = file.read(status.st_size + 1)  # Python allocates as many bytes
     if len(content) > at_most:
         raise DamagedFileError(_too_large(path, at_most))
     return content
