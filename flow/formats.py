@@ -41,8 +41,8 @@ _LARGEST_SIDE = 100_000
 
 _GZIP_LEVEL = 5
 _CODES_PER_PX, _CODE_OF_ZERO, _LARGEST_CODE = 64, 2**15, 2**16 - 1
-_PX_BYTES = 100
-"""Memory of a pixel of a flow that is compared with another (bytes, measured)."""
+_PX_BYTES = 150
+"""Memory of a pixel of a flow that is compared with another, at most (bytes)."""
 
 _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
 

@@ -56,8 +56,7 @@ def run_all(inputs, tmp_path_factory):
         return wrong
 
     yield run
-    server.stdin.close()
-    server.wait()
+    server.communicate()  # closes its pipes, at which it ends
 
 
 FAMILIES = (
