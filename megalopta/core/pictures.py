@@ -67,6 +67,8 @@ def decoded(
             sizes = (int.from_bytes(beginning[at : at + 3], "little") + 1 for at in (27, 24))
             check_decoded(name, sizes, pixel_bytes)
         elif beginning.startswith(PNG_SIGNATURE):
+            check_decoded(name, (file.seek(0, io.SEEK_END),), 2)
+            file.seek(0)
             file = io.BytesIO(checked_png(file.read()))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what matters raises an exception

@@ -545,7 +545,7 @@ def sparse(size):
 
 PLACES = {
     "fifo": fifo, "loop": loop, "zero": device("/dev/zero"), "random": device("/dev/urandom"), "full": device("/dev/full"),
-    "folder": folder, "nothing": nothing, "plug": plug, "sparse": sparse(3 * 10**9), "sparser": sparse(10**12),
+    "folder": folder, "nothing": nothing, "plug": plug, "sparse": sparse(12 * 10**8), "sparser": sparse(10**12),
 }  # fmt: skip
 
 
