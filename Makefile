@@ -1,5 +1,5 @@
 # Two commands do everything on a bare machine: `make demo` and `make test`. `make test-all` runs the
-# slow tests too, and the renderer's without LLVM.
+# slow tests too, and the renderer's without LLVM; `make test-lowest` the readers' with the lowest versions.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +8,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some fifty processes, each of which would compile the package anew without bytecode.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: install demo test test-slow test-scalar test-all lint types docs pictures bench clean
+.PHONY: install demo test test-slow test-scalar test-lowest test-all lint types docs pictures bench clean
 
 install: $(VENV)/installed
 
@@ -34,6 +34,16 @@ test-slow: install
 test-scalar: install
 	DRJIT_LIBLLVM_PATH=/none $(PYTEST) tests/render
 
+# Readers and stages with the lowest versions that pyproject.toml allows, on the oldest Python.
+LOWEST := build/lowest
+test-lowest:
+	python3.11 -m venv --clear $(LOWEST)
+	$(LOWEST)/bin/python -m pip install --quiet uv
+	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct \
+		--editable '.[all]' 'pytest>=9.0' 'pytest-xdist>=3.8'
+	$(LOWEST)/bin/python -m pytest --numprocesses auto --dist loadfile -m 'not slow' tests/sensor/formats \
+		tests/megalopta/core/test_zarr_store.py tests/megalopta/core/test_hdf5.py tests/megalopta/stages tests/render/footage tests/scenes/meshes tests/flow/test_formats.py
+
 test-all: test test-slow test-scalar
 
 lint: install
@@ -46,7 +56,7 @@ types: install
 	rm -rf build/types && mkdir -p build/types/megalopta
 	ln -s $(CURDIR)/megalopta/* $(addprefix $(CURDIR)/,assets_gen flow render scenes sensor) build/types/megalopta/
 	$(BIN)/mypy --package megalopta
-	$(BIN)/mypy docs/gallery docs/pictures
+	$(BIN)/mypy docs/gallery docs/pictures examples/dissertation
 
 # The site, in build/docs; without the network once its tools are installed. Any warning is an error.
 docs: install
@@ -55,13 +65,8 @@ docs: install
 	@echo "open build/docs/index.html"
 
 # The pictures in docs/, an hour in all; `make docs` draws those of its gallery.
-DRAWN := build/pictures
-pictures: demo
+pictures: install
 	for script in docs/pictures/*.py; do PATH=$(CURDIR)/$(BIN):$$PATH python $$script || exit 1; done
-	$(BIN)/megalopta gallery --out $(DRAWN)
-	$(BIN)/megalopta gallery --views --out $(DRAWN)
-	$(BIN)/megalopta reproduce leaderboard natural-information camera-motion --out $(DRAWN)
-	cp $(addprefix $(DRAWN)/,gallery.png views.jpg leaderboard.png natural-information.png camera-motion.png) docs
 
 bench: install
 	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done

@@ -20,6 +20,7 @@ Least wanted: ideal 1.5, at 1e5 counts 1, SPADCAM 0.2, SPADCAM at 300 counts by 
 comparison 1. Most wanted: 16 bytes and 100 ns a stored event.
 """
 
+import runpy
 import tempfile
 import time
 from collections.abc import Callable
@@ -45,8 +46,9 @@ from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, writ
 from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.sampling.words import word_streams
-from megalopta.verification.brute_force import brute_force_events
 
+PLAINEST = Path(__file__).parents[1] / "tests/sensor/plainest.py"
+brute_force_events = runpy.run_path(str(PLAINEST))["brute_force_events"]
 SHAPE = (4, 240, 240)
 REPEATS = 7
 MEAN_COUNTS = (1, 10, 30, 90, 300)
@@ -84,7 +86,7 @@ def light(mean_counts: float, sensor: Sensor) -> np.ndarray:
 def frames_over_poisson(name: str, mean_counts: float) -> float:
     sensor, rng = bench_sensor(name), generator(0)
     rate = light(mean_counts, sensor)
-    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench")  # noqa: E731
+    draw = lambda: expose_rate(rate, sensor, seed=0, stream="bench")  # noqa: E731
     means, _ = event_moments(rate, sensor)
     return ratio(draw, lambda: rng.poisson(means))
 
@@ -94,14 +96,14 @@ def moments_in_draws(name: str, mean_counts: float) -> float:
     rate = light(mean_counts, sensor)[:1]
     return 1 / ratio(
         lambda: reading_moments(rate, sensor),
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench"),
+        lambda: expose_rate(rate, sensor, seed=0, stream="bench"),
     )
 
 
 def frames_over_floor(name: str, mean_counts: float) -> float:
     sensor, rng = bench_sensor(name), generator(0)
     rate = light(mean_counts, sensor)
-    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench")  # noqa: E731
+    draw = lambda: expose_rate(rate, sensor, seed=0, stream="bench")  # noqa: E731
     means, _ = event_moments(rate, sensor)
     if name == "ideal":
         return ratio(draw, lambda: rng.random(rate.size * (1 if mean_counts < 10 else 2)))
@@ -113,7 +115,7 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
     rate = light(mean_counts, sensor)
     pixels_hz = np.full((rate.size, 1, 1), mean_counts / sensor.exposure_s)
     return ratio(
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench"),
+        lambda: expose_rate(rate, sensor, seed=0, stream="bench"),
         lambda: brute_force_events(rng, pixels_hz, sensor.exposure_s, sensor.avalanche_effects),
     )
 
@@ -121,13 +123,13 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
 def two_threads(name: str) -> float:
     sensor = bench_sensor(name)
     rate = np.tile(light(30, sensor), (8, 1, 1))
-    return two_over_one(lambda: expose_rate(rate, sensor, seed=0, sequence="bench"))
+    return two_over_one(lambda: expose_rate(rate, sensor, seed=0, stream="bench"))
 
 
 def two_threads_binary() -> float:
     sensor = bench_sensor("ideal")
     rate = np.tile(light(0.2, sensor), (8, 1, 1))
-    return two_over_one(lambda: expose_binary(rate, sensor, seed=0, sequence="bench"))
+    return two_over_one(lambda: expose_binary(rate, sensor, seed=0, stream="bench"))
 
 
 def two_over_one(task: Callable[[], object]) -> float:
@@ -153,7 +155,7 @@ def binary_over_binomial(p: float) -> list[float]:
     means = -np.log1p(-chances)
     rates, singles = means / sensor.exposure_s, means.astype(np.float32)
     draw = lambda: [draw_bits(rng, frame) for frame in means]  # noqa: E731
-    expose_all = lambda: expose_binary(rates, sensor, seed=0, sequence="bench")  # noqa: E731
+    expose_all = lambda: expose_binary(rates, sensor, seed=0, stream="bench")  # noqa: E731
     binomial = lambda: [rng.binomial(1, frame) for frame in chances]  # noqa: E731
     compare = lambda: [  # noqa: E731
         np.packbits(rng.random(frame.shape, np.float32) < 1 - np.exp(-frame), axis=-1)
@@ -176,7 +178,7 @@ def stored_event(name: str) -> list[float]:
     """Bytes of an event in a file, processor time for it, ns, and speed over plain files."""
     write = {"hdf5": write_events_hdf5, "npz": write_events_npz}[name]
     sensor = bench_sensor("ideal")
-    events = expose_events(light(10, sensor), sensor, seed=0, sequence="bench")
+    events = expose_events(light(10, sensor), sensor, seed=0, stream="bench")
     period_s = sensor.exposure_s
     origin = EventOrigin(shape=events.shape, frame_period_s=period_s, exposure_s=period_s)
     columns = events.time_s.astype("<i8"), events.column.astype("<u2"), events.row.astype("<u2")
@@ -194,7 +196,7 @@ def scene_over_poisson(name: str) -> float:
     radiance = np.random.default_rng(0).uniform(0, 1e-9, (*SHAPE, 3)).astype(np.float32)
     bands = [(400.0, 500.0), (500.0, 600.0), (600.0, 700.0)]
     sensor, rng = preset(name), generator(0)
-    draw = lambda: expose(radiance, bands, sensor, seed=0, sequence="bench")  # noqa: E731
+    draw = lambda: expose(radiance, bands, sensor, seed=0, stream="bench")  # noqa: E731
     means = expectation(radiance, bands, sensor).mean_events
     return ratio(draw, lambda: rng.poisson(means))
 

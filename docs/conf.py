@@ -29,6 +29,7 @@ exclude_patterns = [
     "public_arrays",
     "extensions",
     "generated/gallery/*.ipynb",
+    "generated/dissertation/*.ipynb",
 ]
 templates_path = []
 
@@ -54,8 +55,8 @@ numpydoc_class_members_toctree = False
 viewcode_line_numbers = True
 
 sphinx_gallery_conf = {
-    "examples_dirs": ["gallery"],
-    "gallery_dirs": ["generated/gallery"],
+    "examples_dirs": ["gallery", "../examples/dissertation"],
+    "gallery_dirs": ["generated/gallery", "generated/dissertation"],
     "filename_pattern": r"\.py$",
     "download_all_examples": False,
     "show_signature": False,

@@ -31,7 +31,7 @@ truth = renderer.truth(poses, FRAMES // 2)
 
 # Photons that a SPAD array counts in each frame
 sensor = changed(preset("richardson-130nm"), exposure_s=0.05)
-exposure = expose(radiance, settings.bands_nm, sensor, seed=SEED, sequence="example")
+exposure = expose(radiance, settings.bands_nm, sensor, seed=SEED, stream="example")
 print(f"{exposure.counts.mean():.0f} counts per pixel and frame")
 
 # Motion of the counts, against the true motion

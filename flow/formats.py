@@ -11,12 +11,11 @@ before memory is allocated, and nothing is unpickled. Files are written atomical
   blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as unknown (Menze
   and Geiger, CVPR 2015, the benchmark's development kit).
 - `.pfm`, a portable float map of three channels, the third of which is ignored; rows from the
-bottom, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
+bottom, values times its scale, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
 - `.npy`, (H, W, 2) of floating point, which can mark unknown flow: whole numbers may be KITTI's
 codes as well as pixels.
 """
 
-import re
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,10 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, check_decoded, check_file, read_bytes
-from megalopta.core.errors import TooLargeError
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, read_bytes
+from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
-from megalopta.core.pictures import checked_png, write_codes
+from megalopta.core.hdf5 import numbers_in, opened_hdf5
+from megalopta.core.pictures import checked_png, read_pfm, write_codes
 
 Flow = NDArray[np.float32]
 
@@ -40,23 +40,28 @@ _UNKNOWN, _LARGEST_KNOWN = 1e10, 1e9
 _LARGEST_SIDE = 100_000
 
 _GZIP_LEVEL = 5
-_CODES_PER_PX, _CODE_OF_ZERO, _LARGEST_CODE = 64, 2**15, 2**16 - 1
+
+KITTI_SCALE = 64.0
+"""Codes of a pixel in flow as PNG, of KITTI; DSEC has 128."""
+_CODE_OF_ZERO, _LARGEST_CODE = 2**15, 2**16 - 1
 _PX_BYTES = 150
 """Memory of a pixel of a flow that is compared with another, at most (bytes)."""
+_COPIES = 3
+"""Copies of a file's bytes while its flow is read"""
 
-_PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
 
-
-def read_flow(path: str | Path) -> Flow:
+def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     """Read a flow (H, W, 2), px, NaN where undefined, in the format of the suffix.
 
+    `png_scale` are the codes of a pixel in a PNG, which cannot state it: 64 in KITTI, 128 in DSEC.
     Raises ValueError if the suffix is unknown, or the file is damaged.
     """
     path = Path(path)
     read = _READERS.get(path.suffix.lower())
     if read is None:
         raise ValueError(f"{path}: flow is read from {', '.join(_READERS)}")
-    flow = read(path)
+    check_decoded(path, (path.stat().st_size,), _COPIES)
+    flow = read_kitti_png(path, png_scale) if read is read_kitti_png else read(path)
     if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
     return _known(flow)
@@ -112,28 +117,20 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_flo5(path: str | Path) -> Flow:
     """Read a `.flo5` file. Raises ValueError if it is damaged."""
     try:
-        check_file(path)
-        with h5py.File(path, "r") as file:
-            is_here = isinstance(file.get("flow", getlink=True), h5py.HardLink)
-            stored = file["flow"] if is_here else None
-            if stored is None or stored.is_virtual or stored.external:
-                raise ValueError("no flow, or a link to another file")
-            check_decoded(path, stored.shape, _PX_BYTES / 2)
-            flow = stored[()]
-    except (FileNotFoundError, TooLargeError):
+        with opened_hdf5(path) as file:
+            flow = numbers_in(file, "flow", "f", 3, _PX_BYTES / 2)
+    except (FileNotFoundError, UserError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
         reason = " ".join(str(problem).split())[:160]
         raise ValueError(f"{path} is not a complete .flo5 file ({reason})") from None
-    if flow.ndim != 3 or flow.shape[-1] != 2 or flow.dtype.kind != "f":
-        raise ValueError(f"{path}: flow of shape {flow.shape} and type {flow.dtype}, not (H, W, 2)")
     return np.asarray(flow, np.float32)
 
 
 def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, as KITTI's PNG. Raises ValueError if the array is not a flow."""
     _check(flow)
-    codes = np.rint(flow.astype(np.float64) * _CODES_PER_PX + _CODE_OF_ZERO)
+    codes = np.rint(flow.astype(np.float64) * KITTI_SCALE + _CODE_OF_ZERO)
     with np.errstate(invalid="ignore"):
         known = ((codes >= 0) & (codes <= _LARGEST_CODE)).all(axis=-1)
     image = np.zeros((*flow.shape[:2], 3), np.uint16)
@@ -141,8 +138,10 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
     write_codes(Path(path), image)
 
 
-def read_kitti_png(path: str | Path) -> Flow:
+def read_kitti_png(path: str | Path, png_scale: float = KITTI_SCALE) -> Flow:
     """Read KITTI's PNG. Raises ValueError if it does not have 16 bits and three channels."""
+    if not 0 < png_scale < np.inf:
+        raise ValueError(f"png_scale {png_scale:g}: give the codes of a pixel, such as 64 or 128")
     content = read_bytes(path, ARRAY_BYTES)
     check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
     try:
@@ -152,26 +151,17 @@ def read_kitti_png(path: str | Path) -> Flow:
     image = None if coded is None else cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
         raise ValueError(f"{path} is not a 16-bit PNG with three channels, as KITTI's flow")
-    flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / _CODES_PER_PX
+    flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / png_scale
     flow[image[..., 0] == 0] = np.nan
     return np.asarray(flow, np.float32)
 
 
 def _read_pfm(path: Path) -> Flow:
-    content = read_bytes(path, ARRAY_BYTES)
-    header = _PFM_HEADER.match(content)
-    if header is None:
+    values = read_pfm(path)
+    if values.ndim != 3:
         raise ValueError(f"{path} is not a .pfm file of three channels")
-    width, height, scale = int(header[1]), int(header[2]), float(header[3])
-    check_decoded(path, (height, width), _PX_BYTES)
-    size, expected = len(content) - header.end(), 12 * width * height
-    if size != expected:
-        raise ValueError(
-            f"{path} has {size} bytes of values, {width} × {height} px need {expected}: the file is"
-            " damaged"
-        )
-    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
-    return values.reshape(height, width, 3)[::-1, :, :2].astype(np.float32)
+    check_decoded(path, values.shape[:2], _PX_BYTES)
+    return values[..., :2]
 
 
 def _read_npy(path: Path) -> Flow:

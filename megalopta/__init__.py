@@ -4,6 +4,7 @@ dataset = megalopta.open_dataset("out/night")
 exposure = megalopta.photons_from_images("clip.mp4", photons_per_pixel=2)
 """
 
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,4 +23,6 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("megalopta")
+    if name in ("assets_gen", "flow", "render", "scenes", "sensor"):
+        return import_module(f"megalopta.{name}")
     return _load(name)

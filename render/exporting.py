@@ -18,7 +18,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render.loading.materials import bsdf, emission
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh, merge
 from megalopta.render.loading.scene import lights_of, load_mesh
-from megalopta.render.mitsuba_loader import activate, mi
+from megalopta.render.mitsuba_loader import activated, mi
 from megalopta.render.path_tracing import ROULETTE_DEPTH
 from megalopta.render.sensors.film import film_and_sampler
 from megalopta.render.sensors.optics import plugin, sensor_transform
@@ -59,25 +59,25 @@ def export_scene(
     """
     _check(scene, camera)
     scene.check_bands(settings.bands_nm)
-    activate(choose_variant("scalar"))  # whose surfaces are Mitsuba's own
-    local = pose.copy()
-    local[:3, 3] -= scene.origin_m
-    writer = _Writer(folder)
-    root = ElementTree.Element("scene", version=str(mi.__version__))
-    root.append(ElementTree.Comment(f" relative to {scene.origin_m} m, at {time_s:g} s "))
-    path = {"type": "path", "max_depth": settings.max_depth, "rr_depth": ROULETTE_DEPTH}
-    writer.add(root, "integrator", path)
-    to_world = mi.ScalarTransform4f(sensor_transform(local).tolist())
-    samples = settings.samples_per_pixel
-    parts = film_and_sampler(camera.shape[::-1], settings.bands_nm, settings.sampler, samples)
-    writer.add(root, "sensor", {**plugin(camera), "to_world": to_world, **parts})
-    for name, light in (lights_of(scene.lighting) if scene.lighting else {}).items():
-        writer.add(root, name, light)
-    for number, mesh in enumerate(merge(scene)):
-        writer.add(root, f"mesh_{number:03d}", _shape(scene, _at(mesh, time_s), number, folder))
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
-    files.write_text(folder / "scene.xml", f"{text}\n")
+    with activated(choose_variant("scalar")):  # whose surfaces are Mitsuba's own
+        local = pose.copy()
+        local[:3, 3] -= scene.origin_m
+        writer = _Writer(folder)
+        root = ElementTree.Element("scene", version=str(mi.__version__))
+        root.append(ElementTree.Comment(f" relative to {scene.origin_m} m, at {time_s:g} s "))
+        path = {"type": "path", "max_depth": settings.max_depth, "rr_depth": ROULETTE_DEPTH}
+        writer.add(root, "integrator", path)
+        to_world = mi.ScalarTransform4f(sensor_transform(local).tolist())
+        samples = settings.samples_per_pixel
+        parts = film_and_sampler(camera.shape[::-1], settings.bands_nm, settings.sampler, samples)
+        writer.add(root, "sensor", {**plugin(camera), "to_world": to_world, **parts})
+        for name, light in (lights_of(scene.lighting) if scene.lighting else {}).items():
+            writer.add(root, name, light)
+        for number, mesh in enumerate(merge(scene)):
+            writer.add(root, f"mesh_{number:03d}", _shape(scene, _at(mesh, time_s), number, folder))
+        ElementTree.indent(root)
+        text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
+        files.write_text(folder / "scene.xml", f"{text}\n")
     return folder / "scene.xml"
 
 

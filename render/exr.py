@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from megalopta.render.truth.tracer import Truth
 
 _MOST_CHANNELS = 1000
-_VALUE_BYTES = 12
+VALUE_BYTES = 12
 """Memory of a value of a channel, with its copies."""
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
@@ -123,7 +123,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
 
 def read_size(path: Path) -> tuple[int, int]:
     """Read rows and columns from a file's header. Raises ValueError if it is not an EXR."""
-    return size_in(read_header(path))
+    return size_in(read_headers(path)[0])
 
 
 def read_attributes(path: Path) -> dict[str, str]:
@@ -131,7 +131,7 @@ def read_attributes(path: Path) -> dict[str, str]:
 
     Raises ValueError if it is not an EXR.
     """
-    return {name: value for name, value in read_header(path).items() if isinstance(value, str)}
+    return {name: value for name, value in read_headers(path)[0].items() if isinstance(value, str)}
 
 
 def write_truth(
@@ -228,8 +228,11 @@ def _os_error(problem: RuntimeError, path: Path) -> OSError:
     return OSError(code, os.strerror(code), str(path))
 
 
-def read_header(path: Path) -> dict[str, Any]:
-    """Read a file's header. Raises ValueError if it is not an EXR, or states too many values."""
+def read_headers(path: Path) -> list[dict[str, Any]]:
+    """Read the headers of a file's parts.
+
+    Raises ValueError if it is not an EXR; TooLargeError if they state too many values.
+    """
     import OpenEXR
 
     if not path.is_file():
@@ -240,25 +243,25 @@ def read_header(path: Path) -> dict[str, Any]:
         channels = sum(len(each["channels"]) for each in headers)
         check_count(path, "channels", channels, _MOST_CHANNELS)
         for header in headers:  # all parts are decoded
-            check_decoded(path, (*size_in(header), channels), _VALUE_BYTES)
-        return headers[0]
+            check_decoded(path, (*size_in(header), channels), VALUE_BYTES)
+        return headers
     except TooLargeError:
         raise
     except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem
 
 
-def size_in(header: Mapping[str, Any]) -> tuple[int, int]:
-    """Return rows and columns that a header states."""
-    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
+def size_in(header: Mapping[str, Any], window: str = "dataWindow") -> tuple[int, int]:
+    """Return rows and columns of a window that a header states."""
+    (left, top), (right, bottom) = np.asarray(header[window]).tolist()
     return bottom - top + 1, right - left + 1
 
 
 def read_channels(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
-    """Read a file's header and its channels (H, W) by name; errors as `read_header`."""
+    """Read a file's header and its channels (H, W) by name; errors as `read_headers`."""
     import OpenEXR
 
-    header = read_header(path)
+    header = read_headers(path)[0]
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             return header, {name: np.array(each.pixels) for name, each in file.channels().items()}

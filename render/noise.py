@@ -2,7 +2,7 @@
 
 Two renderings of a frame with different seeds differ by flickering noise. Splitting a frame's
 samples into halves for comparison would cost more: multijittered sampling is better than the sum of
-its parts, and a frame of two halves has 1.1 to 1.2 times the error (benchmarks/bench_sampler.py).
+its parts, and a frame of two halves has 1.1 to 1.2 times the error.
 So a frame is one pass, and every 16th frame gets a second one, for comparison only. If passes are
 added up to a target error, every frame is measured, from the scatter of its passes.
 

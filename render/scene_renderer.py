@@ -34,11 +34,15 @@ from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.trajectories.fit import Fit
 
 # Poses of an exposure whose lines all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
+_LOOKS = 256
+"""Most poses that are searched for a view of any surface."""
 
 
 def _path_tracer(
@@ -57,7 +61,8 @@ def _path_tracer(
 class SceneRenderer:
     """Loaded scene and camera, to be moved along poses.
 
-    Raises ValueError if a panorama cannot be read, or a band is beyond what is known of a material.
+    Raises ValueError if a panorama cannot be read, a band is beyond what is known of a material, or
+    none of the poses sees a surface.
 
     Parameters
     ----------
@@ -68,6 +73,8 @@ class SceneRenderer:
         Seed of the sequence, for data shared by its frames.
     light_folder : pathlib.Path, optional
         Cache folder for baked light, for later renderings of the same.
+    times_s : (T,), optional
+        Times of the poses, s; with these, a view of no surface is refused.
 
     Attributes
     ----------
@@ -85,6 +92,7 @@ class SceneRenderer:
         poses: Floats | None = None,
         seed: int = 0,
         light_folder: Files | None = None,
+        times_s: Floats | None = None,
     ) -> None:
         self.camera = camera
         self.variant: Variant = choose_variant(settings.backend)
@@ -98,6 +106,8 @@ class SceneRenderer:
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
+        if poses is not None and times_s is not None:
+            self._refuse_empty_view(poses, times_s)
         pixels = camera.width * camera.height
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
         self._view: SurfaceView | EnvironmentView
@@ -117,6 +127,25 @@ class SceneRenderer:
             self._view = SurfaceView(whole, camera, settings, integrator, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
+
+    def _refuse_empty_view(self, poses: Floats, times_s: Floats) -> None:
+        """Raise ValueError with a path that sees the scene if none of the poses sees a surface."""
+        scene = self._scene
+        if not scene.placements or scene.haze:
+            return  # a panorama or haze is seen
+        some = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
+        views = map(Instant, times_s[some].tolist(), self._local(poses[some]))
+        if all(self._tracer.see(view).is_sky.all() for view in views):
+            bounds = bounds_of(scene)
+            low, high = (", ".join(f"{x:.7g}" for x in corner) for corner in bounds)
+            orbit = Fit().around(bounds, self.camera)
+            center = " ".join(f"{x:.12g}" for x in orbit.center_m)
+            raise ValueError(
+                "the camera sees no surface in any frame; surfaces extend from "
+                f"({low}) to ({high}) m, and this path sees all of them: --trajectory.kind orbit "
+                f"--trajectory.center_m {center} --trajectory.radius_m {orbit.radius_m:g} "
+                f"--trajectory.height_m {orbit.height_m:g}"
+            )
 
     def radiance(self, pose: Floats, seed: int, time_s: float = 0.0) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means.

@@ -1,5 +1,6 @@
 """Settings of radiance, and the seeds of its noise; no renderer is needed here."""
 
+import hashlib
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
@@ -40,7 +41,8 @@ class RenderSettings(Record, frozen=True):
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
     """Longest path in surface hits plus one: 2 is direct light, 3 adds one reflection, and so on.
     16 omits up to 0.1 % of a forest's light in the near infrared, less in the visible, and costs no
-    more than 8; the scene record states the omitted share. In haze a scattering counts as a hit,
+    more than 8. By default scenes of meshes have 64: of a closed room of albedo 0.8, 16 omit 3 %.
+    The scene record states the omitted share. In haze a scattering counts as a hit,
     and 64 more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
@@ -106,11 +108,20 @@ class RenderSettings(Record, frozen=True):
 
 
 def frame_seed(seed: int, frame: int, *parts: int) -> int:
-    """32-bit Mitsuba seed of one frame, or of a numbered part of it: a pass, an instant of one.
+    """32-bit Mitsuba seed of one frame, or of a numbered exposure of it, or an instant of one.
 
-    Seeds of frames, parts and sequences are unrelated.
+    Seeds of frames and sequences are unrelated.
     """
     return int(np.random.SeedSequence(seed, spawn_key=(frame, *parts)).generate_state(1)[0])
+
+
+def part_seed(seed: int, purpose: str, number: int = 0) -> int:
+    """32-bit Mitsuba seed of a numbered draw within a frame, unrelated to those of frames.
+
+    `purpose` says what is drawn, such as "pass"; draws of different purposes are unrelated.
+    """
+    key = f"{purpose} {number} of {seed}".encode()
+    return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little")
 
 
 def bake_seed(seed: int) -> int:

@@ -28,7 +28,7 @@ from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import Scattering
 from megalopta.render.sensors.primary import Look, pixel_means
-from megalopta.render.settings import RenderSettings, frame_seed
+from megalopta.render.settings import RenderSettings, part_seed
 from megalopta.render.shading import Bounces, Sight, SkyLight, SunLight, Textures, Weights
 from megalopta.scenes.scene import Scene
 
@@ -111,7 +111,7 @@ class SplitPaths:
         taken = []
         for number, part in enumerate(self.parts):
             samples = {"type": self._sampler, "sample_count": math.ceil(spp / part.every)}
-            own_seed = frame_seed(seed, number) if number else seed
+            own_seed = part_seed(seed, "light path", number) if number else seed
             taken.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
         radiance = sum(each[..., :-1] for each in taken)
         return np.concatenate([radiance, taken[0][..., -1:]], axis=-1)

@@ -28,6 +28,12 @@ class SceneDescription(Record, frozen=True):
     has_truth: ClassVar[bool] = True
     """True if it is rendered, so that its motion and depth are known."""
 
+    is_made_for_camera: ClassVar[bool] = True
+    """True if its objects are where the camera goes, so that no path can be fitted to them."""
+
+    max_depth: ClassVar[int] = 16
+    """Longest path of light unless `render.max_depth` tells another."""
+
     has_bounces: ClassVar[bool] = True
     """True if light is reflected between surfaces, which takes most of the rendering time."""
 

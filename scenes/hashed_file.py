@@ -7,14 +7,13 @@ that results stay consistent with it.
 import hashlib
 import sys
 from abc import abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
+from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.core.record import Record
 
 
@@ -22,7 +21,7 @@ class Hashed(Record, frozen=True):
     """Thing by path and content; a plain path is accepted and gets its hash."""
 
     path: str
-    """Path, relative to the folder in which the program runs."""
+    """Path, in a file relative to its folder, in which it must lie."""
 
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     """SHA-256 hash of its content, filled in; other content raises an error."""
@@ -34,12 +33,13 @@ class Hashed(Record, frozen=True):
 
     @model_validator(mode="before")
     @classmethod
-    def _hash_what_has_none(cls, values: Any) -> Any:
+    def _hash_what_has_none(cls, values: Any, validation: ValidationInfo) -> Any:
         if isinstance(values, str | Path):
             values = {"path": str(values)}
         if not isinstance(values, dict) or "sha256" in values or "path" not in values:
             return values
-        return {**values, "sha256": cls.hash_of(str(values["path"]))}
+        path = str(named_path(str(values["path"]), folder_of(validation)))
+        return {**values, "path": path, "sha256": cls.hash_of(path)}
 
     def check(self) -> None:
         """Raise ValueError if the file cannot be read or has changed."""
@@ -94,16 +94,3 @@ def _file_hash(path: Path) -> str:
     check_file(path, sys.maxsize)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-@contextmanager
-def unreadable(path: str) -> Iterator[None]:
-    """Raise an OSError of the work inside as ValueError, a sentence with the remedy."""
-    try:
-        yield
-    except OSError as problem:
-        reason = (problem.strerror or str(problem)).lower()
-        raise ValueError(
-            f"{path} cannot be read ({reason}); give the path of a file, relative to the folder in "
-            "which the program runs"
-        ) from None

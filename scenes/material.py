@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.scenes.finish import Finish
-from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
+from megalopta.scenes.spectra.spectrum import Spectrum, common_range, flat, total
 
 _ROUNDING = 1e-6
 
@@ -88,6 +88,20 @@ class Material:
                 "material: a texture of colors has all of the reflectance; use a reflectance of 0 "
                 "and no transmittance"
             )
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Lowest and highest wavelength at which it is known."""
+        known = [Spectrum((550.0,), (0.0,), self.known_nm)]
+        if self.emission:
+            known += (
+                [self.emission.radiance] if isinstance(self.emission.radiance, Spectrum) else []
+            )
+        elif not self.finish:
+            of_texture = self.texture.spectra if self.texture else ()
+            parts = (self.reflectance, self.transmittance), *of_texture
+            known += [part for pair in parts for part in pair if part]
+        return common_range(known)
 
     @property
     def transmits(self) -> bool:

@@ -16,7 +16,9 @@ from scipy.spatial.transform import Rotation
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 
-Vector = tuple[float, float, float]
+# Beyond this, squares of lengths lose precision for a forest, or overflow.
+Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 Times = float | Floats
 
 

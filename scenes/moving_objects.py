@@ -90,12 +90,17 @@ else:
 def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
     """Add objects to a scene, after the existing ones, each with its own materials."""
     materials, assets = dict(scene.materials), dict(scene.assets)
-    placements = list(scene.placements)
+    placements, notes = list(scene.placements), list(scene.notes)
     for index, thing in enumerate(objects):
         if isinstance(thing, MovingModel):
             kind = thing.name or thing.file.stem
             name = f"object {index} {kind}"
-            assets[name] = _model(thing, name, materials)
+            pieces = thing.pieces()
+            check_names(thing.materials, pieces)
+            label = f"{name} {thing.file.path}"
+            surfacing = Surfacing(label, thing.materials, materials=materials)
+            assets[name] = surfacing.whole(pieces)
+            notes += thing.notes(pieces)
         else:
             kind, name = thing.name, f"object {index} {thing.name}"
             materials[name] = _material(thing, index)
@@ -105,15 +110,13 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
         motion = None if is_at_rest else RigidMotion(thing.position_m, thing.motion)
         to_world = pose_of(thing.position_m, thing.turn_deg)
         placements.append(Placement(name, kind, to_world, motion))
-    return replace(scene, materials=materials, assets=assets, placements=tuple(placements))
-
-
-def _model(thing: MovingModel, name: str, materials: dict[str, Material]) -> Asset:
-    """Return the shape of a mesh file, and add its materials to others."""
-    pieces = thing.pieces()
-    check_names(thing.materials, pieces)
-    label = f"{name} {thing.file.path}"
-    return Surfacing(label, thing.materials, materials=materials).whole(pieces)
+    return replace(
+        scene,
+        materials=materials,
+        assets=assets,
+        placements=tuple(placements),
+        notes=tuple(notes),
+    )
 
 
 def _material(thing: MovingObject, index: int) -> Material:

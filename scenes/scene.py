@@ -7,7 +7,6 @@ computes in float32, so its coordinates are relative to `Scene.origin_m`.
 An object id is the index in `Scene.placements` plus one; 0 means no hit.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,7 +19,7 @@ from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.haze import Haze
 from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Motion
-from megalopta.scenes.spectra.spectrum import Spectrum, total
+from megalopta.scenes.spectra.spectrum import Spectrum, check_known, common_range, total
 
 if TYPE_CHECKING:
     import trimesh
@@ -162,6 +161,8 @@ class Scene:
     """Environment seen alone, without noise; one that lights objects belongs to the lighting."""
     haze: Haze | None = None
     """Haze that fills a box around all objects and the camera; None: clear air."""
+    notes: tuple[str, ...] = ()
+    """Sentences on what its files hold that has no effect."""
 
     def __post_init__(self) -> None:
         """Reject dangling names, objects before a panorama and haze around nothing."""
@@ -182,16 +183,13 @@ class Scene:
                 raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
 
     def check_bands(self, bands_nm: Sequence[tuple[float, float]]) -> None:
-        """Raise ValueError for a band in which the reflectance of a material is not known."""
+        """Raise ValueError for a band in which the light or a material's spectrum is not known."""
+        if self.lighting:
+            sun = [self.lighting.sun.irradiance] if self.lighting.sun else []
+            check_known("light", common_range([self.lighting.mean_sky(), *sun]), bands_nm, "")
+        remedy = "give its reflectance in `materials`, or "
         for name, material in self.materials.items():
-            low, high = material.known_nm or (-math.inf, math.inf)
-            for first, last in bands_nm:
-                if first < low or last > high:
-                    raise ValueError(
-                        f"material {name!r}: its spectrum is known from {low:g} to {high:g} nm, "
-                        f"and bands_nm has {first:g} to {last:g}; give its reflectance in "
-                        "`materials`, or omit the band"
-                    )
+            check_known(f"material {name!r}", material.range_nm, bands_nm, remedy)
 
     @property
     def kinds(self) -> tuple[str, ...]:

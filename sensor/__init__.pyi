@@ -75,7 +75,6 @@ from .image_sensors import (
     check_sensor as check_sensor,
     detected_photons as detected_photons,
 )
-from .input_files import file_content as file_content
 from .optics.efficiency import Efficiency as Efficiency
 from .optics.filters import (
     ColorFilters as ColorFilters,

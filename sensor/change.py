@@ -4,7 +4,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from megalopta.core.validation import merged
+from megalopta.core.validation import checked, merged
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
@@ -16,6 +16,6 @@ def changed(model: AnyModel, **fields: Any) -> AnyModel:
 
         changed(preset("spadcam"), exposure_s=0.02, counter={"step_v": 0.03})
 
-    Raises ValueError if a field is unknown or the result is invalid.
+    Raises ValueError, in one sentence, if a field is unknown or the result is invalid.
     """
-    return type(model).model_validate(merged(model.model_dump(), fields))
+    return checked(type(model), merged(model.model_dump(), fields))

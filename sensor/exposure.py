@@ -11,12 +11,12 @@ The rate is that of the frame's radiance for the whole exposure, or (T, S, H, W)
 it. Motion blur, if any, is already in the radiance. An array of CTIA pixels (`ctia`) integrates a
 photocurrent instead.
 
-Every frame has its own random streams, named by seed, sequence and frame number. A frame's draws
-thus depend neither on other frames drawn with it, nor on the number of threads. Independent draws,
-such as those of two light levels, need different names for `sequence`. Counts, events and bits are
-drawn from different streams: they agree in distribution, not count by count. For an array with
-memory that is not reset between frames, they are drawn avalanche by avalanche from the same
-streams, and are the same events.
+Every frame has its own random streams, named by seed, stream, sensor, light and frame number. A
+frame's draws thus depend neither on other frames drawn with it, nor on the number of threads.
+Exposures that differ in any of these are independent; equal ones give equal readings. Counts,
+events and bits are drawn from different streams: they agree in distribution, not count by count.
+For an array with memory that is not reset between frames, they are drawn avalanche by avalanche
+from the same streams, and are the same events.
 """
 
 import math
@@ -40,7 +40,7 @@ from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.sampling.bits import fill_bits
 from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.sampling.words import word_streams
 from megalopta.sensor.spad.counters import (
     AnalogCounter,
@@ -50,22 +50,24 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import draw_frame, mean_rate
+from megalopta.sensor.spad.counts import MOST_SIMULATED, check_load, draw_frame, mean_rate
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
 
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
+MOST_STORED = 5e7
+"""Most events of a frame whose times are kept."""
 
 
 def expose(
     radiance: ArrayLike,
     bands_nm: ArrayLike,
-    sensor: ImageSensor,
+    sensor: ImageSensor | str,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
     expectation: bool = False,
@@ -74,7 +76,7 @@ def expose(
 
     Raises ValueError if the radiance is negative, not finite, too bright or of the wrong shape, a
     band reaches outside the efficiency curve, or the sensor's device is impossible; TypeError if
-    the sensor is not one, or seed or sequence has the wrong type.
+    the sensor is not one, or seed or stream has the wrong type.
 
     Parameters
     ----------
@@ -82,8 +84,11 @@ def expose(
         Band means, W·m⁻²·sr⁻¹·nm⁻¹.
     bands_nm : (B, 2) array
         Lower and upper edge of each band, nm.
-    sequence : str or int
-        Name of the draws; a frame's readings are a function of seed, sequence and frame number.
+    sensor
+        A sensor, or a preset's name.
+    stream : str or int
+        Name of the draws; a frame's readings are a function of it, seed, sensor, light and frame
+        number.
     first_frame : int
         Sequence number of the first of these frames.
     frame_period_s : float, optional
@@ -91,9 +96,12 @@ def expose(
     expectation : bool
         True to compute mean and variance too, which about doubles the cost.
     """
+    from megalopta.sensor.image_sensors import sensor_named  # which imports this module
+
+    sensor = sensor_named(sensor)
     named: dict[str, Any] = {
         "seed": seed,
-        "sequence": sequence,
+        "stream": stream,
         "first_frame": first_frame,
         "frame_period_s": frame_period_s,
     }
@@ -115,7 +123,7 @@ def expose_rate(
     sensor: Sensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
@@ -132,7 +140,7 @@ def expose_rate(
         of this call, or from the end of the array's previous call. Frames then depend on those
         before.
     """
-    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    frames = _Frames.of(detections_hz, sensor, seed, stream, first_frame, frame_period_s)
     array, counter = frames.running(free_running), sensor.counter
     exposure = Exposure(
         empty_counts(frames.shape, counter.capacity), np.empty(frames.shape, np.bool_)
@@ -163,20 +171,20 @@ def expose_adc(
     sensor: Sensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     together: int = 1,
 ) -> NDArray[np.uint16]:
     """Draw the ADC codes (T, H, W) of analog counters; as `expose_rate`.
 
-    The same seed, sequence and frame give the same events and noise as there. Several frames may be
+    The same seed, stream and frame give the same events and noise as there. Several frames may be
     drawn `together` from the streams of the first: for small arrays, naming a stream costs more
     than drawing a frame.
 
     Raises ValueError as `expose_rate`, or if the sensor has no analog counter with an ADC of 16
     bits or less.
     """
-    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, None)
+    frames = _Frames.of(detections_hz, sensor, seed, stream, first_frame, None)
     counter, pixels = sensor.counter, frames.device.counters
     if not isinstance(counter, AnalogCounter) or pixels is None:
         raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
@@ -199,7 +207,7 @@ def expose_binary(
     sensor: Sensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
@@ -214,7 +222,7 @@ def expose_binary(
     Raises ValueError as `expose_rate`, or as `check_binary`.
     """
     check_binary(sensor)
-    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    frames = _Frames.of(detections_hz, sensor, seed, stream, first_frame, frame_period_s)
     count, rows, columns = frames.shape
     packed = np.empty((count, rows, -(-columns // 8)), np.uint8)
     array = frames.running(free_running)
@@ -243,7 +251,7 @@ def expose_events(
     sensor: Sensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
     free_running: bool | FreeRunning = False,
@@ -255,7 +263,7 @@ def expose_events(
 
     `detections_hz` (T, H, W) or (T, S, H, W); `sensor`: its jitter scatters the time stamps.
     """
-    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    frames = _Frames.of(detections_hz, sensor, seed, stream, first_frame, frame_period_s)
     array = frames.running(free_running)
     streams: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}
 
@@ -294,7 +302,7 @@ class _Frames:
     device: FixedPattern
     sensor: Sensor
     seed: int
-    sequence: str | int
+    stream: str
     first: int
     period_s: float
 
@@ -304,13 +312,14 @@ class _Frames:
         detections_hz: ArrayLike,
         sensor: Sensor,
         seed: int,
-        sequence: str | int,
+        stream: str | int,
         first_frame: int,
         period_s: float | None,
     ) -> "_Frames":
         rate, device = checked_rate(detections_hz, sensor)
         period_s = period_s or sensor.exposure_s
-        return cls(rate, device, sensor, seed, sequence, first_frame, period_s)
+        named = sensor_stream(stream, sensor, device.dark_counts_hz)
+        return cls(rate, device, sensor, seed, named, first_frame, period_s)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -331,7 +340,8 @@ class _Frames:
 
     def rng(self, purpose: str, index: int) -> np.random.Generator:
         """Return the random generator of one frame and purpose."""
-        return generator(self.seed, purpose, self.sequence, self.first + index)
+        light = light_key(self.detections_hz[index])
+        return generator(self.seed, purpose, self.stream, light, self.first + index)
 
     def rates(self, index: int) -> tuple[Floats, Floats]:
         """Detections and dark counts of a frame, Hz, after the effects that change with time."""
@@ -342,7 +352,7 @@ class _Frames:
         rates = self.device.rates(detections_hz.copy())
         rates.dark_counts_hz = dark_hz.copy()
         for name, effect in self.device.in_time:
-            run = generator(self.seed, name, self.sequence).integers(2**63)
+            run = generator(self.seed, name, self.stream).integers(2**63)
             frame = Frame(number, number * self.period_s, int(run))
             effect.act_on_frame(rates, self.rng(name, index), frame)
         rates.dark_counts_hz.flags.writeable = False  # as in the device: compiled once
@@ -393,13 +403,16 @@ class _Frames:
     ) -> SimulatedFrame:
         """Simulate a frame avalanche by avalanche, from the array's state."""
         arrivals_hz = np.add(*self.rates(index))
+        effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         check_arrivals(arrivals_hz, self.sensor.exposure_s)
+        most = MOST_STORED if keep_events else MOST_SIMULATED
+        check_load(arrivals_hz, self.sensor.exposure_s, effects, maps, most)
         return array.expose(
             rng or self.rng("events", index),
             arrivals_hz,
             self.sensor.exposure_s,
-            self.sensor.avalanche_effects,
-            self.device.avalanches,
+            effects,
+            maps,
             keep_events=keep_events,
         )
 

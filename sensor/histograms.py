@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.tcspc import first_photon_shares
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.spad.device import checked_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 
@@ -102,7 +102,7 @@ def expose_histograms(
     sensor: Sensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     later_s: ArrayLike | None = None,
 ) -> NDArray[np.uint32]:
@@ -114,7 +114,7 @@ def expose_histograms(
     ----------
     detections_hz : (T, H, W) array
         Mean detection rate of always-live pixels, Hz; `tcspc` says how it is pulsed.
-    seed, sequence, first_frame
+    seed, stream, first_frame
         As for `expose_rate`.
     later_s : (T, H, W) array, optional
         With `tcspc.from_camera`, delay of each pixel's pulse after `tcspc.delay_s`; infinite: no
@@ -122,6 +122,7 @@ def expose_histograms(
     """
     check_histograms(sensor)
     rate = np.asarray(detections_hz, np.float64)
+    named = sensor_stream(stream, sensor, checked_rate(rate, sensor)[1].dark_counts_hz)
     counts = np.empty((*rate.shape, sensor.tcspc.bins), np.uint32)
     number = periods(sensor)
     later = None if later_s is None else np.broadcast_to(np.asarray(later_s), rate.shape)
@@ -130,7 +131,7 @@ def expose_histograms(
         own = None if later is None else later[index : index + 1]
         shares = _shares(rate[index : index + 1], sensor, own)[0]
         rest = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
-        rng = generator(seed, "histograms", sequence, first_frame + index)
+        rng = generator(seed, "histograms", named, light_key(rate[index]), first_frame + index)
         drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))
         counts[index] = drawn[..., :-1]
 

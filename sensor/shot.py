@@ -17,7 +17,13 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
 from megalopta.sensor.event_stream import Events
 from megalopta.sensor.expectations import expectation, settled
-from megalopta.sensor.exposure import expose, expose_binary, expose_events, expose_rate
+from megalopta.sensor.exposure import (
+    MOST_STORED,
+    expose,
+    expose_binary,
+    expose_events,
+    expose_rate,
+)
 from megalopta.sensor.histograms import expose_histograms
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
@@ -28,7 +34,7 @@ from megalopta.sensor.sub_frames import Following
 
 Arrays = Mapping[str, FreeRunning]
 
-MOST_EVENTS = 5e7
+MOST_EVENTS = MOST_STORED
 """Limit of events per frame; they take about 3 GB of memory while drawn and sorted."""
 _BITS_AT_ONCE = 16
 """Binary frames of a burst drawn together."""
@@ -44,7 +50,7 @@ class Shot:
     """(B, 2)"""
     sensor: ImageSensor
     seed: int
-    sequence: str | int
+    stream: str | int
     first_frame: int
     frame_period_s: float
     """As for `expose`."""
@@ -60,6 +66,14 @@ class Shot:
     later_s: Floats | None = None
     """(T, H, W): delays of pulses for histograms, as for `expose_histograms`."""
     arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if light would move beyond the next frame."""
+        if self.following and self.sensor.exposure_s > self.frame_period_s * (1 + 1e-9):
+            raise ValueError(
+                f"exposure_s: {self.sensor.exposure_s:g} is longer than a frame, "
+                f"{self.frame_period_s:g} s, after which the light is not known; shorten it"
+            )
 
     def _array(self, of: str) -> FreeRunning | bool:
         """Return an array in its state before this shot, however often it is requested."""
@@ -98,7 +112,7 @@ class Shot:
     def _named(self) -> dict[str, Any]:
         return {
             "seed": self.seed,
-            "sequence": self.sequence,
+            "stream": self.stream,
             "first_frame": self.first_frame,
             "frame_period_s": self.frame_period_s,
         }
@@ -184,7 +198,7 @@ class Shot:
                     rate[part_of[start : start + _BITS_AT_ONCE]],
                     sensor,
                     seed=self.seed,
-                    sequence=f"{self.sequence}/burst",
+                    stream=f"{self.stream}/burst",
                     first_frame=first + start,
                     free_running=array,
                 )
@@ -197,7 +211,7 @@ class Shot:
                 rate[index : index + 1],
                 self._spad,
                 seed=self.seed,
-                sequence=self.sequence,
+                stream=self.stream,
                 first_frame=self.first_frame + index,
                 later_s=None if self.later_s is None else self.later_s[index : index + 1],
             )

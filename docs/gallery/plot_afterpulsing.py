@@ -20,7 +20,7 @@ light = np.full((1, 100, 100), PRIMARIES / ideal.exposure_s)
 mean, variance = [], []
 for p in traps:
     sensor = changed(ideal, afterpulsing={"mean_carriers": p, "delay_s": 50e-9})
-    counts = expose_rate(light, sensor, seed=0, sequence=f"{p:g}").counts
+    counts = expose_rate(light, sensor, seed=0, stream=f"{p:g}").counts
     mean.append(counts.mean() / PRIMARIES)
     variance.append(counts.var() / PRIMARIES)
 

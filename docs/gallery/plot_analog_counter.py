@@ -16,7 +16,7 @@ sensor = changed(
 )
 rates_hz = np.linspace(0, 5e4, 41)
 light = np.broadcast_to(rates_hz[:, None, None], (41, 16, 16))
-exposure = expose_rate(light, sensor, seed=0, sequence="ramp")
+exposure = expose_rate(light, sensor, seed=0, stream="ramp")
 
 events = rates_hz * sensor.exposure_s
 plt.plot(events, exposure.counts.reshape(41, -1), ".", color="gray", ms=2)

@@ -23,7 +23,7 @@ volts, rates = np.linspace(0.3, 1.4, 12), []
 for excess_v in volts:
     sensor = changed(at_reference, bias={**LAW, "excess_v": excess_v})
     lit, unlit = (
-        expose(light, bands_nm, sensor, seed=0, sequence="wall").counts.mean() / sensor.exposure_s
+        expose(light, bands_nm, sensor, seed=0, stream="wall").counts.mean() / sensor.exposure_s
         for light in (wall, 0 * wall)
     )
     rates.append((lit - unlit, unlit))

@@ -6,24 +6,26 @@ Crosstalk, dark counts and afterpulses of a real array of 12 × 4 pixels. The mo
 to half of the pixels and drawn with the other half. Explanation: :doc:`/explanation/captures`.
 """
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 
+from megalopta.camera.capture_files import read_measurement
 from megalopta.sensor.calibrate import autocorrelation, dark_distribution, pair_crosstalk
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
 from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
-from megalopta.verification.capture_files import SHIPPED, read_measurement
-from megalopta.verification.captures import halves
 
+arrays = Path("../public_arrays")  # from docs/gallery
 pairs, rates, pulses = (
-    read_measurement(SHIPPED / f"{each}-1.csv")
+    read_measurement(arrays / f"{each}-1.csv")
     for each in ("crosstalk", "dark-counts", "autocorrelation")
 )
 assert isinstance(pairs, PairCrosstalk)
 assert isinstance(rates, np.ndarray)
 assert isinstance(pulses, Autocorrelation)
 figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
-fitted, tested = halves(pairs)
+fitted, tested = pairs.some(pairs.column < 5.5), pairs.some(pairs.column > 5.5)
 crosstalk = pair_crosstalk.modelled(pair_crosstalk.fit_crosstalk(fitted), tested)
 distance = np.hypot(tested.down, tested.right)
 left.semilogy(distance, tested.probability, ".", markersize=4)

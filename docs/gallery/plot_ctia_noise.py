@@ -27,7 +27,7 @@ for number, what in enumerate(("mean (e⁻)", "variance (e⁻²)")):
     found = []
     for bias_v in biases_v:
         sensor = changed(base, bias={"kind": "fixed", "reverse_bias_v": bias_v})
-        volts = expose_photocurrent(dark, sensor, seed=0, sequence=f"{bias_v:g}").volts
+        volts = expose_photocurrent(dark, sensor, seed=0, stream=f"{bias_v:g}").volts
         found.append((volts.mean(), volts.var() * to_electrons)[number] * to_electrons)
     rest = np.exp(-e * biases_v / (k * 300))
     law = SATURATION_A * EXPOSURE_S / e * (1 + (2 * number - 1) * rest)

@@ -21,7 +21,7 @@ for kind, marker in kinds.items():
     effect = DeadTime(kind=kind, dead_time_s=0.0 if kind == "ideal" else DEAD_TIME_S)
     sensor = changed(preset("ideal"), exposure_s=EXPOSURE_S, dead_time=effect.model_dump())
     light = np.broadcast_to(rates_hz[:, None, None], (rates_hz.size, 40, 40))
-    counts = expose_rate(light, sensor, seed=0, sequence=kind).counts.mean(axis=(1, 2))
+    counts = expose_rate(light, sensor, seed=0, stream=kind).counts.mean(axis=(1, 2))
     (line,) = plt.loglog(fine_hz, expected_counts(fine_hz, EXPOSURE_S, effect), label=kind)
     plt.loglog(rates_hz, counts, marker, color=line.get_color())
 plt.xlabel("arrivals (Hz)")

@@ -23,7 +23,7 @@ for overflow, read in readings.items():
         preset("ideal"), exposure_s=1e-3, counter={"capacity": CAPACITY, "overflow": overflow}
     )
     light = np.broadcast_to(1e3 * means[:, None, None], (means.size, 40, 40))
-    counts = expose_rate(light, sensor, seed=0, sequence=overflow).counts.mean(axis=(1, 2))
+    counts = expose_rate(light, sensor, seed=0, stream=overflow).counts.mean(axis=(1, 2))
     (line,) = plt.plot(fine, poisson.pmf(n, fine[:, None]) @ read, label=overflow)
     plt.plot(means, counts, "o", color=line.get_color())
 plt.xlabel("mean events per exposure")

@@ -18,7 +18,7 @@ bands_nm = [(start, start + 100) for start in range(400, 900, 100)]
 of_bands = band_efficiency(sensor.efficiency, bands_nm)
 ideal = changed(preset("ideal"), exposure_s=1e-3)
 light = 4e7 * np.broadcast_to(of_bands[:, None, None], (len(bands_nm), 60, 60))
-counted = expose_rate(light, ideal, seed=0, sequence="bands").counts.mean(axis=(1, 2)) / 4e4
+counted = expose_rate(light, ideal, seed=0, stream="bands").counts.mean(axis=(1, 2)) / 4e4
 
 plt.plot(sensor.efficiency.wavelengths_nm, sensor.efficiency.values, label="SPADCAM")
 middle = [np.mean(band) for band in bands_nm]

@@ -26,7 +26,7 @@ axes.flat[0].set_title("rendered light")
 sensor = changed(preset("ideal"), exposure_s=2e-3)
 for axis, dimming in zip(axes.flat[1:], (1e-5, 1e-7, 1e-8), strict=True):
     light = dimming * radiance[None]
-    counts = expose(light, settings.bands_nm, sensor, seed=1, sequence="clearing").counts[0]
+    counts = expose(light, settings.bands_nm, sensor, seed=1, stream="clearing").counts[0]
     axis.imshow(counts, cmap="gray", vmin=0, vmax=max(4 * counts.mean(), 1))
     axis.set_title(f"{counts.mean():.3g} photons per pixel")
 for axis in axes.flat:

@@ -23,7 +23,7 @@ for sigma_s in (0.0, 4e-9):
         gate={"period_s": PERIOD_S, "width_s": WIDTH_S, "phase_s": PHASE_S},
         jitter={"sigma_s": sigma_s},
     )
-    times = expose_events(light, sensor, seed=0, sequence="gated").time_s
+    times = expose_events(light, sensor, seed=0, stream="gated").time_s
     name = f"jitter {1e9 * sigma_s:g} ns"
     plt.hist(
         1e9 * (times % PERIOD_S), 100, range=(0, 100), density=True, histtype="step", label=name

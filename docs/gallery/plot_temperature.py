@@ -22,7 +22,7 @@ for doubling_k, marker in ((8, "o"), (9, "s"), (10, "^")):
             counter={"kind": "digital"},
             temperature={"celsius": degrees, "dcr_doubling_k": doubling_k},
         )
-        counts = expose_rate(dark, sensor, seed=0, sequence="dark").counts
+        counts = expose_rate(dark, sensor, seed=0, stream="dark").counts
         found.append(np.median(counts.mean(axis=0)) / 0.2)
     at_reference = found[np.flatnonzero(celsius == 20)[0]]
     doubled = at_reference * 2 ** ((celsius - 20) / doubling_k)

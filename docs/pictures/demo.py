@@ -1,13 +1,15 @@
-"""Draw photons.png from the demo's dataset: python docs/pictures/demo.py, after `make demo`."""
+"""Draw photons.png: python docs/pictures/demo.py, which makes the dataset of demo.yaml."""
 
 import json
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from megalopta.dataset.store import Dataset, open_sequence
+from megalopta.config.model import load
+from megalopta.dataset.store import Dataset
 from megalopta.plotting.style import method_style
 from megalopta.sensor import open_counts
+from megalopta.stages.pipeline import run_all
 
 
 def photons(dataset: Dataset, path: Path) -> None:
@@ -41,7 +43,7 @@ def photons(dataset: Dataset, path: Path) -> None:
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(
-        f"The demo's forest of {trees} trees; gray: photons that an ideal sensor detects in "
+        f"A forest of {trees} trees; gray: photons that an ideal sensor detects in "
         f"{ideal.exposure_s:g} s",
         loc="left",
         pad=22,
@@ -53,4 +55,6 @@ def photons(dataset: Dataset, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    photons(open_sequence(Path("out/demo")), Path(__file__).parent.parent / "photons.png")
+    here = Path(__file__)
+    made = run_all("out/photons", load(str(here.with_suffix(".yaml"))))
+    photons(made, here.parents[1] / "photons.png")

@@ -84,11 +84,6 @@ def layers_clip(
     return _clip(name, scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
 
 
-def leaves_clips(count: int) -> Iterator[FlowClip]:
-    """Yield `leaves_clip` of the seeds from 0."""
-    return (leaves_clip(seed) for seed in range(count))
-
-
 def panorama_clips(
     templates: Mapping[str, Floats], shape: tuple[int, int] = SHAPE, headings: int = _HEADINGS
 ) -> Iterator[FlowClip]:

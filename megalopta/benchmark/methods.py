@@ -1,8 +1,8 @@
 """Methods that benchmarks measure: those that give velocities of blocks, and their baselines.
 
-Baselines: gray methods with settings for each light (`tuned_method`), or on variance-stabilized
-counts with one blur for all; and two-frame methods on the sums of the first and the second half of
-eight frames.
+Baselines: gray methods with settings for each light (`tuned.yaml`, found by `benchmarks/tune.py`),
+or on variance-stabilized counts with one blur for all; and two-frame methods on the sums of the
+first and the second half of eight frames.
 """
 
 import inspect
@@ -10,12 +10,17 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, ClassVar
 
-from megalopta.benchmark.tuned_method import PARAMETERS, gray_method, tuned
+import numpy as np
+from pydantic import SerializeAsAny
+
+from megalopta.core import strict_yaml
+from megalopta.core.arrays import Floats
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
-from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.blocks import BlockDetector, summed_frames
+from megalopta.flow.detectors.base import Detector, Frames
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, summed_frames
 from megalopta.flow.detectors.gray_detector import GrayDetector
 from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity_method
 
@@ -31,6 +36,55 @@ _STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
     }
 )
 _MANY = 8
+TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = MappingProxyType(
+    strict_yaml.load(Path(__file__).with_name("tuned.yaml").read_text("utf-8"))
+)
+"""Settings by method and photons per pixel, with their error on the tuning scenes"""
+
+
+class TunedMethod(BlockDetector, frozen=True):
+    """A gray method with the settings chosen for the light nearest to that of its frames."""
+
+    takes_counts: ClassVar[bool] = True
+
+    method: SerializeAsAny[GrayDetector]
+
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return the blocks of the method in a frame (H, W)."""
+        return self._at(1.0).grid(shape)
+
+    def dense(self, *frames: Frames) -> Floats:
+        """Return the flow as the method does, with the settings for the light."""
+        return self._at(float(self.checked(frames).mean())).dense(*frames)
+
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
+        """Return the velocities of the method, with the settings for the light."""
+        return self._at(float(np.mean(window))).velocities(grid, window)
+
+    def _at(self, photons: float) -> GrayDetector:
+        rows = TUNED[self.method.name]
+        nearest = min(rows, key=lambda each: abs(np.log(max(photons, 1e-9) / each)))
+        settings = {name: value for name, value in rows[nearest].items() if name != "error_px"}
+        blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
+        return self.method.model_copy(update={**settings, **blocks})
+
+
+def tuned(name: str) -> TunedMethod:
+    """Return a gray method as `NAME tuned`. Raises ValueError if there are no settings for it."""
+    gray = gray_method(name)
+    if gray.name not in TUNED:
+        known = ", ".join(TUNED)
+        raise ValueError(f"{gray.name} tuned: settings exist for {known}; or give {gray.name} √")
+    label = f"{gray.label}, tuned to the light"
+    return TunedMethod(name=f"{gray.name} tuned", label=label, method=gray)
+
+
+def gray_method(name: str) -> GrayDetector:
+    """Return a method that takes gray levels. Raises ValueError for any other."""
+    found = registry.method(name)
+    if not isinstance(found, GrayDetector):
+        raise ValueError(f"{found.name} takes no gray levels: give DIS, an ONNX file or the like")
+    return found
 
 
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
@@ -86,9 +140,9 @@ def methods_and_baselines(frames: int) -> list[BlockDetector]:
     """Return all methods and baselines that run on this many frames."""
     there = (block_detector(name) for name in VELOCITY_METHODS)
     found = [each for each in there if each.memory_frames < frames]
-    found += [block_detector(f"{name} tuned") for name in PARAMETERS]
+    found += [block_detector(f"{name} tuned") for name in TUNED]
     if frames >= _MANY:
-        found += [summed_frames(block_detector(name), _MANY) for name in PARAMETERS]
+        found += [summed_frames(block_detector(name), _MANY) for name in TUNED]
     return found
 
 

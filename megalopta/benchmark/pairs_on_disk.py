@@ -1,14 +1,17 @@
-"""Pairs of pictures and true flow on disk, in the layouts of Sintel, KITTI and Middlebury.
+"""Pairs of pictures and true flow on disk, in the layouts of `LAYOUTS`.
 
 A frame is identified by its sequence (the folders above its file) and its name. Sintel submissions
-have a folder per pass (clean, final) above the sequences; any such folder is scored separately.
-Middlebury keeps NAME/flow10.flo with NAME/frame10.png and frame11.png, or in another folder. A
-dataset of megalopta has Sintel's layout. Pictures are read as sRGB and converted to light, colors
-to luminance.
+have a folder per pass (clean, final) above the sequences; any such folder is scored separately. A
+dataset of megalopta has Sintel's layout. Flow of Spring has twice the size of its frames and is in
+their pixels: that at every second row and column is used. Pictures become light as `sense` reads
+them, colors luminance.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Mapping
+from functools import cache
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -19,10 +22,21 @@ from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
-from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
+from megalopta.core.progress import say
+from megalopta.dataset.layout import Tree
+from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
+from megalopta.render import open_footage
+from megalopta.render.footage.pictures import KINDS
+from megalopta.stages.ledger import Ledger
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
+LAYOUTS = (
+    "the layouts of Sintel (flow/SEQ/frame_0001.flo, clean/SEQ/frame_0001.png), KITTI (flow_occ/"
+    "000000_10.png, image_2/000000_10.png), Middlebury (other-gt-flow/NAME/flow10.flo, other-data/"
+    "NAME/frame10.png), Spring (SEQ/flow_FW_left/, SEQ/frame_left/), FlyingChairs (00001_flow.flo, "
+    "00001_img1.ppm), or NAME.flo beside two pictures NAME_1.png and NAME_2.png"
+)
+"""Known layouts, for messages."""
 
 
 class FrameName(NamedTuple):
@@ -42,6 +56,12 @@ class TrueFlow(NamedTuple):
     """Mask, white where not scored; Sintel"""
     visible: Path | None = None
     """Flow of pixels visible in the next frame only; KITTI"""
+    png_scale: float = KITTI_SCALE
+    """Codes of a pixel in flow as PNG"""
+
+    def files(self) -> list[Path]:
+        """Return all its files."""
+        return [path for path in self[:4] if path]
 
 
 Truths = Mapping[FrameName, TrueFlow]
@@ -52,11 +72,13 @@ Files = tuple[Path, Path, TrueFlow]
 Pair = TypeVar("Pair")
 
 
-def true_flows(root: Path) -> Truths:
-    """Find the true flow below a folder: a dataset of megalopta or Sintel, KITTI, or flow files.
+def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
+    """Find the true flow below a folder, in one of `LAYOUTS`, or a folder of flow files.
 
-    Raises UserError if there is none.
+    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a
+    dataset's files differ from its record.
     """
+    _compare_with_record(root)
     found: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
@@ -67,15 +89,32 @@ def true_flows(root: Path) -> Truths:
             for frame, path in _frames_below(folder / "flow").items():
                 name = Path(frame.sequence) / f"{frame.name}.png"
                 masks = (folder / kind / name for kind in ("occlusions", "invalid"))
-                found[frame] = TrueFlow(path, *(mask if mask.exists() else None for mask in masks))
+                occlusion, undefined = (mask if mask.exists() else None for mask in masks)
+                found[frame] = TrueFlow(path, occlusion, undefined)
+        elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
+            found |= {
+                frame: TrueFlow(path)
+                for frame, path in _frames_below(folder, among_pictures=True).items()
+            }
     if not found:
-        found = {frame: TrueFlow(path) for frame, path in _frames_below(root).items()}
+        below = _frames_below(root, among_pictures=True)
+        found = {frame: TrueFlow(path) for frame, path in below.items()}
     if not found:
-        raise UserError(
-            f"{root}: no true flow; give a dataset, or a folder in the layout of Sintel"
-            " (flow/SEQUENCE/frame_0001.flo), KITTI (flow_occ/000000_10.png) or Middlebury"
-        )
-    return found
+        raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
+    return {frame: truth._replace(png_scale=png_scale) for frame, truth in found.items()}
+
+
+def _compare_with_record(root: Path) -> None:
+    """Compare the files below `training` of the dataset around a folder, if there is one."""
+    above = (root.resolve(), *root.resolve().parents)
+    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
+        tree = Tree(home)
+        if tree.lone:
+            Ledger(tree.lone).finished()
+        elif lost := tree.read_manifest().keys() - set(tree.names()):
+            raise UserError(f"{tree.record_path(min(lost))} is missing; run: {tree.make_again}")
+        for name in [] if tree.lone else tree.names():
+            tree.opened(name).compare_all("training/")
 
 
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
@@ -98,7 +137,7 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameNam
 
 
 def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, Path]]]:
-    """Find both pictures of every frame, by pass: Sintel's clean and final, KITTI's image_2.
+    """Find both pictures of every frame, by pass: Sintel's clean and final; "" of other layouts.
 
     Raises UserError if there are none.
     """
@@ -109,20 +148,19 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, P
                 found[name][frame] = pair
     whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
     if not whole:
+        most = max(found.values(), key=len)
+        lacking = next(files.flow for frame, files in truths.items() if frame not in most)
         raise UserError(
-            "the truth lacks pictures of some frames (clean/, final/, or KITTI's image_2/): "
-            "write the flow to files, and give their folder"
+            f"{lacking}: its two pictures are not there, or have other names; known are {LAYOUTS}"
         )
     return whole
 
 
-def pairs_below(folder: Path) -> dict[str, Files]:
+def pairs_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, Files]:
     """Return the files of all pairs of a dataset, by name. Raises UserError without any."""
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder")
-    if middlebury := dict(_middlebury(folder)):
-        return middlebury
-    truths = true_flows(folder)
+    truths = true_flows(folder, png_scale)
     pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes, the clean one
     return {
         "/".join(filter(None, frame)): (*pictures[frame], truths[frame]) for frame in sorted(truths)
@@ -144,6 +182,7 @@ def read_pair(name: str, files: Files) -> FlowClip:
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
     frames = [_light(path) for path in (first, second)]
+    flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
             raise UserError(
@@ -163,7 +202,7 @@ def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
     """
     path = files.flow
     try:
-        true, hidden = read_flow(path), None
+        true, hidden = read_flow(path, png_scale=files.png_scale), None
         if files.undefined:
             true[_mask(path := files.undefined, true.shape)] = np.nan
         if files.occlusion:
@@ -178,6 +217,15 @@ def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
     return true, hidden
 
 
+def at_pixels(
+    files: TrueFlow, true: NDArray[np.float32], hidden: Mask | None, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float32], Mask | None]:
+    """Return true flow at the pixels of frames: that of Spring is finer, of twice the size."""
+    if files.flow.suffix.lower() == ".flo5" and true.shape[:2] == (2 * shape[0], 2 * shape[1]):
+        return true[::2, ::2], None if hidden is None else hidden[::2, ::2]
+    return true, hidden
+
+
 def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
     mask = read_codes(path, "L") > 0
     if mask.shape != shape[:2]:
@@ -186,22 +234,47 @@ def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
 
 
 def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
-    numbered = re.fullmatch(r"(.*?)(\d+)", flow.stem)
-    if not numbered:
-        return {}
-    start, number = numbered.groups()
-    after = f"{start}{int(number) + 1:0{len(number)}d}.png"
+    """Return the files of both pictures, by pass, where the layout of the flow has them."""
+    folder, stem = flow.parent, flow.stem
+    if stem == "flow10":  # Middlebury
+        places = [folder, *sorted(folder.parent.parent.glob(f"*/{folder.name}"))]
+        pairs = [(place / "frame10.png", place / "frame11.png") for place in places]
+        return {"": next((pair for pair in pairs if pair[0].exists()), pairs[0])}
+    numbered = re.fullmatch(r"(.*?)(\d+)", stem)
+    start, number = numbered.groups() if numbered else (stem, "0")
+
+    def at(place: Path, step: int, start: str = start) -> Path:
+        return place / f"{start}{int(number) + step:0{len(number)}d}.png"
+
+    if spring := re.fullmatch(r"flow_([FB])W_(\w+)", folder.name):
+        way, side = spring.groups()
+        frames, start = folder.parent / f"frame_{side}", f"frame_{side}_"
+        return {"": (at(frames, 0, start), at(frames, 1 if way == "F" else -1, start))}
     levels = len(Path(frame.sequence).parts)
-    root = flow.parents[levels + 1]
-    folders = (
-        {"": root / "image_2"}
-        if flow.parents[levels].name == "flow_occ"
-        else {name: root / name for name in ("clean", "final")}
+    above, root = flow.parents[levels].name, flow.parents[levels + 1]
+    if above == "flow_occ":
+        kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
+        place = next((each for each in kinds if each.is_dir()), kinds[0]) / frame.sequence
+        return {"": (at(place, 0), at(place, 1))}
+    if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
+        passes = {name: root / name / frame.sequence for name in ("clean", "final")}
+        return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
+    key = re.sub("_?flow_?", "", stem)
+    pictures = _pictures_in(folder)
+    from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
+    own = takewhile(lambda path: path.name.startswith(key), from_key)
+    pair = [path for path in own if not path.name[len(key)].isdigit() or not key]
+    return {"": (pair[0], pair[1])} if len(pair) == 2 else {}
+
+
+@cache
+def _pictures_in(folder: Path) -> list[Path]:
+    """Return the pictures of a folder by name, without flow."""
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in KINDS and "flow" not in path.stem
     )
-    return {
-        name: (folder / frame.sequence / f"{flow.stem}.png", folder / frame.sequence / after)
-        for name, folder in folders.items()
-    }
 
 
 def _check_pairs(root: Path, found: Mapping[FrameName, Path], truths: Truths) -> None:
@@ -218,12 +291,18 @@ def _check_pairs(root: Path, found: Mapping[FrameName, Path], truths: Truths) ->
         )
 
 
-def _frames_below(root: Path) -> dict[FrameName, Path]:
+def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
+    """Return the flow files below a folder; PNG beside another format may be pictures."""
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
-    if len(suffixes := {path.suffix.lower() for path in paths}) > 1:
+    suffixes = {path.suffix.lower() for path in paths}
+    if among_pictures and len(suffixes) > 1:
+        suffixes.discard(".png")
+    if len(suffixes) > 1:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
     found: dict[FrameName, Path] = {}
     for path in paths:
+        if path.suffix.lower() not in suffixes:
+            continue
         number = _NUMBERED.fullmatch(path.stem)
         name = f"frame_{int(number[1]):04d}" if number else path.stem
         frame = FrameName(path.parent.relative_to(root).as_posix().removeprefix("."), name)
@@ -233,16 +312,9 @@ def _frames_below(root: Path) -> dict[FrameName, Path]:
     return found
 
 
-def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:
-    first_of: dict[str, Path] = {}
-    for path in sorted(folder.rglob("frame10.png")):
-        if path.with_name("frame11.png").exists():
-            first_of.setdefault(path.parent.name, path)
-    for flow in sorted(folder.rglob("flow10.flo")):
-        if first := first_of.get(flow.parent.name):
-            yield flow.parent.name, (first, first.with_name("frame11.png"), TrueFlow(flow))
-
-
 def _light(path: Path) -> Floats:
-    """Return the luminance of a picture, (H, W), from 0 to 1."""
-    return np.asarray(decode_srgb(read_codes(path, "RGB")) @ LUMINANCE_SHARES)
+    """Return the luminance of a picture, (H, W)."""
+    with open_footage(path) as footage:
+        for note in footage.notes:
+            say(note)
+        return np.asarray(footage.frame(0) @ footage.luminance_shares)

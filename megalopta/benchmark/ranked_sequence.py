@@ -116,18 +116,6 @@ class RankedSequence:
         trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
         return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
 
-    def texture_px(self, grid: BlockGrid, pooling: Pooling) -> Floats:
-        """Return the texture scale ℓ of each inner block, (pairs, rows, columns), px of the image.
-
-        1/ℓ² is the mean of |∇λ|²/2λ over the pixels of a block, with λ of mean 1 in the frame: n
-        photons per pixel on N pixels tell a shift along one axis to ℓ/√(nN).
-        """
-        means = self._light_at(pooling) * np.prod(grid.shape)
-        found = np.array([fisher_information(each, grid) for each in means[:-1]])
-        of_pixel = np.trace(found, axis1=-2, axis2=-1)[:, 1:-1, 1:-1] / (2 * grid.block_px**2)
-        with np.errstate(divide="ignore"):
-            return np.asarray(pooling.pixels / np.sqrt(of_pixel))
-
     def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
         """Return a measurement of a draw, kept or new."""
         what = digest(self._frames, name, repr(drawn), repr(self.settings.seed))

@@ -12,12 +12,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark import block_truths as blocks, sequence_errors as metrics, transfer
+from megalopta.benchmark import block_truths as blocks, sequence_errors as metrics
 from megalopta.benchmark.block_truths import RANGES, cell_name, opposed
 from megalopta.benchmark.ranking import RankChange, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_settings import Pooling, photons_at
 from megalopta.benchmark.sequence_errors import BOUND, STILL, Example
-from megalopta.benchmark.table import FEWEST_SEQUENCES, Case, Interval
+from megalopta.benchmark.table import FEWEST_SEQUENCES, Case
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
@@ -193,31 +193,6 @@ def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -
         axes.plot(x, middle, "o", color=_KINDS[place], markersize=3.5)
 
 
-@in_style
-def transfer_curves(
-    method: str, found: list[transfer.Curve], misfits: Mapping[str, Interval]
-) -> Markup:
-    """Draw relative errors on all axes, a curve per speed and exposure, and the common curve."""
-    figure = Figure(figsize=(9.2, 3.6), layout="constrained")
-    panels = figure.subplots(1, len(transfer.AXES), sharey=True)
-    for axes, (name, power) in zip(panels, transfer.AXES.items(), strict=True):
-        for each in found:
-            style = {"color": _KINDS[RANGES.index(each.speed)], "linewidth": 0.5 + each.frames / 2}
-            label = f"{each.speed}, {each.frames} ×"
-            axes.plot(each.along(power), each.errors, "o-", markersize=3, label=label, **style)
-        ends = np.log10([end(each.along(power)) for each in found for end in (np.min, np.max)])
-        places = np.linspace(ends.min(), ends.max(), 60)
-        common = transfer.common_curve(found, power)(places)
-        axes.plot(10**places, 10**common, color=GRAY, linewidth=5, alpha=0.3, zorder=0)
-        axes.set(xscale="log", yscale="log")
-        axes.set_xlabel(name.replace(" and ", "\nand ").replace(" · ", "\n· "))
-        axes.set_title(f"misfit {misfits[name].value:.2f} decades", fontsize=10)
-    panels[0].set_ylabel(f"{method}: error / motion")
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, title="speed, exposure", loc="outside right center")
-    return to_svg(figure, f"transfer-{method}", f"Relative errors of {method} on three axes")
-
-
 def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     fluxes = np.array(sorted(ranking.settings.fluxes))
     shown: dict[str, None] = {}
@@ -288,13 +263,6 @@ ATLAS = (
     "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: the lead "
     "is not significant. Blank: not measured."
 )
-_TRANSFER = (
-    "Mean error of a method divided by the mean motion, with a curve for each speed of the blocks "
-    "and each exposure (pooled frames). A motion period is the time in which the image moves by "
-    "its texture scale. Gray: the cubic that fits all curves. Misfit: RMS scatter about it in "
-    "decades of the error, with its 95 % CI over the curves. The third axis is that of the Poisson "
-    "bound of two frames."
-)
 _LEVELS = (
     "Best method without pooling on perfect pixels, and photons per frame, by exposure time. Light "
     "keeps the rendered color. A level is represented by the nearest measurement within a factor "
@@ -319,12 +287,8 @@ _YAW_RATE = (
 
 def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    rows = (
-        (*row.model_dump().values(), transfer.photons_per_period(ranking, row))
-        for row in ranking.rows
-    )
-    head = (*RankingRow.model_fields, "photons_per_px_and_period")
-    files.write_csv(folder / "ranking.csv", head, rows)
+    rows = (tuple(row.model_dump().values()) for row in ranking.rows)
+    files.write_csv(folder / "ranking.csv", tuple(RankingRow.model_fields), rows)
     files.write_text(folder / "ranking.json", ranking.model_dump_json(indent=1) + "\n")
     made = (section(ranking, example) for section in SECTIONS)
     sections = (each for each in made if each.rows or each.charts)
@@ -397,20 +361,6 @@ def _errors(ranking: Ranking, _: Example) -> Section:
     return Section("Errors over photons", _ERRORS, charts=charts)
 
 
-def _transfer(ranking: Ranking, _: Example) -> Section:
-    found = {name: transfer.curves(ranking, name) for name in (*ranking.settings.methods, BOUND)}
-    shown = {name: each for name, each in found.items() if len(each) > 1}
-    misfits = {name: transfer.misfits(each) for name, each in shown.items()}
-    rows = tuple((name, *map(_misfit, each.values())) for name, each in misfits.items())
-    charts = tuple(transfer_curves(name, each, misfits[name]) for name, each in shown.items())
-    return Section("One axis for all lights", _TRANSFER, ("misfit", *transfer.AXES), rows, charts)
-
-
-def _misfit(found: Interval) -> str:
-    ends = "" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})"
-    return f"{found.value:.2f}{ends}"
-
-
 def _levels(ranking: Ranking, _: Example) -> Section:
     """Return the best method at every named level, and at the requested levels."""
     settings = ranking.settings
@@ -466,7 +416,6 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _errors,
     lambda ranking, _: Section("Pooling", _POOLING, charts=(pooling_grid(ranking),)),
     lambda ranking, _: Section("Atlas", ATLAS, charts=(atlas(ranking),)),
-    _transfer,
     _levels,
     _fields,
     _camera,

@@ -95,6 +95,10 @@ def _ranked(
         for dataset in datasets:
             own = folder / dataset.sequence
             sequence = RankedSequence(dataset, settings, methods, own, advance)
+            # all methods in turn, the slow ones first, so that the time left can be told
+            for pooling, flux in product(settings.poolings, settings.fluxes):
+                for name in reversed(list(methods)):
+                    sequence.noisy(name, pooling, flux)
             parts.append(dict(each for metric in METRICS for each in metric(sequence)))
             lights.append(sequence.photons_per_lux_s)
             examples = examples or [example_of(sequence)]

@@ -29,7 +29,7 @@ from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
 from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.formats import read_flow
+from megalopta.flow.formats import KITTI_SCALE, read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
@@ -73,7 +73,10 @@ class Scores(Record, frozen=True):
 
 
 def score_submission(
-    flow: str | Path | Method, truth: str | Path, program: str | None = None
+    flow: str | Path | Method,
+    truth: str | Path,
+    program: str | None = None,
+    png_scale: float = KITTI_SCALE,
 ) -> Scores:
     """Score flow against the true flow of a dataset.
 
@@ -88,15 +91,17 @@ def score_submission(
         method to run on the truth's own frames: a name, `module:function`, ONNX file, or a
         function from Python.
     truth
-        Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
+        Folder of a dataset of megalopta, of Sintel, KITTI, Middlebury, Spring or FlyingChairs.
     program
         Name of the program that wrote the flow; default: that of its folder, or of the method.
+    png_scale
+        Codes of a pixel in flow as PNG, true or not: 64 in KITTI, 128 in DSEC.
     """
     truth = Path(truth)
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
-    truths = pairs_on_disk.true_flows(truth)
-    name, passes = _answers_of(flow, truths)
+    truths = pairs_on_disk.true_flows(truth, png_scale)
+    name, passes = _answers_of(flow, truths, png_scale)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
 
@@ -112,18 +117,22 @@ def score_submission(
         for sequence, errors in every:
             count = len(truths) if sequence is None else frames[sequence]
             groups = {group: for_json(asdict(errors.of(group))) for group in GROUPS}
-            own = {"pass_name": pass_name, "sequence": sequence, "frames": count}
+            named = shared["truth"] if sequence == "" else sequence  # KITTI has one, without name
+            own = {"pass_name": pass_name, "sequence": named, "frames": count}
             entries.append(Entry(**shared, **own, errors=groups))
     return Scores(entries=tuple(entries))
 
 
 def _answers_of(
-    flow: str | Path | Method, truths: pairs_on_disk.Truths
+    flow: str | Path | Method, truths: pairs_on_disk.Truths, png_scale: float
 ) -> tuple[str, Mapping[str, Answers]]:
     """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
         return folder.resolve().name, {
-            name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
+            name: {
+                frame: (str(path), partial(read_flow, path, png_scale=png_scale))
+                for frame, path in paths.items()
+            }
             for name, paths in pairs_on_disk.submitted_flows(folder, truths).items()
         }
     try:
@@ -151,11 +160,14 @@ def _scored(
     hashes = []
     for frame, paths in sorted(truths.items()):
         true, occluded = pairs_on_disk.read_true_flow(paths)
-        hashes += ["/".join(frame), *(file_hash(path) for path in paths if path)]
+        hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
+        hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
         for name, errors in found.items():
             where, answer = passes[name][frame]
             try:
-                errors.setdefault(frame.sequence, DenseErrors()).add(answer(), true, occluded)
+                flow = answer()
+                known = pairs_on_disk.at_pixels(paths, true, occluded, flow.shape)
+                errors.setdefault(frame.sequence, DenseErrors()).add(flow, *known)
             except ValueError as problem:
                 text = str(problem)
                 raise UserError(text if where in text else f"{where}: {text}") from None
@@ -192,18 +204,24 @@ def read_board(path: Path) -> tuple[Entry, ...]:
 
 
 def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
-    """Add entries, replacing those of the same program, pass and truth; return all.
+    """Add entries to those of the file; return all.
 
-    Raises UserError if the file is something else.
+    Raises UserError if the file is something else, or has other scores of the same program.
     """
 
     def key(entry: Entry) -> tuple[str, str, str]:
         return entry.program, entry.pass_name, entry.truth_hash
 
     with locked(path.parent):
-        new = {key(each): each for each in entries}
-        kept = {key(each): each for each in read_board(path) if key(each) not in new}
-        found = (*kept.values(), *new.values())
+        kept = {key(each): each for each in read_board(path)}
+        for entry in entries:
+            former = kept.setdefault(key(entry), entry)
+            if former.errors != entry.errors:
+                raise UserError(
+                    f"{path} has other scores of {entry.program!r} for this truth; give another "
+                    "--program, or remove that line"
+                )
+        found = tuple(kept.values())
         files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in found))
     return found
 

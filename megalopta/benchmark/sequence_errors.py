@@ -29,7 +29,6 @@ from megalopta.flow.metrics.endpoint_error import angles_deg
 from megalopta.scenes.cameras.base import Camera
 
 ERROR = "epe_px"
-TEXTURE = "texture_px"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
@@ -68,18 +67,6 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
         bound = np.minimum(sequence.bound(grid, pooling, flux), speed)
         yield from _by_group([speed], truth, Case(ERROR, STILL, flux, "", *pooling))
         yield from _by_group([bound], truth, Case(ERROR, BOUND, flux, "", *pooling))
-
-
-def texture_scales(sequence: RankedSequence) -> Measured:
-    """Yield the median texture scale of each group's blocks, in each pair of frames, px."""
-    for pooling in sequence.settings.poolings:
-        grid = sequence.grid(next(iter(sequence.methods)), pooling.pixels)
-        texture = sequence.texture_px(grid, pooling)
-        for group, among in sequence.truth(grid, pooling).groups.items():
-            pairs = zip(texture, among, strict=True)
-            each = [float(np.median(scale[here])) for scale, here in pairs if here.any()]
-            for flux in sequence.settings.fluxes if each else ():
-                yield Case(TEXTURE, "light", flux, group, *pooling), _values(each)
 
 
 def camera_errors(sequence: RankedSequence) -> Measured:
@@ -122,7 +109,7 @@ def yaw_errors(sequence: RankedSequence) -> Measured:
                 yield Case(YAW, name, flux), _values([found.counts_deg_s])
 
 
-METRICS = (endpoint_errors, texture_scales, camera_errors, yaw_errors)
+METRICS = (endpoint_errors, camera_errors, yaw_errors)
 """All metrics: `ERROR` is averaged over blocks, of others the median counts"""
 
 

@@ -33,6 +33,7 @@ from megalopta.config.measuring import ONCE
 from megalopta.config.yaml_model import mapping, put, validated, yaml_text
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.flow.benchmark.search import photon_search
@@ -94,7 +95,7 @@ def path_from_its_file(name: str, validation: ValidationInfo) -> str:
     """Return a path relative to the file being read; a forest's name unchanged."""
     if not Path(name).suffix:
         return name
-    return str((validation.context or {}).get("folder", Path()) / name)
+    return str(named_path(name, folder_of(validation)))
 
 
 Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]

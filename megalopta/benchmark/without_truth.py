@@ -42,7 +42,6 @@ from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.render import Footage, open_footage
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.scenes.stimuli.pictures import Unit
 
 FROM_STAND_IN, FROM_OTHERS = (
@@ -160,7 +159,7 @@ def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
 
 
 def _luminance(footage: Footage, index: int) -> Floats:
-    return np.asarray(footage.frame(index) @ LUMINANCE_SHARES, np.float64)
+    return np.asarray(footage.frame(index) @ footage.luminance_shares, np.float64)
 
 
 def _clip(name: str, lights: tuple[_Light, _Light], reference: BlockDetector) -> FlowClip | None:

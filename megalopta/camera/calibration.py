@@ -25,7 +25,7 @@ from megalopta.plotting.svg import (
     to_svg,
     with_legend,
 )
-from megalopta.plotting.text import number
+from megalopta.plotting.text import number, with_error
 from megalopta.sensor import AnalogCounter, Sensor, preset
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
@@ -272,11 +272,16 @@ def _laws(device: Device) -> tuple[tuple[str, str, str], ...]:
         ("steps estimated by", device.method, ""),
         (
             "decrease of the step from top to bottom of the swing",
-            f"{slope:+.3g} ± {error:.2g} % (95 %)" if is_known else _UNKNOWN,
+            f"{with_error(slope, error, '%')} (95 %)" if is_known else _UNKNOWN,
             seen if is_known else "",
         ),
-        ("kind of dead time", kind or _UNKNOWN, likely if kind else ""),
+        ("kind of dead time", kind or _UNKNOWN, likely if kind else _misfit(device)),
     )
+
+
+def _misfit(device: Device) -> str:
+    off = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
+    return off if device.misfit else ""
 
 
 def _curves(device: Device) -> Iterator[Markup]:
@@ -313,15 +318,14 @@ def _neighbors(device: Device) -> Iterator[Section]:
     rows = [
         (
             name,
-            _UNKNOWN if np.isnan(share) else f"{100 * share:.3f} %",
-            f"± {196 * error:.3f} %",
+            _UNKNOWN if np.isnan(share) else with_error(100 * share, 196 * error, "%"),
             "yes" if is_seen else "no",
         )
         for name, share, error, is_seen in zip(
             [*names, "afterpulses"], shares, errors, seen, strict=True
         )
     ]
-    head = ("neighbor", "probability", "95 % CI", "detected")
+    head = ("neighbor", "probability (95 % CI)", "detected")
     yield Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows))
 
 

@@ -17,9 +17,9 @@ from megalopta.camera.device_files import filled, save_map, write_device_file, w
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.plotting.sections import Section, write_sections
-from megalopta.plotting.text import number
+from megalopta.plotting.text import number, with_error
 from megalopta.sensor import Sensor, preset
-from megalopta.sensor.calibrate.counting import CountingDevice, calibrate_counts
+from megalopta.sensor.calibrate.counting import CountingDevice, DeadTimeEstimate, calibrate_counts
 from megalopta.sensor.calibrate.device import Estimate
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.hot_neighbors import (
@@ -42,8 +42,13 @@ _CROSSTALK = (
 )
 _COINCIDENCES = (
     "Crosstalk from pixels up to two apart that fire together more often than by chance, and "
-    "afterpulses from the variance that it does not explain. If hot pixels show no crosstalk, the "
-    "device file gets the values that exceed three standard errors."
+    "afterpulses from the variance that it does not explain. Three standard errors are the limit "
+    "of detection. Crosstalk within pairs of rows is told by hot pixels alone. If these show none, "
+    "the device file gets the values that exceed the limit."
+)
+_DEAD_TIME = (
+    "Of the two kinds without twilight pulses and recharging; short twilight looks like a shorter "
+    "dead time. Its interval has what the delay of afterpulses leaves open."
 )
 _EDGES: dict[str, Any] = {
     "the pixel above": (REACH - 1, REACH),
@@ -210,7 +215,9 @@ def counting_summary(device: CountingDevice, is_relative: bool) -> str:
     ]
     if device.dead_time is not None:
         dead = device.dead_time
-        medians.append(f"dead time {number(1e9 * dead.seconds)} ns ({dead.kind})")
+        medians.append(
+            f"dead time {with_error(dead.seconds, 1.96 * dead.error, 's')} ({_kind(dead)})"
+        )
     switching = 0 if device.telegraph is None else int(device.telegraph.pixels.sum())
     noisy = f", {switching} with telegraph noise" if switching else ""
     missing = f" Not known: {_reasons(device)}." if device.refused else ""
@@ -218,6 +225,10 @@ def counting_summary(device: CountingDevice, is_relative: bool) -> str:
         f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot"
         f"{noisy}; medians: {', '.join(medians)}.{missing}"
     )
+
+
+def _kind(dead: DeadTimeEstimate) -> str:
+    return dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
 
 
 def _reasons(device: CountingDevice) -> str:
@@ -256,8 +267,8 @@ def _coincidences(kernel: Kernel | None) -> Section | None:
         ("fired neighbors per event", 2 * float(kernel.share.sum()), kernel.total_error),
         ("afterpulses per event", kernel.afterpulses, kernel.afterpulses_error),
     )
-    texts = tuple((name, f"{100 * each:.2f} ± {196 * error:.2f}") for name, each, error in rows)
-    return Section("Coincidences in the dark", _COINCIDENCES, ("", "% (95 % CI)"), texts)
+    texts = tuple((name, with_error(100 * each, 196 * error, "%")) for name, each, error in rows)
+    return Section("Coincidences in the dark", _COINCIDENCES, ("", "95 % CI"), texts)
 
 
 def _write_report(
@@ -270,12 +281,12 @@ def _write_report(
     bad = (*bad, ("telegraph", str(switching)))
     dead = device.dead_time
     rows = () if dead is None else (
-        ("dead time (ns)", f"{number(1e9 * dead.seconds)} ± {number(196e7 * dead.error)}"),
-        ("its kind", dead.kind + ("" if dead.is_kind_clear else ", not certain")),
+        ("dead time (95 % CI)", with_error(dead.seconds, 1.96 * dead.error, "s")),
+        ("its kind", _kind(dead)),
     )  # fmt: skip
     sections = [
         table,
-        Section("Dead time", "", ("", "estimate"), rows) if rows else None,
+        Section("Dead time", _DEAD_TIME, ("", "estimate"), rows) if rows else None,
         Section("Not known", f"{_reasons(device)}.") if device.refused else None,
         Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
         maps,

@@ -35,7 +35,7 @@ from megalopta.plotting.svg import (
     with_legend,
 )
 from megalopta.plotting.text import number
-from megalopta.sensor import Sensor, load_sensor
+from megalopta.sensor import PRESETS, Sensor, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import SEGMENT, segment_spectra
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, MARGIN, Comparison
@@ -104,6 +104,8 @@ def _levels_page(name: str, compared: Compared) -> Page:
 def _explained(found: Comparison) -> str:
     """Say how well the parameters explain the difference."""
     explained = found.explained
+    if not explained.alone:
+        return "Frames are not independent, or no pixel is left: none is tested."
     if not explained.is_different:
         return "Means, variances and coincidences do not differ significantly."
     if not explained.accepted:
@@ -282,7 +284,8 @@ def compare_captured(sources: Sources, device: Path, out: Path, asked: CompareSe
     """
     make = {"levels": _with_levels, "plate": _with_plate}.get(asked.scene, _with_scene)
     with refused_as("compare"):
-        title, sentence, sections = make(sources, load_sensor(device), out, asked)
+        model = PRESETS.get(str(device)) or load_sensor(device)
+        title, sentence, sections = make(sources, model, out, asked)
     write_sections(out, title, sentence, sections)
     return sentence
 

@@ -247,7 +247,7 @@ class EmulatedCamera:
                 self.stimulus.rates_hz(times_s, sensor),
                 sensor,
                 seed=self.seed,
-                sequence=self._plugged_in,
+                stream=self._plugged_in,
                 first_frame=self._number - gone,
                 together=together,
             )[gone:]

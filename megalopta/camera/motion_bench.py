@@ -176,7 +176,7 @@ def record(
     """
     rows = np.tile(_frames(speed_mm_s, sensor, light), (_REPEATS, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
-    return expose(rows, _BANDS_NM, sensor, seed=seed, sequence=name)
+    return expose(rows, _BANDS_NM, sensor, seed=seed, stream=name)
 
 
 def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) -> Floats:

@@ -17,17 +17,17 @@ from megalopta.cli.command import (
     option,
     out,
     out_file,
-    settings_loader,
+    positive,
     switch,
     verb,
 )
-from megalopta.cli.stages import REDO, run_later_stage, settings_of_stage
+from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
-    from megalopta.config.settings import VerbSettings
 
 _WIDTH = 150  # width of tables, on any terminal
 _UNKNOWN = "–"
@@ -39,6 +39,12 @@ _OF_SWEEPS = ("allow_code", "out", "cache")
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
 
+_PNG_SCALE = option(
+    "--png-scale CODES",
+    "codes of a pixel in flow as PNG, which cannot state it: 64 in KITTI, 128 in DSEC",
+    positive,
+    64.0,
+)
 _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, _FLUXES)
 
 
@@ -47,9 +53,9 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     "rank flow methods over photon levels on photographs, with or without true flow",
     option(
         "paths PATH",
-        "two pictures and their flow (.flo or another format); or a folder in the layout"
-        " of Middlebury, Sintel, KITTI or a dataset; with --no-truth: two pictures, a folder"
-        " of pictures, or a video",
+        "two pictures and their flow (.flo or another format); or a folder in the layout of"
+        " Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset; with --no-truth: two"
+        " pictures, a folder of pictures, or a video",
         Path,
         nargs="+",
     ),
@@ -59,6 +65,7 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         " (default: all two-frame methods)",
     ),
     _PHOTONS,
+    _PNG_SCALE,
     option(
         "--pairs N",
         "largest number of pairs from a folder or video, evenly spaced",
@@ -104,10 +111,10 @@ def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
+        pairs = evenly_spread(pairs_below(options.paths[0], options.png_scale), options.pairs)
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
-        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth))}
+        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth, png_scale=options.png_scale))}
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
@@ -190,29 +197,6 @@ def _cell(metric: str, found: "Interval") -> str:
 
 
 @verb(
-    "benchmark tune",
-    "tune a method for gray levels (stretch, blur, main parameter) to each number of photons, on"
-    " scenes of which no results are reported",
-    option("method", "TV-L1, DIS, FB, LK or ILK; others, as ONNX files, have no main parameter"),
-    _PHOTONS,
-    out("tuned.yaml", "file of the settings; those of other methods in it are kept"),
-)
-def _tune(options: Namespace) -> Iterator[object]:
-    from megalopta.benchmark.tuning import write_tuned
-
-    for flux, settings in write_tuned(options.out, options.method, options.photons).items():
-        chosen = ", ".join(f"{name} {value}" for name, value in settings.items())
-        yield f"{flux:g} photons: {chosen}"
-    yield options.out
-
-
-def _photon_settings() -> "VerbSettings":
-    from megalopta.benchmark.trial import Sweep
-
-    return settings_of_stage("benchmark", Sweep)
-
-
-@verb(
     "benchmark photons",
     "find the photons that detectors need to respond as to noise-free light, on a dataset or in "
     "a sweep",
@@ -226,7 +210,7 @@ def _photon_settings() -> "VerbSettings":
     switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
     *THREADS,
-    settings=_photon_settings,
+    settings=VerbSettings(("Configuration", "Sweep"), "benchmark", "dataset"),
     often=(
         *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
         *("benchmark.fluxes_per_decade", "benchmark.repeats", "vary", "values", "templates"),
@@ -261,7 +245,7 @@ def _run_sweep(options: Namespace) -> list[Path]:
     "rank flow methods on rendered sequences against the true motion, over photon levels",
     DATASET,
     out("out/ranking"),
-    settings=settings_loader("benchmark.ranking_settings", "RankingSettings"),
+    settings=VerbSettings(("RankingSettings",)),
     example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
 def _sequence(options: Namespace) -> Path:
@@ -281,10 +265,12 @@ def _sequence(options: Namespace) -> Path:
     ),
     option(
         "--truth",
-        "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury",
+        "folder of the true flow: a dataset, or one of Sintel, KITTI, Middlebury, Spring or "
+        "FlyingChairs",
         Path,
         required=True,
     ),
+    _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
     option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
@@ -303,7 +289,7 @@ def _submit(options: Namespace) -> Iterator[Path]:
 
     if options.leaderboard:
         read_board(options.leaderboard)  # refuses a damaged one before the work
-    scores = score_submission(options.flow, options.truth, options.program)
+    scores = score_submission(options.flow, options.truth, options.program, options.png_scale)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     console = Console(width=_WIDTH, markup=False, emoji=False)
     console.print(score_table(scores))
@@ -325,7 +311,7 @@ def _submit(options: Namespace) -> Iterator[Path]:
         Path,
     ),
     out("out/design"),
-    settings=settings_loader("benchmark.design", "DesignSettings"),
+    settings=VerbSettings(("DesignSettings",)),
     often=(
         *("error", "light_levels", "exposure_s", "pitch_m", "f_number", "pde", "dark_counts_hz"),
         *("yaw_deg_s", "frame_rate_hz"),

@@ -14,16 +14,13 @@ from contextlib import suppress
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
-
-if TYPE_CHECKING:
-    from megalopta.config.settings import VerbSettings, Words
+from megalopta.settings.verb_settings import VerbSettings, Words
 
 Chosen = TypeVar("Chosen", bound=Any)
 Run: TypeAlias = Callable[[argparse.Namespace], object]
@@ -39,7 +36,7 @@ class Verb(NamedTuple):
     run: Run | None = None
     """None if the verb has verbs of its own"""
     options: tuple[Option, ...] = ()
-    settings: "Callable[[], VerbSettings] | None" = None
+    settings: VerbSettings | None = None
     often: tuple[str, ...] = ()
     """Settings that people change; the help lists these, `--help-all` all"""
     example: str = ""
@@ -52,10 +49,11 @@ VERBS: dict[str, Verb] = {}
 class Command(argparse.ArgumentParser):
     """Parser that reports an error as one sentence, without the usage."""
 
-    settings: "Callable[[], VerbSettings] | None" = None
-    """Loads the settings of the verb."""
+    settings: VerbSettings | None = None
     often: tuple[str, ...] = ()
     """Settings that the help lists; all if empty."""
+    named: str | None = None
+    """Value of the argument that states the defaults"""
     example: str = ""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
@@ -75,16 +73,16 @@ class Command(argparse.ArgumentParser):
         verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
         raise UserError(f"{verb}: no such verb; {remedy}")
 
-    def takes(self, path: str) -> "Words":
-        """Number of words that a setting takes. Raises UserError if the verb has no settings."""
+    def takes(self, path: str) -> Words:
+        """Number of words that a setting takes. Raises UserError if there is none."""
         if self.settings is None:
             self.error(f"no setting --{path}")
-        return self.settings().takes(path)
+        return self.settings.takes(path)
 
     def format_help(self) -> str:
         """Return the help, with an example and the settings after the options."""
         example = f"example:\n  {self.example}" if self.example else ""
-        settings = self.settings().help(self.often) if self.settings else ""
+        settings = self.settings.help(self.often, self.named) if self.settings else ""
         self.epilog = "\n\n".join(filter(None, (example, settings)))
         return super().format_help()
 
@@ -96,13 +94,24 @@ class Command(argparse.ArgumentParser):
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 
-class HelpAll(argparse.Action):
-    """Print the help with all settings."""
+class Help(argparse.Action):
+    """Print the help, with the settings as the arguments before it have them."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        given: argparse.Namespace,
+        _: object,
+        option: str | None = None,
+    ) -> NoReturn:
         """Print it and exit."""
         assert isinstance(parser, Command)
-        parser.often = ()
+        if option == "--help-all":
+            parser.often = ()
+        if parser.settings:
+            quick = "quick" if getattr(given, "quick", False) else None
+            named = getattr(given, parser.settings.argument, None) or quick
+            parser.named = None if named is None else str(named)
         parser.print_help()
         parser.exit()
 
@@ -111,7 +120,7 @@ def verb(
     name: str,
     purpose: str,
     *options: Option,
-    settings: "Callable[[], VerbSettings] | None" = None,
+    settings: VerbSettings | None = None,
     often: tuple[str, ...] = (),
     example: str = "",
 ) -> Callable[[Run], Run]:
@@ -173,17 +182,6 @@ def _file(text: str) -> Path:
     return Path(text)
 
 
-def settings_loader(module: str, model: str) -> "Callable[[], VerbSettings]":
-    """Return a loader of a model's default settings."""
-
-    def loaded() -> "VerbSettings":
-        from megalopta.config.settings import VerbSettings
-
-        return VerbSettings(getattr(import_module(f"megalopta.{module}"), model))
-
-    return loaded
-
-
 def whole(text: str, least: int | None = None) -> int:
     """Parse a whole number of at most 18 digits, at least `least`."""
     if re.fullmatch(r"[+-]?[0-9]{1,18}", text) and (least is None or int(text) >= least):
@@ -237,7 +235,7 @@ def numbers(text: str) -> tuple[float, ...]:
 
 
 DATASET = option("dataset", "dataset folder", Path)
-FRAME_KINDS = ("npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
+FRAME_KINDS = ("npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 _SCHEDULER = option(
     "--scheduler ADDRESS",

@@ -12,11 +12,11 @@ from megalopta.cli.command import (
     at_least,
     option,
     out,
-    settings_loader,
     switch,
     verb,
 )
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
 
@@ -33,7 +33,7 @@ VERBS["dataset"] = Verb("make, check and show a dataset of many sequences")
         "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
     ),
     *CLUSTER,
-    settings=settings_loader("config.recipe", "Plan"),
+    settings=VerbSettings(("Plan",), argument="plan"),
     often=(
         *("sequences", "seed", "scenes", "lights", "cameras", "trajectories", "every"),
         *("sensors", "light_levels", "repeats", "products", "splits"),
@@ -62,7 +62,7 @@ def _make(options: Namespace) -> Path | None:
     "add sensors, exposures and light levels to a finished dataset",
     DATASET,
     *CLUSTER,
-    settings=settings_loader("generation.adding", "Exposing"),
+    settings=VerbSettings(("Exposing",)),
     example="megalopta dataset expose data --sensors ideal --light-levels 0.01",
 )
 def _expose(options: Namespace) -> Path:

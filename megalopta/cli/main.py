@@ -16,16 +16,14 @@ from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from megalopta import __version__
-from megalopta.cli.command import VERBS, Command, HelpAll
+from megalopta.cli.command import VERBS, Command, Help
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
-
-if TYPE_CHECKING:
-    from megalopta.config.settings import Words
+from megalopta.settings.verb_settings import Words
 
 try:
     import resource
@@ -111,7 +109,10 @@ def _run(arguments: Sequence[str]) -> None:
     command = parser
     for argument in arguments:
         command = command.below(argument)
+    if command.verbs and not any(word.startswith("-") for word in arguments):
+        arguments = [*arguments, "--help"]
     own, overrides = split_overrides(arguments, {*parser.options, *command.options}, command.takes)
+    own.sort(key=lambda word: word in HELP)  # last, as other arguments may state the defaults
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):
         made = options.run(options)
@@ -122,6 +123,7 @@ def _run(arguments: Sequence[str]) -> None:
 
 RENAMED = {"sweep": "benchmark photons"}
 """Verbs of former versions, and their present names"""
+HELP = ("-h", "--help", "--help-all")
 _SIMILAR = 0.8
 """Least similarity of a mistyped option to an option; no setting reaches it."""
 
@@ -132,11 +134,12 @@ def program() -> Command:
         import_module(f"megalopta.cli.{found.name}")
     parser = Command(
         prog="megalopta",
+        add_help=False,
         description="Scenes with exactly known motion, photon counts, and benchmarks of motion "
         "detectors.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
-    _add_help_all(parser, argparse.SUPPRESS)
+    _add_help(parser)
     branches = {"": _branch(parser, "verb")}
     for name, verb in sorted(VERBS.items()):
         above, _, own = name.rpartition(" ")
@@ -146,7 +149,9 @@ def program() -> Command:
             description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
+            add_help=False,
         )
+        _add_help(command, "list all settings" if verb.often else argparse.SUPPRESS)
         if verb.run is None:
             branches[name] = _branch(command, "sub_verb")
         for option, how in verb.options:
@@ -154,12 +159,12 @@ def program() -> Command:
         command.set_defaults(run=verb.run)
         command.settings, command.often = verb.settings, verb.often
         command.example = verb.example
-        _add_help_all(command, "list all settings" if verb.often else argparse.SUPPRESS)
     return parser
 
 
-def _add_help_all(command: Command, purpose: str) -> None:
-    command.add_argument("--help-all", action=HelpAll, nargs=0, help=purpose)
+def _add_help(command: Command, of_all: str = argparse.SUPPRESS) -> None:
+    command.add_argument("-h", "--help", action=Help, nargs=0, help="show this help and exit")
+    command.add_argument("--help-all", action=Help, nargs=0, help=of_all)
 
 
 def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]":
@@ -169,7 +174,7 @@ def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]
 
 
 def split_overrides(
-    arguments: Sequence[str], options: Collection[str], takes: "Callable[[str], Words]"
+    arguments: Sequence[str], options: Collection[str], takes: Callable[[str], Words]
 ) -> tuple[list[str], dict[str, str]]:
     """Separate a verb's own options and words from settings: path to a value in YAML.
 

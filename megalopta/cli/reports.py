@@ -17,8 +17,6 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.core.errors import UserError, refused_as
-from megalopta.verification import GROUPS
 
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
@@ -97,10 +95,10 @@ def _view(options: Namespace) -> list[Path]:
 
 @verb(
     "reproduce",
-    "reproduce figures and tables of the dissertation as PNG, SVG, CSV and JSON",
-    option("figures FIGURE", "such as fig-2.9 or table-3.1, chapter-4, or all", nargs="+"),
+    "reproduce Chapter 4 of the dissertation as PNG, SVG, CSV and JSON",
+    option("figures FIGURE", "chapter-4, or of it fig-4.5 to fig-4.13 or table-4.1", nargs="+"),
     out("out/figures"),
-    switch("--quick", "draw Chapter 4 coarsely, in seconds"),
+    switch("--quick", "draw coarsely, in seconds"),
     *THREADS,
 )
 def _reproduce(options: Namespace) -> list[Path]:
@@ -111,76 +109,18 @@ def _reproduce(options: Namespace) -> list[Path]:
 
 
 @verb(
-    "gallery",
-    "render every scene preset at every light level, with its photon counts",
-    switch("--views", "instead render large views of the forests under natural skies: views.html"),
-    switch("--statistics", "instead measure image statistics of the forests: image-statistics.png"),
-    option(
-        "--panorama FILE",
-        "photographed panorama (HDR, EXR or PNG, 2:1); with --views a forest is shown in its "
-        "light; with --statistics the forests are compared with it, at an angle that it resolves",
-        Path,
-    ),
-    out("out/gallery"),
-)
-def _gallery(options: Namespace) -> Path | list[Path]:
-    from megalopta.report.gallery import write_gallery, write_statistics, write_views
-
-    if options.views and options.statistics:
-        raise UserError("gallery: --views and --statistics exclude each other; give one")
-    if options.panorama and not (options.views or options.statistics):
-        raise UserError("gallery: --panorama needs --views or --statistics; add one")
-    with refused_as():  # not a panorama
-        if options.views:
-            return write_views(options.out, options.panorama)
-        if options.statistics:
-            return write_statistics(options.out, [options.panorama] if options.panorama else [])
-        return write_gallery(options.out)
-
-
-@verb(
     "check",
-    "verify sensor effects against theory or real arrays, a dataset's truth by a second method, "
-    "or its files by their hashes",
-    option("what", "what to verify", choices=["physics", "captures", "truth", "files"]),
-    option(
-        "subjects",
-        "truth, files: dataset folder; captures: measurements in addition to those that ship; "
-        f"physics: any of {', '.join(GROUPS)} (default: all)",
-        nargs="*",
-        metavar="FOLDER, FILE or GROUP",
-    ),
-    option("--page FILE", "captures: file of the page with pictures", Path),
+    "verify a dataset's truth by a second method, or its files by their hashes",
+    option("what", "what to verify", choices=["truth", "files"]),
+    DATASET,
 )
-def _check(options: Namespace) -> Path | None:
-    if options.what == "captures":
-        return _check_captures([Path(each) for each in options.subjects], options.page)
-    if options.page:
-        raise UserError(f"check {options.what}: --page is for captures; omit it")
-    if not _passes(options.what, options.subjects):
-        sys.exit(1)
-    return None
-
-
-def _check_captures(paths: list[Path], page: Path | None) -> Path | None:
-    from megalopta.verification.captures import check_captures, print_captures, write_captures_page
-
-    found = check_captures(paths)
-    print_captures(found)
-    return write_captures_page(page, found) if page else None
-
-
-def _passes(what: str, subjects: list[str]) -> bool:
+def _check(options: Namespace) -> None:
     from megalopta.dataset.store import open_sequence
-    from megalopta.verification import files, physics, truth
+    from megalopta.verification import files, truth
 
-    if what == "physics":
-        return physics.run_check_physics(subjects)
-    if len(subjects) > 1:
-        raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
-    if not subjects:
-        raise UserError(f"check {what}: no dataset; give its folder")
-    folder = Path(subjects[0])
-    if what == "files":
-        return files.run_check_files(folder)
-    return truth.run_check_truth(open_sequence(folder))
+    if options.what == "files":
+        passes = files.run_check_files(options.dataset)
+    else:
+        passes = truth.run_check_truth(open_sequence(options.dataset))
+    if not passes:
+        sys.exit(1)

@@ -130,7 +130,7 @@ def _recover(options: Namespace) -> str:
 @verb(
     "spadcam calibrate",
     "write a device file from dark recordings and recordings under uniform light, by name or "
-    "from a .yaml list; or from .csv tables of check captures",
+    "from a .yaml list; or from .csv tables of `spadcam tags`",
     *_RECORDINGS,
     out("device.yaml", "device file"),
     option("--preset", "sensor for what is not measured", default="spadcam"),
@@ -150,9 +150,9 @@ def _calibrate(options: Namespace) -> Iterator[object]:
 
 
 def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]:
+    from megalopta.camera.capture_files import read_measurement
     from megalopta.camera.device_files import write_array_device
     from megalopta.core.errors import refused_as
-    from megalopta.verification.capture_files import read_measurement
 
     with refused_as("calibrate"):
         tables = [read_measurement(path) for path in paths]
@@ -165,7 +165,7 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]
     "spadcam compare",
     "compare recordings with the device model's simulation of the same stimulus",
     *_RECORDINGS,
-    option("--device", "device file of the model", Path, required=True),
+    option("--device", "device file of the model, or a preset", Path, required=True),
     option(
         "--scene",
         "levels: darkness and uniform light; plate: the moving plate, LIGHT is then "
@@ -219,7 +219,7 @@ def _compare(options: Namespace) -> tuple[str, Path]:
 )
 def _figures(options: Namespace) -> Iterator[Path]:
     from megalopta.camera.recording import Source
-    from megalopta.reproduction.chapter2_edge import reproduce_captured
+    from megalopta.reproduction.captured_edge import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     return reproduce_captured(sources, options.out, options.device, own_light=options.own_light)
@@ -227,7 +227,7 @@ def _figures(options: Namespace) -> Iterator[Path]:
 
 @verb(
     "spadcam tags",
-    "measure rates, afterpulses and crosstalk from time tags in the dark, for check captures",
+    "measure rates, afterpulses and crosstalk from time tags in the dark, for spadcam calibrate",
     option("tags", "file of time tags: .ptu, Photon-HDF5, or LinoSPAD2's .dat", Path),
     option(
         "--linospad2",
@@ -244,9 +244,9 @@ def _figures(options: Namespace) -> Iterator[Path]:
     out("tags"),
 )
 def _tags(options: Namespace) -> list[Path]:
+    from megalopta.camera.capture_files import write_measurements
     from megalopta.core.errors import refused_as
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
-    from megalopta.verification.capture_files import write_measurements
 
     if options.linospad2:
         tags = read_linospad2(options.tags, options.linospad2, options.per_cycle)

@@ -21,49 +21,22 @@ from megalopta.cli.command import (
 )
 from megalopta.config import built_in_names
 from megalopta.core.errors import UserError, refused_as, shell_command
-from megalopta.core.progress import say
+from megalopta.core.progress import numbered_stage, say, step
+from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from megalopta.config.model import Configuration
-    from megalopta.config.settings import VerbSettings
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
-    "fluxes": "[1e4, 1e5, 1e6, 1e7]",
+    "fluxes": "[1e5, 1e6, 1e7]",
     "repeats": "1",
     "pixels_pooled": "[1]",
     "frames_pooled": "[1]",
     "camera_pairs": "1",
 }
 """Settings of the demo's ranking: few, for a short demo"""
-_QUICK = {
-    "scene.trees": "30",
-    "scene.undergrowth": "0.2",
-    "camera.width": "48",
-    "camera.height": "48",
-    "trajectory.frames": "6",
-    "render.samples_per_pixel": "16",
-    "light_levels": "[10, starlight]",
-    "correct": "false",
-    "methods": "[BM, DIS, PF]",
-    "benchmark.sizes": "[24]",
-    "benchmark.fluxes_per_decade": "1",
-    "benchmark.repeats": "2",
-}
-"""Settings of --quick: everything once, small and noisy"""
 _QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
-
-
-def quick(overrides: Mapping[str, str]) -> dict[str, str]:
-    """Return settings of --quick, but for those of a forest if another scene is given, and others.
-
-    The others replace those of --quick.
-    """
-    own_scene = not {"scene", "scene.kind"}.isdisjoint(overrides)
-    mine = {name: each for name, each in _QUICK.items() if not (own_scene and "scene." in name)}
-    return {**mine, **overrides}
 
 
 REDO = switch("--redo", "replace output of another configuration")
@@ -78,16 +51,6 @@ _FROM_CONFIGURATION = (
 )
 
 
-def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
-    """Return those that a stage depends on, all for what is no stage, and those of others."""
-    from megalopta.config.model import Configuration, load
-    from megalopta.config.settings import VerbSettings
-    from megalopta.stages.registry import STAGES
-
-    fields = STAGES[stage].fields if stage in STAGES else None
-    return VerbSettings(Configuration, partial(load, "demo"), fields, others)
-
-
 @verb(
     "render",
     "render a scene to spectral-radiance EXRs with exact ground truth",
@@ -96,7 +59,7 @@ def settings_of_stage(stage: str, *others: "type[BaseModel]") -> "VerbSettings":
         "--dry-run",
         "estimate size, time, memory and integrator from a short measurement; render nothing",
     ),
-    settings=partial(settings_of_stage, "render"),
+    settings=VerbSettings(stage="render", argument="configuration", without="demo"),
     often=(
         *("scene.kind", "scene.preset", "scene.trees", "light.level", "light.illuminance_lux"),
         *("camera.width", "camera.height", "camera.fov_deg", "trajectory.frames"),
@@ -129,7 +92,7 @@ def _render(options: Namespace) -> str | None:
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
     switch("--quick", "make a small and noisy demo, in half a minute"),
-    settings=partial(settings_of_stage, "demo"),
+    settings=VerbSettings(argument="configuration", without="demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
         *("render.samples_per_pixel", "light_levels", "sensors", "methods"),
@@ -137,22 +100,24 @@ def _render(options: Namespace) -> str | None:
     example="megalopta demo --quick --out out/quick",
 )
 def _demo(options: Namespace) -> Path:
-    if options.quick:
-        if options.configuration not in (None, "demo"):
-            raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
-        options.overrides = quick(options.overrides)
+    if options.quick and options.configuration not in (None, "demo"):
+        raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
+    options.configuration = "quick" if options.quick else options.configuration
     asked = _configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.pipeline import run_all
+    from megalopta.stages.registry import STAGES
 
-    dataset = run_all(options.out, asked, options.redo)
+    dataset = run_all(options.out, asked, options.redo, later=2)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    return write_report(dataset)
+        with numbered_stage(len(STAGES) + 1, len(STAGES) + 2), step("ranking"):
+            run_ranking(dataset.root, dataset.root / FOLDER, ranked)
+    with numbered_stage(len(STAGES) + 2, len(STAGES) + 2), step("writing the report"):
+        return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:
@@ -180,7 +145,7 @@ verb(
     REDO,
     DATASET,
     *CLUSTER,
-    settings=partial(settings_of_stage, "flow"),
+    settings=VerbSettings(stage="flow", argument="dataset"),
     often=("methods", "flow.saturated"),
     example="megalopta flow out/night --methods BM DIS PF",
 )(partial(run_later_stage, "flow"))
@@ -227,7 +192,7 @@ _OF_PICTURES = (
     option("--out", "dataset folder for pictures (default: out/NAME)", Path),
     *_OF_PICTURES,
     *CLUSTER,
-    settings=partial(settings_of_stage, "sense"),
+    settings=VerbSettings(stage="sense", argument="input"),
     often=(
         *("light_levels", "sensors", "products", "sub_frames", "burst_hz", "free_running"),
         *("expectation", "correct"),
@@ -319,7 +284,7 @@ VERBS["scene"] = Verb("export a scene")
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
     out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
     option("--frame", "frame, counted from 0", at_least(0), 0),
-    settings=partial(settings_of_stage, "render"),
+    settings=VerbSettings(stage="render", argument="configuration"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene --frame 3",
 )

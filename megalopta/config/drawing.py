@@ -5,7 +5,7 @@ from itertools import product
 from typing import Any
 
 from megalopta.config import built_in_text
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, fitted
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
@@ -56,6 +56,9 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
     values = mapping(built_in_text(preset), "preset")
+    kind = values["scene"]["kind"]
+    if fields.get("scene", {}).get("kind", kind) != kind:
+        values.get("render", {}).pop("max_depth", None)  # which suits the preset's own scene
     values = merged(values, fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):
@@ -73,7 +76,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
     values["sensors"] = draw_entry(own.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
-    made = validated(Configuration, values, f"sequence {index} (scene {preset})")
+    made = fitted(validated(Configuration, values, f"sequence {index} (scene {preset})"))
     if not made.scene.has_truth:
         raise UserError(
             f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "
@@ -109,8 +112,19 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a sequence, the same for all cameras of a rig."""
-    return stream(plan.seed, index // plan.cameras_per_path)
+    """Random numbers of a sequence, the same for all cameras of a rig.
+
+    Scenes, lights, cameras and paths are dealt like cards: each comes once, in random order, before
+    one comes again.
+    """
+    number = index // plan.cameras_per_path
+    drawn, dealt = stream(plan.seed, number), dict[str, float]()
+    for name in _DRAWN:
+        if count := len(getattr(plan, name)):
+            turn, place = divmod(number, count)
+            order = generator(plan.seed, "plan", turn, name).permutation(count)
+            dealt[name] = (order[place] + 0.5) / count
+    return lambda path: dealt[path] if path in dealt else drawn(path)
 
 
 def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:

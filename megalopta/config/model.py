@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     ValidationInfo,
     field_validator,
@@ -29,19 +30,24 @@ from megalopta.config.measuring import (
 )
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
-from megalopta.scenes.build import AnyCamera, CameraPath
+from megalopta.scenes.build import AnyCamera, CameraPath, build_scene
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of, level_named
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.spectrum import check_known
+from megalopta.scenes.trajectories.fit import Fit
 from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.trajectories.orbit import Orbit
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
@@ -63,7 +69,17 @@ def _known_once(levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
     return levels
 
 
-LightLevels = Annotated[tuple[LightLevel, ...], AfterValidator(_known_once)]
+def _level(value: Any) -> Any:
+    """Return a level by the name or, if it is a quoted number, in lux."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return level_named(value)
+
+
+LightLevels = Annotated[
+    tuple[Annotated[LightLevel, BeforeValidator(_level)], ...], AfterValidator(_known_once)
+]
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60
@@ -111,7 +127,7 @@ class Configuration(Record, frozen=True):
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
 
-    render: RenderSettings = RenderSettings()
+    render: RenderSettings = Field(RenderSettings(), validate_default=True)
     """Samples, depth, bands and backend."""
 
     labels: Annotated[tuple[LabelName, ...], ONCE] = Field(
@@ -139,7 +155,7 @@ class Configuration(Record, frozen=True):
             "name, a mapping with `preset` and changes to it, one of `kind` spad or ctia with all "
             "fields, or the path of a measured device's YAML file; `efficiency: {path: FILE.csv}` "
             "is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative to the file "
-            "that contains them; on the command line, to the working folder.",
+            "that contains them and stay in its folder; on the command line, any.",
         ),
     ] = (
         IMAGE_SENSORS["spadcam"],
@@ -196,20 +212,22 @@ class Configuration(Record, frozen=True):
     def _name_is_a_folder(cls, name: str) -> str:
         return _folder_name(name)
 
-    @field_validator("light_levels", mode="before")
+    @field_validator("render")
     @classmethod
-    def _lux_are_numbers(cls, levels: Any) -> Any:
-        # A quoted number is text.
-        if isinstance(levels, str) or not isinstance(levels, Sequence):
-            return levels
-        return tuple(_number_if_it_is_one(level) for level in levels)
+    def _depth_suits_the_scene(
+        cls, render: RenderSettings, validation: ValidationInfo
+    ) -> RenderSettings:
+        scene = validation.data.get("scene")
+        if scene is None or "max_depth" in render.model_fields_set:
+            return render
+        return render.model_copy(update={"max_depth": scene.max_depth})
 
     @field_validator("sensors", mode="before")
     @classmethod
     def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
         if isinstance(sensors, str) or not isinstance(sensors, Sequence):
             return sensors
-        folder = (validation.context or {}).get("folder", Path())
+        folder = folder_of(validation)
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
     @field_validator("products")
@@ -229,8 +247,9 @@ class Configuration(Record, frozen=True):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
-        if self.trajectory.frames < 2:
-            raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
+        if self.scene.has_truth:  # pictures may hold spectra of their own
+            white, name = self.scene.white(self.light), f"light {self.light.level!r}"
+            check_known(name, white.range_nm, self.render.bands_nm, "")
         names = [_folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
@@ -330,16 +349,9 @@ def _folder_name(name: str) -> str:
     return name
 
 
-def _number_if_it_is_one(level: Any) -> Any:
-    try:
-        return float(level) if isinstance(level, str) else level
-    except ValueError:
-        return level
-
-
-def _resolve_sensor(sensor: Any, folder: Path) -> Any:
+def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
     if isinstance(sensor, str) and sensor.endswith((".yaml", ".yml")):
-        return load_sensor(folder / sensor)
+        return load_sensor(named_path(sensor, folder))
     if isinstance(sensor, str):
         sensor = {"preset": sensor}
     if not isinstance(sensor, Mapping):
@@ -372,11 +384,11 @@ def parse(
     text: str,
     source: str,
     overrides: Mapping[str, str] | None = None,
-    folder: Path = Path(),
+    folder: Path | None = None,
 ) -> Configuration:
     """Configuration from YAML text; `source` names it in errors. Raises UserError.
 
-    Paths in the text are relative to `folder`, those in overrides to the working folder.
+    `folder` is that of the file with the text, in which what it names must lie (`named_path`).
     """
     values = mapping(text, source)
     if "configuration" in values:  # a dataset.yaml
@@ -388,12 +400,49 @@ def parse(
             f"{source}: a plan of many sequences; make them with: "
             f"{shell_command('dataset', 'make', source)}"
         )
-    return validated(Configuration, values, source, overrides, folder)
+    settings = validated(Configuration, values, source, overrides, folder)
+    is_another_scene = settings.scene.kind != values.get("scene", {}).get("kind", "forest")
+    if is_another_scene and not {"render", "render.max_depth"} & (overrides or {}).keys():
+        render = settings.render.model_copy(update={"max_depth": settings.scene.max_depth})
+        settings = settings.model_copy(update={"render": render})
+    return fitted(settings)
+
+
+def fitted(settings: Configuration) -> Configuration:
+    """Replace a path of kind `fit` by the circle around the scene that it stands for.
+
+    Raises UserError if the scene cannot be built, or is made for its camera.
+    """
+    path = settings.trajectory
+    if not isinstance(path, Fit):
+        return settings
+    if settings.scene.is_made_for_camera:
+        raise UserError(
+            f"trajectory.kind 'fit': a scene of kind {settings.scene.kind!r} is made for its "
+            "camera; use another path"
+        )
+    with refused_as("scene"):
+        anywhere = Orbit(frames=path.frames, frame_rate_hz=path.frame_rate_hz)
+        camera, objects = settings.scene_camera or settings.camera, settings.objects
+        scene = build_scene(settings.scene, settings.light, camera, anywhere, objects)
+    orbit = path.around(bounds_of(scene), camera)
+    return settings.model_copy(update={"trajectory": orbit})
+
+
+def by_content(values: Any) -> Any:
+    """Return dumped settings without the paths of files with a hash, which stands for them."""
+    if isinstance(values, Mapping):
+        left_out = {"path"} if values.get("sha256") else set[str]()
+        return {key: by_content(values[key]) for key in values if key not in left_out}
+    return [by_content(value) for value in values] if isinstance(values, list) else values
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """Lines "path: old → new" for every value that differs between two dumped configurations."""
-    before, after = dict(_leaves(old)), dict(_leaves(new))
+    """Lines "path: old → new" for every value that differs between two dumped configurations.
+
+    The same file at another path is the same value.
+    """
+    before, after = dict(_leaves(by_content(old))), dict(_leaves(by_content(new)))
     return [
         f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
         for path in {**before, **after}

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from megalopta.config import built_in_names
 from megalopta.config.measuring import ONCE
@@ -19,6 +19,7 @@ from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
+from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.sensor import generator
@@ -56,6 +57,11 @@ class RigCamera(Mount, frozen=True):
         return Mount(position_m=self.position_m, rotation_deg=self.rotation_deg)
 
 
+_FILE_KEYS = ("csv", "file", "files", "panorama", "path", "species")
+_FILE_SUFFIXES = (".csv", ".npy", ".yaml", ".yml")
+"""Keys and values that name files."""
+
+
 class Plan(Record, frozen=True):
     """Sequences to draw; each depends on seed and index alone.
 
@@ -79,17 +85,17 @@ class Plan(Record, frozen=True):
     """Seed of all draws"""
 
     scenes: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("demo",)
-    """Scenes, one drawn per sequence: a built-in configuration's name, or a mapping with `preset`,
-    its name, and fields to change"""
+    """Scenes: a built-in configuration's name, or a mapping with `preset`, its name, and fields to
+    change. They are dealt out in random order: each comes once before one comes again"""
 
     lights: tuple[Entry, ...] = ()
-    """Lights, one drawn per sequence: a level's name or fields of `light`; default: the preset's"""
+    """Lights, dealt out likewise: a level's name or fields of `light`; default: the preset's"""
 
     cameras: tuple[dict[str, Any], ...] = ()
-    """Cameras, one drawn per sequence: fields of `camera`; default: the preset's"""
+    """Cameras, dealt out likewise: fields of `camera`; default: the preset's"""
 
     trajectories: tuple[dict[str, Any], ...] = ()
-    """Camera paths, one drawn per sequence: fields of `trajectory`; default: the preset's"""
+    """Camera paths, dealt out likewise: fields of `trajectory`; default: the preset's"""
 
     every: dict[str, Any] = Field(default={})
     """Fields of the configuration set in every sequence, after all others"""
@@ -123,6 +129,13 @@ class Plan(Record, frozen=True):
 
     sample: Annotated[int, Field(ge=0)] = 2
     """Number of first sequences that also form the split "sample", a small download"""
+
+    @field_validator(
+        "scenes", "lights", "cameras", "trajectories", "every", "sensors", "rig", mode="before"
+    )
+    @classmethod
+    def _files_are_placed(cls, values: Any, validation: ValidationInfo) -> Any:
+        return _placed(values, folder_of(validation))
 
     @field_validator("scenes", "lights", "cameras", "trajectories", "sensors", "light_levels")
     @classmethod
@@ -181,10 +194,11 @@ class Plan(Record, frozen=True):
 def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     """Read a plan from a YAML file or a dataset's folder, and apply settings.
 
-    Paths in a plan are relative to the working folder. Raises UserError if the file is no plan, or
-    a sequence of its entries cannot be made.
+    Files that a plan names lie in its folder; those of a dataset's plan, in the working folder.
+    Raises UserError if the file is no plan, or a sequence of its entries cannot be made.
     """
-    path = path / "dataset.yaml" if path.is_dir() else path
+    is_dataset = path.is_dir()
+    path = path / "dataset.yaml" if is_dataset else path
     values = mapping(yaml_text(path, "plan; give a YAML file"), str(path))
     if "megalopta" in values:
         check_format("dataset", values, path)
@@ -196,7 +210,22 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
             f"{path}: the configuration of one sequence; make it with: "
             f"{shell_command('render', path)}, or give a plan with `scenes`"
         )
-    return validated(Plan, values, str(path), overrides, path.parent)
+    folder = Path() if is_dataset else path.parent
+    return validated(Plan, values, str(path), overrides, folder)
+
+
+def _placed(value: Any, folder: Path | None, key: object = None) -> Any:
+    """Return values of a plan with the paths of the files that it names (`named_path`)."""
+    if isinstance(value, Mapping):
+        return {name: _placed(each, folder, name) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_placed(each, folder, key) for each in value]
+    is_text = isinstance(value, str) and "\n" not in value
+    if is_text and (key in _FILE_KEYS or value.lower().endswith(_FILE_SUFFIXES)):
+        place = named_path(value, folder)
+        is_below = place.is_absolute() and place.is_relative_to(Path.cwd())
+        return str(place.relative_to(Path.cwd()) if is_below else place)
+    return value
 
 
 def stream(seed: int, index: int) -> Stream:

@@ -45,14 +45,14 @@ def validated(
     values: Any,
     source: str,
     overrides: Mapping[str, str] | None = None,
-    folder: Path = Path(),
+    folder: Path | None = None,
     allows_code: bool = False,
 ) -> Model:
     """Return the model of YAML values; `source` names them in errors.
 
-    Overrides map the path of a field, such as "scene.trees", to a value in YAML. Files among the
-    values are relative to `folder`, those in overrides to the working folder. Values may name code
-    only if `allows_code`; overrides, which the user typed, always may.
+    Overrides map the path of a field, such as "scene.trees", to a value in YAML. Values from a file
+    may name files in its `folder` only (`named_path`), and code only if `allows_code`; overrides,
+    which the user typed, may name any.
     """
     with refused_as(source):
         record = checked(model, values, {"folder": folder, "allows_code": allows_code})
@@ -65,7 +65,7 @@ def validated(
         value = overrides[path]
         put(changed, path, _plain_data(value, f"--{path}"))
     with refused_as("command line"):
-        return checked(model, changed, {"folder": Path(), "allows_code": True})
+        return checked(model, changed, {"folder": None, "allows_code": True})
 
 
 def to_yaml(record: BaseModel) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core import files
+from megalopta.core.arrays import zipped_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -34,8 +35,7 @@ class ArrayStore:
         if self._path is None:
             return None
         try:
-            with self._path.open("rb") as file, np.load(file) as found:
-                arrays = {name: found[name] for name in (found if names is None else names)}
+            arrays = zipped_arrays(self._path, names, "biufcU")
             self._path.touch()
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
@@ -47,7 +47,7 @@ class ArrayStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
+                np.savez(file, **dict[str, Any](arrays))
             _prune(self._path.parent, self._most_bytes)
 
 

@@ -95,8 +95,7 @@ def _numbers(line: str, place: str, names: tuple[str, ...]) -> list[float]:
     if len(numbers) != len(names):
         count = {2: "two", 3: "three"}[len(names)]
         raise ValueError(
-            f"{place}: {line!r} is not {','.join(names)}; give {count} numbers, with a comma "
-            "between them"
+            f"{place} is not {','.join(names)}; give {count} numbers, with a comma between them"
         )
     if not 0 <= numbers[-1] <= 1:
         raise ValueError(

@@ -31,7 +31,6 @@ _EXTRAS = {
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "av": "video",
     "ptufile": "timetags",
-    "daplis": "linospad2",
     "torch": "torch",
     "onnxruntime": "onnx",
     "rerun": "rerun",
@@ -71,6 +70,8 @@ def refused_as(what: str = "", *kinds: type[Exception]) -> Iterator[None]:
 
 def machine_problem(error: OSError) -> str | None:
     """Return an error of the operating system as "path: reason; remedy"; None for a bug of ours."""
+    if error.errno is None and isinstance(error, FileNotFoundError | FileExistsError):
+        return str(error)  # a sentence of a reader
     remedy = _REMEDIES.get(error.errno or 0)
     if remedy is None or error.filename is None:
         return remedy

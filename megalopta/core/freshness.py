@@ -13,11 +13,12 @@ from pathlib import Path
 
 RENDER_MODEL = 3
 """Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
-BAKE_MODEL = 11
-"""Version of baked light and its places, of blurred frames, and of stated errors."""
+BAKE_MODEL = 12
+"""Version of baked light and its places, of blurred frames, of stated errors, and of the seeds of
+passes and parts, which change the noise of a frame alone."""
 TRUTH_MODEL = 4
 """Version of ground truth and pictures, the other output of the render stage; not of panoramas."""
-SENSOR_MODEL = 7
+SENSOR_MODEL = 8
 """Version of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")

@@ -1,6 +1,7 @@
 """Read pictures as arrays, write arrays as PNG. Every folder may import this module."""
 
 import io
+import re
 import struct
 import warnings
 import zlib
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import check_decoded, check_file
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, check_file, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import atomic_write
 
@@ -78,22 +79,24 @@ def decoded(
             yield image
 
 
-def checked_png(content: bytes, kept: Collection[bytes] = ()) -> bytes:
-    """Return a PNG file of which every part is there and has its checksum.
-
-    Only parts of some names are kept, if any are given. Raises ValueError.
-    """
+def png_parts(content: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield names and parts of a PNG file, whole, with their checksums. Raises ValueError."""
     if not content.startswith(PNG_SIGNATURE):
         raise ValueError("no PNG file")
-    parts, at, name = [PNG_SIGNATURE], len(PNG_SIGNATURE), b""
+    at, name = len(PNG_SIGNATURE), b""
     while name != b"IEND":
         length, name = struct.unpack_from(">I4s", content, at)
         part = content[at : at + length + 12]
         if len(part) < length + 12 or part[-4:] != struct.pack(">I", zlib.crc32(part[4:-4])):
             raise ValueError(f"part {name!r} is damaged")
-        parts += [part] if not kept or name in kept else []
+        yield name, part
         at += length + 12
-    return b"".join(parts)
+
+
+def checked_png(content: bytes, kept: Collection[bytes] = ()) -> bytes:
+    """Return a PNG file of parts of some names, or all; errors as `png_parts`."""
+    parts = [part for name, part in png_parts(content) if not kept or name in kept]
+    return b"".join([PNG_SIGNATURE, *parts])
 
 
 @contextmanager
@@ -110,6 +113,33 @@ def readable(path: object) -> Iterator[None]:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
     except Exception:  # a damaged file can raise any exception
         raise DamagedFileError(f"{path} cannot be read as a picture; give a PNG") from None
+
+
+_PFM_HEADER = re.compile(rb"P([Ff])\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
+
+
+def read_pfm(path: Path) -> NDArray[np.float32]:
+    """Return a portable float map, (H, W) or (H, W, 3), from the top.
+
+    Its scale states the order of bytes by its sign, and a factor of the values. Raises ValueError
+    if it is damaged.
+    """
+    content = read_bytes(path, ARRAY_BYTES)
+    header = _PFM_HEADER.match(content)
+    scale = float(header[4]) if header else 0.0
+    if header is None or not 0 < abs(scale) < np.inf:
+        raise ValueError(f"{path} is not a .pfm file (PF or Pf, width, height, scale)")
+    width, height, channels = int(header[2]), int(header[3]), 3 if header[1] == b"F" else 1
+    check_decoded(path, (height, width, channels), PIXEL_BYTES)
+    size, expected = len(content) - header.end(), 4 * channels * width * height
+    if size != expected:
+        raise ValueError(
+            f"{path} has {size} bytes of values, {width} × {height} px need {expected}: the file is"
+            " damaged"
+        )
+    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
+    rows = values.reshape(height, width, channels)[::-1] * np.float32(abs(scale))
+    return rows[..., 0] if channels == 1 else rows
 
 
 def write_codes(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:

@@ -117,13 +117,15 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     The progress of silent work is shown with the step that it is part of.
     """
     done, start = 0, time.monotonic()
+    last = start
 
     def count(steps: int = 1) -> None:
-        nonlocal done
-        done += steps
+        nonlocal done, last
+        done, last = done + steps, time.monotonic()
 
     def share() -> str:
-        return progress_line(done, total, unit, time.monotonic() - start)
+        now = time.monotonic()
+        return progress_line(done, total, unit, last - start, now - last)
 
     if _silences:
         with _held(_shares, share):
@@ -145,12 +147,18 @@ def working(description: str) -> Iterator[None]:
         yield
 
 
-def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
-    """Return share done and time left, such as "34 % of 300 frames · 1:24 left"."""
+def progress_line(done: int, total: int, unit: str, elapsed_s: float, since_s: float = 0.0) -> str:
+    """Return share done and time left, such as "34 % of 300 frames · 1:24 left".
+
+    The last steps were done after `elapsed_s`, and `since_s` ago. A step that takes longer than the
+    others does not lengthen the time left.
+    """
     text = f"{100 * done // max(total, 1)} % of {total} {unit}s"
     if not done or not elapsed_s:
-        return f"{text} · {_clock(elapsed_s)} so far"
-    return f"{text} · {_clock(elapsed_s * (total - done) / done)} left"
+        return f"{text} · {_clock(elapsed_s + since_s)} so far"
+    step_s = elapsed_s / done
+    left_s = step_s * (total - done) - min(since_s, step_s)
+    return f"{text} · {_clock(max(left_s, 0.0))} left"
 
 
 def _clock(seconds: float) -> str:

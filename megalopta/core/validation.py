@@ -16,7 +16,6 @@ from megalopta.core.bounded import cut, quoted
 Model = TypeVar("Model", bound=BaseModel)
 _TOLD = {
     "missing": "missing; give a value",
-    "union_tag_not_found": "missing key 'kind'; add it",
     "too_short": "empty; give at least one",
 }
 _EXPECTED = {
@@ -45,20 +44,20 @@ def checked(model: type[Model], values: Any, context: Mapping[str, object] | Non
 def inner_types(outer: Any, step: str) -> Iterator[Any]:
     """Types of the value at a key or an index inside a type; none if there is no such step."""
     if get_origin(outer) is tuple and step.isdecimal():
-        yield from _plain_types(get_args(outer)[0])
+        yield from plain_types(get_args(outer)[0])
     elif get_origin(outer) is dict:
-        yield from _plain_types(get_args(outer)[1])
+        yield from plain_types(get_args(outer)[1])
     elif isinstance(outer, type) and issubclass(outer, BaseModel) and step in outer.model_fields:
-        yield from _plain_types(outer.model_fields[step].annotation)
+        yield from plain_types(outer.model_fields[step].annotation)
 
 
-def _plain_types(annotation: Any) -> Iterator[Any]:
+def plain_types(annotation: Any) -> Iterator[Any]:
     """Types that an annotation allows, without unions and metadata."""
     if get_origin(annotation) is Annotated:
-        yield from _plain_types(get_args(annotation)[0])
+        yield from plain_types(get_args(annotation)[0])
     elif get_origin(annotation) in (Union, UnionType):
         for part in get_args(annotation):
-            yield from _plain_types(part)
+            yield from plain_types(part)
     else:
         yield annotation
 
@@ -79,6 +78,9 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
         near = get_close_matches(str(name), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
         return f"unknown key; {hint}"
+    if kind == "union_tag_not_found":
+        _, types = _place(model, problem["loc"])
+        return f"missing key 'kind'; add it, one of {', '.join(map(str, map(_tag, types)))}"
     if kind == "union_tag_invalid":
         tag, tags = problem["ctx"]["tag"], problem["ctx"]["expected_tags"]
         return f"kind {quoted(repr(tag))} is unknown; use {tags}"

@@ -123,8 +123,8 @@ def _exposures(record: SequenceRecord) -> Iterator[dict[str, Any]]:
         }
 
 
-def croissant(root: Path, plan: Plan) -> dict[str, Any]:
-    """Return the description of a dataset whose tables are written."""
+def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, Any]:
+    """Return the description of a dataset whose tables are written, by a version of the program."""
     return {
         "@context": _DATA["context"],
         "@type": "sc:Dataset",
@@ -133,9 +133,9 @@ def croissant(root: Path, plan: Plan) -> dict[str, Any]:
         "description": plan.description,
         "license": LICENSE_URL,
         "url": "croissant.json",
-        "version": __version__,
-        "creator": {"@type": "sc:Organization", "name": f"megalopta {__version__}"},
-        "citeAs": f"{plan.name}. Made with megalopta {__version__}.",
+        "version": version,
+        "creator": {"@type": "sc:Organization", "name": f"megalopta {version}"},
+        "citeAs": f"{plan.name}. Made with megalopta {version}.",
         "distribution": [
             *(_table(root / "index" / f"{name}.parquet", name) for name in TABLES),
             *(_file_set(name, *each) for name, each in _DATA["file_sets"].items()),
@@ -230,10 +230,10 @@ def write_index(tree: Tree, plan: Plan) -> None:
                 "record": file_hash(tree.record_path(record.sequence)),
             }
             manifest.write(json.dumps(line) + "\n")
-            sampled = [_SAMPLE] if record.index < plan.sample else []
-            for split in [record.split, *sampled]:
+            for split in splits_of(record, plan):
                 names[split].append(record.sequence)
-                _link_into_split(tree.root, split, record)
+                for link, target in split_links(tree.root, split, record).items():
+                    _link(link, target)
         tables.finish()
     for split, found in names.items():
         lines = "".join(f"{name}\n" for name in found)
@@ -241,18 +241,28 @@ def write_index(tree: Tree, plan: Plan) -> None:
     files.write_json(tree.root / "croissant.json", croissant(tree.root, plan))
 
 
-def _link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
-    """Link the Sintel folders of a sequence into a split; skipped where links are not supported."""
-    for folder in sorted(each for each in record.folders if each.startswith("training/")):
-        link = root / "splits" / split / "Sintel" / folder
-        if link.is_symlink():
-            continue
-        link.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            link.symlink_to(Path("../../../../..") / folder)
-        except OSError as problem:
-            if problem.errno not in _NO_LINKS:
-                raise
+def splits_of(record: SequenceRecord, plan: Plan) -> list[str]:
+    """Return the splits of a sequence."""
+    return [record.split, *([_SAMPLE] if record.index < plan.sample else [])]
+
+
+def split_links(root: Path, split: str, record: SequenceRecord) -> dict[Path, Path]:
+    """Return the links of a split to the Sintel folders of a sequence, with their targets."""
+    folders = sorted(each for each in record.folders if each.startswith("training/"))
+    above = Path("../../../../..")
+    return {root / "splits" / split / "Sintel" / each: above / each for each in folders}
+
+
+def _link(link: Path, target: Path) -> None:
+    """Write a link; skipped where links are not supported."""
+    if link.is_symlink():
+        return
+    link.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        link.symlink_to(target)
+    except OSError as problem:
+        if problem.errno not in _NO_LINKS:
+            raise
 
 
 def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:

@@ -11,9 +11,7 @@ Instances are coded as in COCO's panoptic format, tracks as in TAP-Vid (Doersch 
 2022): `query_points` (N, 3): frame, y, x; `points` (N, T, 2): x, y in px; `occluded` (N, T).
 """
 
-import zipfile
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,6 +20,7 @@ from numpy.typing import NDArray
 
 from megalopta.config.measuring import TrackSettings
 from megalopta.core import bounded, files
+from megalopta.core.arrays import zipped_arrays
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import write_codes
 from megalopta.dataset.store import Dataset
@@ -95,10 +94,4 @@ def read_tracks(path: Path) -> PointTracks:
     if not path.exists():
         raise UserError(f"{path}: no tracks; render with `tracks: {{}}`")
     with bounded.undamaged(path, "render again"):
-        bounded.check_file(path)
-        with zipfile.ZipFile(path) as file:
-            members = [file.getinfo(f"{name}.npy") for name in PointTracks._fields]
-            if any(each.compress_type or each.file_size > path.stat().st_size for each in members):
-                raise ValueError("it is compressed")
-            contents = [BytesIO(file.read(each)) for each in members]
-        return PointTracks(*(np.lib.format.read_array(each) for each in contents))
+        return PointTracks(*zipped_arrays(path, PointTracks._fields).values())

@@ -11,12 +11,14 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.pictures import SENSED_BYTES
+from megalopta.core.progress import say
 from megalopta.core.validation import checked
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import Light
 from megalopta.scenes.stimuli.pictures import ColorsAsLight, Unit
-from megalopta.sensor import IMAGE_SENSORS, Exposure, ImageSensor, expose
+from megalopta.sensor import Exposure, expose
+from megalopta.sensor.image_sensors import sensor_named
 
 if TYPE_CHECKING:
     from megalopta.render import Footage
@@ -67,20 +69,21 @@ def photons_from_images(
     is_number = isinstance(asked, Real) and 0 < asked < np.inf
     if not is_number or (photons_per_pixel is None) == (lux is None):
         raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
-    if isinstance(sensor, str) and sensor not in IMAGE_SENSORS:
-        raise UserError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
-    device: ImageSensor = IMAGE_SENSORS[sensor] if isinstance(sensor, str) else sensor
-    bands = RenderSettings().bands_nm
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
         check_decoded(footage.path, (len(footage), *footage.shape), SENSED_BYTES)
+        device = sensor_named(sensor)
         model = checked(ColorsAsLight, colors)
         mean = _mean(footage)
-        per_lux = photons_per_lux(model, Light(), bands, device, mean)
+        bands = footage.bands_nm or RenderSettings().bands_nm
+        dim = model.radiance_of_unit(Light(), bands, mean, footage.bands_nm)
+        per_lux = photons_per_lux(dim, Light(), bands, device, mean)
         asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
         lit = checked(Light, {"illuminance_lux": asked_lux})
-        of_unit = model.radiance_of_unit(lit, bands, mean)
+        of_unit = model.radiance_of_unit(lit, bands, mean, footage.bands_nm)
+        for note in footage.notes:
+            say(note)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
-        return expose(light, bands, device, seed=seed, sequence="pictures", expectation=True)
+        return expose(light, bands, device, seed=seed, stream="pictures", expectation=True)
 
 
 def _mean(footage: "Footage") -> Floats:

@@ -22,7 +22,6 @@ from megalopta.core.errors import refused_as
 from megalopta.dataset.store import Dataset
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, encode_srgb
-from megalopta.scenes.stimuli.pictures import ColorsAsLight
 from megalopta.sensor import ImageSensor, photon_rate
 
 if TYPE_CHECKING:
@@ -112,14 +111,16 @@ def resized(picture: Float32, shape: tuple[int, int]) -> Float32:
 
 
 def clean_flow(first: Float32, second: Float32) -> Floats:
-    """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, 3) without noise.
+    """Return the flow (H, W, 2) that DIS finds between two pictures (H, W, C) without noise.
 
     NaN where pictures are too small for it.
     """
     from megalopta.flow import optical_flow
 
     brightest = max(float(first.max()), float(second.max())) or 1.0
-    shares = np.asarray(LUMINANCE_SHARES, np.float32) / brightest
+    channels = first.shape[-1]
+    shares = LUMINANCE_SHARES if channels == 3 else np.full(channels, 1 / channels)
+    shares = np.asarray(shares, np.float32) / brightest
     try:
         return optical_flow(encode_srgb(first @ shares), encode_srgb(second @ shares), method="DIS")
     except ValueError:
@@ -127,17 +128,17 @@ def clean_flow(first: Float32, second: Float32) -> Floats:
 
 
 def photons_per_lux(
-    colors: ColorsAsLight,
+    radiance_of_unit: Floats,
     light: Light,
     bands_nm: Bands,
     sensor: ImageSensor,
-    mean_rgb: ArrayLike,
+    mean: ArrayLike,
 ) -> float:
     """Return the mean photons on a pixel in an exposure, for each lux on the scene.
 
-    `mean_rgb` (3,) is the mean of linear colors over all frames.
+    `mean` (channels,) is the mean over all frames, of which `radiance_of_unit` gives the light.
     """
-    radiance = np.asarray(mean_rgb) @ colors.radiance_of_unit(light, bands_nm, mean_rgb)
+    radiance = np.asarray(mean) @ radiance_of_unit
     with refused_as(sensor.name):
         hz = photon_rate(radiance[np.newaxis, np.newaxis, np.newaxis], bands_nm, sensor)
     return float(hz[0, 0, 0]) * sensor.exposure_s / light.resolved().illuminance_lux
@@ -156,7 +157,7 @@ class PictureLight:
 
     frames: PictureFrames
     radiance_of_unit: Floats
-    """(3, B): of red, green and blue of linear value 1"""
+    """(channels, B): of each channel, such as red, with the value 1"""
 
     def at(self, place: float) -> Float32:
         """Return the radiance at a place of the sequence, whose frames count from 0."""
@@ -206,11 +207,13 @@ def _opened(asked: _Asked) -> PictureLight:
     folder = picture_folder(dataset)
     with undamaged(folder, f"run: {dataset.render_again}"):
         dataset.compare_all(f"{folder.relative_to(dataset.root).as_posix()}/")
-        mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).reshape(3)
+        mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).ravel()
         (source,) = (each for each in folder.iterdir() if not files.is_temporary(each))
     scene = cast(Pictures, settings.scene)
     frames = PictureFrames(open_footage(source, scene.unit), settings)
-    of_unit = scene.radiance_of_unit(settings.light, settings.render.bands_nm, mean)
+    of_unit = scene.radiance_of_unit(
+        settings.light, settings.render.bands_nm, mean, frames.footage.bands_nm
+    )
     return PictureLight(frames, of_unit)
 
 

@@ -176,7 +176,7 @@ def is_output(path: str, sequence: str) -> bool:
 def stored_settings(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings in a record. Raises DamagedFileError."""
     try:
-        settings = checked(Configuration, record.configuration)
+        settings = checked(Configuration, record.configuration, {"folder": path.parents[1]})
     except ValueError as problem:
         reason = f"configuration: {problem}"
         raise _damaged(path, bounded.quoted(reason, 400)) from None

@@ -243,7 +243,7 @@ class Sequence:
                 settings.render.bands_nm,
                 device,
                 seed=settings.seed,
-                sequence=f"{name}/gain {gain!r}" if gain != 1 else name,
+                stream=f"{name}/gain {gain!r}" if gain != 1 else name,
                 first_frame=number,
                 frame_period_s=1 / settings.trajectory.frame_rate_hz,
             )
@@ -363,7 +363,7 @@ class Sequence:
     def to_xarray(self, *exposures: str) -> "xarray.Dataset":
         """Return a lazy xarray.Dataset with units; by default with counts of all exposures.
 
-        Raises UserError if xarray is not installed.
+        Raises UserError if xarray or dask is not installed.
         """
         return _labeled(self, exposures or self.exposures)
 
@@ -407,7 +407,7 @@ class Sequence:
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
         with undamaged(path):
-            return open_counts(self.dataset.store(path))
+            return open_counts(self.dataset.store(path), (len(self), *self.shape))
 
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:
@@ -435,11 +435,12 @@ def _exposed(
 
 
 def _labeled(sequence: Sequence, exposures: Iterable[str]) -> "xarray.Dataset":
-    """Return a lazy xarray.Dataset of a sequence. Raises UserError without xarray."""
+    """Return a lazy xarray.Dataset of a sequence. Raises UserError without xarray or dask."""
     try:
+        import dask.array  # noqa: F401
         import xarray
     except ImportError:
-        raise UserError("xarray is not installed; run: pip install xarray") from None
+        raise UserError("to_xarray needs xarray and dask; run: pip install xarray dask") from None
 
     arrays = {"radiance": sequence.radiance}
     if sequence.configuration.scene.has_truth:

@@ -269,7 +269,7 @@ def read_dataset(root: Path) -> Dataset:
         )
     with bounded.undamaged(path, "render into a new folder"):
         values = dict(record["configuration"])
-    return Dataset(root, validated(Configuration, values, str(path)))
+    return Dataset(root, validated(Configuration, values, str(path), folder=root))
 
 
 def existing(root: Path) -> Dataset | None:

@@ -34,6 +34,8 @@ from megalopta.stages.pipeline import check_stage, run_stage
 from megalopta.stages.registry import made_with, provenance_changes
 from megalopta.stages.sense import open_exposure
 
+_COUNTED = 10_000
+"""Sequences of which the splits are counted."""
 _COMPARED = 50
 """Finished sequences whose configuration is compared with the plan's."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
@@ -69,6 +71,9 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.staging)
     whole = whole_plan(tree, plan)
+    filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    for name in (name for name, share in plan.splits.items() if share and name not in filled):
+        say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with at_work(tree, whole):
         tree.write_plan(whole)
         failures = tree.read_failures()
@@ -229,7 +234,8 @@ _FRAMES_LOOKED_AT = 8
 
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
     """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
-    last = dataset.configuration.trajectory.frames - 2  # among frames with a forward flow
+    # among frames with a forward flow, unless there is only one
+    last = max(dataset.configuration.trajectory.frames - 2, 0)
     frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
     speeds, unmatched, depths, sky, textures = [], [], [], [], []
     for index in frames:

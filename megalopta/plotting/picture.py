@@ -82,6 +82,8 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         if layout := canvas.get_layout_engine():
             layout.execute(canvas)
         canvas.set_layout_engine("none")  # one layout for both pictures
+        for axes in canvas.axes:  # the solver's last bits differ between runs
+            axes.set_position(np.round(axes.get_position(original=True).bounds, 9).tolist())
         title = {"Title": figure.title}
         # `savefig` would draw each twice for its layout
         pixels: Any = FigureCanvasAgg(canvas)

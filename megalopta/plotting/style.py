@@ -7,7 +7,7 @@ used: no window, no state shared between figures.
 
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -139,19 +139,6 @@ def draw_interval(
     """Draw a line with whiskers between the lower and upper ends."""
     low, high = ends
     axes.errorbar(x, middle, (middle - low, high - middle), **style)
-
-
-def draw_key(axes: Axes, entries: Iterable[tuple[str, str, str]]) -> None:
-    """Add entries to a legend without drawn lines: marker, face color and text of each."""
-    for marker, face, text in entries:
-        axes.plot([], [], marker, color=BLACK, markerfacecolor=face, label=text)
-
-
-def legend_alone(axes: Axes, labeled: Axes, **style: Any) -> None:
-    """Draw the legend of other axes alone in these axes."""
-    axes.set_axis_off()
-    handles, labels = labeled.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="center", **style)
 
 
 def wrapped(text: str, characters: int) -> list[str]:

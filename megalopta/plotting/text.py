@@ -8,6 +8,7 @@ from megalopta.scenes.lighting.levels import illuminance_of
 
 UNDEFINED = "–"
 FAILS = "fails"
+_PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G")
 SENSELESS = 10.0
 """Relative error from which the report prints "fails" instead of a number."""
 
@@ -26,6 +27,23 @@ def number(value: float) -> str:
     if size >= 0.9995:
         return f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
     return f"{value:.2g}" if size >= 1e-4 else _power_of_ten(value)
+
+
+def with_error(value: float, error: float, unit: str) -> str:
+    """Format a value and its error, of two digits, with one unit: "1.0200 ± 0.0029 µs".
+
+    Units get a prefix but for "%".
+    """
+    power = 0
+    if unit != "%" and value and math.isfinite(value):
+        power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-9), -5), 3)
+    value, error = value / 1000.0**power, error / 1000.0**power
+    unit = f"{_PREFIXES[power + 5]}{unit}"
+    if not (math.isfinite(error) and error > 0):
+        return f"{number(value)} {unit}"
+    digits = 1 - math.floor(math.log10(error))
+    texts = (f"{round(each, digits):.{max(digits, 0)}f}" for each in (value, error))
+    return f"{' ± '.join(texts)} {unit}"
 
 
 def short(value: float) -> str:

@@ -93,8 +93,8 @@ def _panels(sequence: Sequence) -> Iterator[Panel]:
 
 
 def _first_frames(sequence: Sequence) -> range:
-    """Return the first frames with a next frame, and so with motion."""
-    return range(min(len(sequence) - 1, _FRAMES))
+    """Return the first frames with a next frame, and so with motion, or the only frame."""
+    return range(min(max(len(sequence) - 1, 1), _FRAMES))
 
 
 def _clip(sequence: Sequence, panel: Panel) -> str:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -343,8 +343,7 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
 
 def _read(path: Path, name: str, frame: int) -> Floats:
     with undamaged(path, "run megalopta flow again with --redo"):
-        values: Any = StoredFrames.open(path, name).array
-        return np.asarray(values[frame], np.float64)
+        return np.asarray(StoredFrames.open(path, name).read([frame])[0], np.float64)
 
 
 def _largest(answer: Floats) -> float:

@@ -32,6 +32,10 @@ def motion_section(report: Report) -> Section:
     """Return the section; for pictures, with the stand-in for true motion."""
     if not report.has_truth:
         return _stand_in(report)
+    if not report.shown.motions:
+        lead = "A single frame has no motion; its depth and objects are known exactly."
+        still = report.shown.film(report.shown.depth), _purity(report), _objects(report)
+        return Section("Truth", lead, body=block("strip", *still), name="motion", link="Truth")
     hidden = np.mean([truth.occluded_forward.mean() for truth in report.truths])
     depth = report.shown.film(report.shown.depth)
     films = (flow_film(report), depth, _hidden(report), _purity(report), _objects(report))

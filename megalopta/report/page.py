@@ -110,7 +110,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
             yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
     if report.has_truth:
         yield "objects in view at any time", f"{report.objects_seen:,}"
-    yield "px per frame, median speed", f"{report.median_speed:.2g}"
+    if report.shown.motions:
+        yield "px per frame, median speed", f"{report.median_speed:.2g}"
     yield "frames per second", f"{trajectory.frame_rate_hz:g}"
 
 
@@ -384,5 +385,5 @@ def strip(report: Report, sensor: str) -> Markup:
         film(None, "light", "The scene's light, tone-mapped"),
         *(counts_film(report, each) for each in with_ends(brightest_first, _MOST_LEVELS)),
         flow or Markup(""),
-        flow_film(report),
+        flow_film(report) if report.shown.motions else Markup(""),
     )

@@ -4,22 +4,23 @@ Frames come from a dataset, a recording, or a file of frames or events of any ca
 when they are asked for.
 """
 
-import io
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.recording import is_recording, open_recording
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, plain_array
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.named_file import file_content
 from megalopta.render import is_footage
-from megalopta.sensor import ImageSensor, Sensor, file_content, read_events, read_frames
+from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
 from megalopta.sensor.event_stream import Events, histogram
 from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
@@ -28,6 +29,8 @@ from megalopta.sensor.formats.recorded_frames import file_bytes
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Of files that hold readings, or pictures"""
+_BYTES_EACH = 40
+"""Bytes of a reading in memory while its frame is drawn"""
 _COLOR = 3
 _AT_ONCE = 2**23
 """Readings in memory"""
@@ -156,16 +159,12 @@ def _is_whole(folder: Path) -> bool:
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
     with refused_as():
-        content = io.BytesIO(file_content(path, "--bad-pixels"))
-    try:
-        mask = np.lib.format.read_array(content, allow_pickle=False)
-    except Exception:  # a damaged header can raise anything
-        raise UserError(f"--bad-pixels: {path} is no array of .npy; give one") from None
-    if mask.dtype != np.bool_ or mask.ndim != 2 or mask.all():
+        mask = plain_array(file_content(path, "--bad-pixels"), "b")
+    if mask is None or mask.ndim != 2 or mask.all():
         raise UserError(
             f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
         )
-    return np.asarray(mask)
+    return mask
 
 
 def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:
@@ -222,10 +221,12 @@ def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     shape = first.counts.shape[1:]
     if len(shape) > 2 and shape[2] != _COLOR:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
-    whole = read_frames(path, kind).counts if first.source == "tiff" else None
+    check_decoded(path, shape, _BYTES_EACH)
+    stated = kind or cast(FrameKind, first.source)
+    whole = read_frames(path, stated).counts if first.source == "tiff" else None
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        found = read_frames(path, kind, frames=part).counts if whole is None else whole[part]
+        found = read_frames(path, stated, frames=part).counts if whole is None else whole[part]
         return found, np.zeros(found.shape, np.bool_)
 
     times_s = None

@@ -199,7 +199,7 @@ class ShownSequence:
 
     def motion(self, name: str) -> Panel:
         """Return the motion to the next frame; of pictures, the flow of the clean ones."""
-        return flow_panel("motion", name, self.motion_of, self.rim or 0.0)
+        return flow_panel("motion", name, self.motion_of, self.rim or 1.0)
 
     @property
     def depth(self) -> Panel:
@@ -233,6 +233,8 @@ class ShownSequence:
         reduced by `step`.
         """
         sequence = self.sequence
+        if frame + 1 == len(sequence):
+            return np.full((*self.pixels(np.empty(sequence.shape)).shape, 2), np.nan)
         if not sequence.configuration.scene.has_truth:
             frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
             small = -(-rows // self.step), -(-columns // self.step)
@@ -251,7 +253,8 @@ class ShownSequence:
             return name
         mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
         bands, sensor = settings.render.bands_nm, settings.sensors[0]
-        per_lux = photons_per_lux(settings.scene, settings.light, bands, sensor, mean)
+        of_unit = light_of(self.sequence.dataset).radiance_of_unit
+        per_lux = photons_per_lux(of_unit, settings.light, bands, sensor, mean)
         return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 
@@ -263,8 +266,7 @@ def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Rea
 
 def _found_flow(found: StoredFrames, grid: BlockGrid, frame: int) -> Floats:
     """Return a method's motion of each block at all pixels (H, W, 2), px."""
-    stored: Any = found.array  # NaN where a block has no velocity
-    blocks = np.asarray(stored[min(frame, len(found) - 1)], np.float64)
+    blocks = found.read([min(frame, len(found) - 1)])[0].astype(np.float64)
     flow, size = np.full((*grid.shape, 2), np.nan), grid.block_px
     bottom, right = grid.top + grid.rows * size, grid.left + grid.columns * size
     flow[grid.top : bottom, grid.left : right] = blocks.repeat(size, axis=0).repeat(size, axis=1)

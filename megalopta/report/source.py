@@ -65,7 +65,7 @@ def select(configuration: Configuration) -> Selection:
     height, width = configuration.camera.height, configuration.camera.width
     films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
     most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
-    candidates = range(configuration.trajectory.frames - 1)
+    candidates = range(max(configuration.trajectory.frames - 1, 1))
     return selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
 
 
@@ -168,7 +168,12 @@ class ReportedSequence(ShownSequence):
 
     @cached_property
     def motions(self) -> dict[int, FrameMotion]:
-        """Motion of each frame to the next; for pictures, a stand-in for the true one."""
+        """Motion of each frame to the next; for pictures, a stand-in for the true one.
+
+        A single frame has none.
+        """
+        if len(self.sequence) < 2:
+            return {}
         return {frame: read_motion(self.sequence.dataset, frame) for frame in self.frames}
 
     def motion_of(self, frame: int) -> NDArray[np.floating]:
@@ -242,8 +247,8 @@ class Report:
     @cached_property
     def speed(self) -> NDArray[np.floating]:
         """Speed (px per frame) of all pixels of the frames shown where it is defined."""
-        flow = np.stack([motion.flow for motion in self.shown.motions.values()])
-        speed = np.linalg.norm(flow, axis=-1)
+        flow = [motion.flow.reshape(-1, 2) for motion in self.shown.motions.values()]
+        speed = np.linalg.norm(np.concatenate([np.zeros((0, 2)), *flow]), axis=-1)
         return np.asarray(speed[np.isfinite(speed)])
 
     @property

@@ -21,7 +21,6 @@ from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.text import UNDEFINED
-from megalopta.reproduction.drawing import FigureRecipe, Run
 from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figure, threshold_of
 
 POOLING = (60, 120, 180, 240)
@@ -235,13 +234,7 @@ def _spread(photons: Mapping[float, float]) -> float:
     return max(photons.values()) / min(photons.values()) if len(photons) > 1 else math.nan
 
 
-def _trials(name: str, is_quick: bool) -> list[Trial]:
-    return in_form(SWEEPS[name], is_quick).trials
-
-
-def _figure(name: str, run: Run) -> Figure:
-    sweep = in_form(SWEEPS[name], run.is_quick)
-    return sweep_figure(name, sweep, run.results, beside_printed(name, sweep, run.results))
-
-
-RECIPES = [FigureRecipe(name, partial(_figure, name), partial(_trials, name)) for name in SWEEPS]
+def curve_figure(name: str, results: Results, is_quick: bool) -> Figure:
+    """Return a figure of `SWEEPS`."""
+    sweep = in_form(SWEEPS[name], is_quick)
+    return sweep_figure(name, sweep, results, beside_printed(name, sweep, results))

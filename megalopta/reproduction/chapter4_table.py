@@ -1,4 +1,4 @@
-"""Table 4.1, the fewest photons for two bits; the times of §4.6.4; the page of Chapter 4."""
+"""Table 4.1, the fewest photons for two bits, and the page of Chapter 4."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,13 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
-from megalopta.flow.detectors.base import milliseconds_per_frame
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.benchmark.trial import Sweep, Trial
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.response_error import METRICS, Metric
-from megalopta.flow.stimuli.moving_template import MovingTemplate
-from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.sections import Section, block, definitions, image, write_sections
 from megalopta.plotting.style import draw_table
@@ -24,7 +20,6 @@ from megalopta.reproduction.chapter4_curves import (
     interpolation_beside_one_pixel,
     span,
 )
-from megalopta.reproduction.drawing import FigureRecipe, Run, names
 from megalopta.reproduction.sweep_figure import MeanThreshold, or_nan, sweep_curve
 
 PRINTED: Mapping[str, tuple[float, float]] = {
@@ -59,8 +54,7 @@ _DIFFERENT = {
     "consistent with the dissertation, not those of its program.",
     "The natural column": "The photographs came from the web and are not published. Forests "
     "rendered by this project replace them, with the same fields of view; the rows “photo” use "
-    "their gray values. The figure natural-information shows what thresholds depend on: the "
-    "information on motion per photon.",
+    "their gray values. Thresholds depend on the information on motion per photon.",
     "Single velocities of IIA": "Interpolation between whole pixels is nearly exact only where the "
     "shift is nearly one pixel of the resized frames.",
     "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every pixel, and "
@@ -99,28 +93,31 @@ def least(
     )
 
 
-def _trials(is_quick: bool) -> list[Trial]:
+def table_trials(is_quick: bool) -> list[Trial]:
+    """Return the trials of Table 4.1."""
     sweeps = [in_form(sweep, is_quick) for sources in _SOURCES.values() for sweep in sources]
     return [point.trial for sweep in sweeps for point in sweep.points if point.size == SIZE]
 
 
-def _figure(run: Run) -> Figure:
+def table_figure(results: Results, is_quick: bool) -> Figure:
+    """Return Table 4.1."""
     rows = [
-        _row(run, kind, method, metric)
+        _row(results, is_quick, kind, method, metric)
         for kind in _SOURCES
         for method in PRINTED
         for metric in METRICS
     ]
     light, gray = (_fluxes(rows, images, "literal") for images in ("natural", "photo"))
     by_means = _fluxes(rows, "natural", "ratio")["EMD"]
-    photographed = in_form(PHOTOGRAPHED, run.is_quick)
-    beside = interpolation_beside_one_pixel(photographed, run.results)
+    photographed = in_form(PHOTOGRAPHED, is_quick)
+    beside = interpolation_beside_one_pixel(photographed, results)
     printed = {
         "Forests in light over their gray values": span(light[each] / gray[each] for each in light),
         "EMD by Eq. 4.5 over quotient of means": span([light["EMD"] / by_means]),
         "IIA, median velocity over v = 4, gray values": span(beside),
     }
     return Figure(
+        name=TABLE,
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=partial(draw_table, head=_HEAD, rows=_lines(rows), widths=_WIDTHS),
@@ -130,8 +127,10 @@ def _figure(run: Run) -> Figure:
     )
 
 
-def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
-    threshold, where = least(run.results, kind, method, metric, run.is_quick)
+def _row(
+    results: Results, is_quick: bool, kind: str, method: str, metric: Metric
+) -> dict[str, Cell]:
+    threshold, where = least(results, kind, method, metric, is_quick)
     thesis = PRINTED[method][kind != "synthetic"]
     return {
         "method": method,
@@ -172,12 +171,7 @@ def _fluxes(rows: Sequence[Mapping[str, Any]], images: str, metric: Metric) -> d
 
 
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
-    """Write chapter-4.html next to the pictures of some figures, one of them Table 4.1.
-
-    Figures of other chapters are ignored. Returns the path of the page.
-    """
-    known = names("chapter-4")
-    figures = [figure for figure in figures if figure.name in known]
+    """Write chapter-4.html next to the pictures of some figures, one of them Table 4.1."""
     (table,) = (figure for figure in figures if figure.name == TABLE)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     compared = (
@@ -197,59 +191,3 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
     summary = _SUMMARY + (quick if table.details.get("quick") else "")
     return write_sections(out / "chapter-4.html", _TITLE, summary, sections)
-
-
-SIZES = (60, 240)
-PRINTED_MS: Mapping[str, tuple[str, str]] = {
-    "BM": ("17", "338"),
-    "IIA": ("6", "9"),
-    "EMD": ("< 0.3", "< 3"),
-    "NDM": ("< 0.3", "< 3"),
-    "NDS": ("< 0.3", "< 3"),
-}
-"""MATLAB, Intel Core i5-5300U at 2.3 GHz, for 60 × 60 and 240 × 240 px."""
-WIDTHS = (0.7, 1.2, 0.9, 0.9, 1.3, 0.9, 0.9)
-_FRAMES = 16
-_PHOTONS_PER_PIXEL = 10.0
-
-
-def _counts(size: int) -> Counts:
-    light = MovingTemplate(GratingTemplate().pixels(), 5, size).light(0, _FRAMES)
-    return draw_counts(light * _PHOTONS_PER_PIXEL * size**2, 0, "times")
-
-
-def _times(run: Run) -> Figure:
-    counts = [_counts(size) for size in SIZES]
-    times = {
-        name: [milliseconds_per_frame(METHODS[name], each) for each in counts]
-        for name in PRINTED_MS
-    }
-    head = [text for size in SIZES for text in (f"Thesis, {size}²", "Ours", "Faster")]
-    lines = [_times_line(*each) for each in times.items()]
-    columns = zip(*times.values(), strict=True)
-    return Figure(
-        title="Computing time per frame (ms), with that of §4.6.4",
-        caption="Ours: CPU time on this machine for a frame with known predecessors, median of "
-        "three runs, from counts of 10 photons per pixel to responses. The dissertation "
-        "used MATLAB on an Intel Core i5-5300U at 2.3 GHz.",
-        draw=partial(draw_table, head=["", *head], rows=lines, widths=WIDTHS),
-        numbers={
-            "method": list(times),
-            **{f"time_{size}_ms": each for size, each in zip(SIZES, columns, strict=True)},
-        },
-        height_in=2.0,
-    )
-
-
-def _times_line(name: str, spent: Sequence[float]) -> list[str]:
-    line = [name]
-    for printed, ours in zip(PRINTED_MS[name], spent, strict=True):
-        factor = float(printed.removeprefix("< ")) / ours
-        line += [printed, f"{ours:.2g}", f"{'< ' if printed[0] == '<' else ''}{factor:.0f} ×"]
-    return line
-
-
-RECIPES = (
-    FigureRecipe(TABLE, _figure, _trials, write_page),
-    FigureRecipe("table-4.times", _times),
-)

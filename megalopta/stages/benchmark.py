@@ -16,8 +16,10 @@ from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
+from megalopta.core.zarr_store import open_array
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
@@ -83,13 +85,17 @@ def _kept_light(dataset: Dataset, path: Path) -> Clip:
     if not path.exists():
         with files.atomic_write(path) as temporary:
             write_photons(dataset, temporary)
-    return cast("Clip", zarr.open_array(path, mode="r"))
+    with undamaged(path, "remove it"):
+        light = open_array(path)
+        if light.shape != _shape(dataset.configuration):
+            raise ValueError(f"its frames are {light.shape}, not those of the dataset")
+        return cast("Clip", light)
 
 
 def write_photons(dataset: Dataset, path: Path) -> None:
     """Write photons per second and pixel (T, H, W) of the ideal sensor: light without noise."""
     settings = dataset.configuration
-    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
+    shape = _shape(settings)
     chunk = frames_at_once(settings), *shape[1:]
     light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
     for first, radiance in read_radiance_frames(dataset):
@@ -112,9 +118,14 @@ def _model() -> str:
     return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
 
 
+def _shape(settings: Configuration) -> tuple[int, int, int]:
+    return settings.trajectory.frames, *settings.camera.shape
+
+
 def _check(settings: Configuration) -> None:
-    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
-    checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
+    checked_warm_up(
+        _shape(settings), [METHODS[name] for name in settings.methods], settings.benchmark
+    )
 
 
 STAGE = Stage(

@@ -51,7 +51,11 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
     with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
-        return StoredFrames.open(path, "detections")
+        found = StoredFrames.open(path, "detections")
+        settings = dataset.configuration
+        if found.shape != (settings.trajectory.frames, *settings.camera.shape):
+            raise ValueError(f"its frames are {found.shape}, not those of the dataset")
+        return found
 
 
 def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:

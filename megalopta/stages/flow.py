@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import zarr
@@ -21,6 +20,7 @@ from megalopta.core import files
 from megalopta.core.bounded import undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
+from megalopta.core.zarr_store import open_store
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FrameMotion, frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
@@ -179,8 +179,7 @@ def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
 
 def _stored_records(path: Path) -> list[Record]:
     with undamaged(path, "remove it and run the command again"):
-        records = zarr.open_group(path, mode="r").attrs["records"]
-        return [dict(each) for each in cast("list[Record]", records)]
+        return [dict(each) for each in open_store(path).attributes["records"]]
 
 
 @cache

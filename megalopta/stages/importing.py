@@ -1,5 +1,6 @@
 """Pictures of the user's own in place of a rendered scene: their configuration, their files."""
 
+import json
 import math
 import re
 import shutil
@@ -10,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from megalopta.config.model import Configuration
+from megalopta.config.model import Configuration, by_content
 from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
@@ -25,7 +26,7 @@ from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES
+from megalopta.scenes.spectra.color import Bands
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 
@@ -33,8 +34,13 @@ STILL_FRAMES = 16
 """Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
-_METHODS = ["BM", "LK", "DIS"]
-"""Quick ones, which do with two frames"""
+DEFAULTS: Mapping[str, Any] = {
+    "light": {"level": "daylight"},
+    "sensors": ["ideal"],
+    "light_levels": [1.0],
+    "methods": ["BM", "LK", "DIS"],  # quick ones, which do with two frames
+}
+"""Settings of pictures that do not depend on the files; `light_levels` is for the user to say"""
 _LEAST_SIZE = 3
 """Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
@@ -68,15 +74,12 @@ class PictureOptions:
 class Measured:
     """Measured light of the pictures that a sequence shows."""
 
-    mean: tuple[float, float, float]
-    """Mean of linear red, green and blue over all frames"""
+    mean: tuple[float, ...]
+    """Mean of linear red, green and blue over all frames, or of each channel of spectra"""
     saturated: float
     """Share of pixels at the largest code of any color"""
-
-    @property
-    def luminance(self) -> float:
-        """Mean luminance, in the unit of the linear values."""
-        return float(np.dot(self.mean, LUMINANCE_SHARES))
+    luminance: float
+    """Mean luminance, in the unit of the linear values; of spectra cd/m²"""
 
 
 def pictures_configuration(
@@ -87,30 +90,34 @@ def pictures_configuration(
     A dataset of the same pictures in `out` is not measured again. Raises UserError.
     """
     with open_footage(path, asked.unit) as footage:
-        _check_brightness(path, asked, footage.unit, overrides)
+        _check_brightness(path, asked, footage.is_absolute, overrides)
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
-        _say_still(settings, footage)
-        found = _recorded(out or usual_folder(settings), settings) or measured(settings, footage)
-    if asked.unit == "cd/m2":
+        _say_times(settings, footage)
+        made = _of_the_same(out or usual_folder(settings), settings)
+        if made and "name" not in overrides:  # a copy of the file may have another name
+            settings = settings.model_copy(update={"name": made.sequence})
+        found = (_recorded(made) if made else None) or measured(settings, footage)
+    if footage.is_absolute:
         lux = _lux(settings, found.luminance)
         light = settings.light.model_copy(update={"illuminance_lux": lux})
         settings = settings.model_copy(update={"light": light})
     if "light_levels" in overrides:
         return settings
     with refused_as(str(path)):
-        levels = [float(f"{lux:.{_DIGITS}g}") for lux in _levels(settings, asked, found)]
+        exact = _levels(settings, asked, found, footage.bands_nm)
+        levels = [float(f"{lux:.{_DIGITS}g}") for lux in exact]
         for level in levels:
             illuminance_of(level)
     return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
 
 
 def _check_brightness(
-    path: Path, asked: PictureOptions, unit: Unit, overrides: Mapping[str, str]
+    path: Path, asked: PictureOptions, is_absolute: bool, overrides: Mapping[str, str]
 ) -> None:
     given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
     given += ["--light-levels"] if "light_levels" in overrides else []
-    if len(given) == 1 or (unit == "cd/m2" and not given):
+    if len(given) == 1 or (is_absolute and not given):
         return
     what = " and ".join(given) or "pictures do not say how bright it was"
     raise UserError(
@@ -120,11 +127,14 @@ def _check_brightness(
     )
 
 
-def _say_still(settings: Configuration, footage: Footage) -> None:
-    """Say for how long the last picture is held."""
+def _say_times(settings: Configuration, footage: Footage) -> None:
+    """Say which pictures no frame shows, and for how long the last one is held."""
     rate_hz = settings.trajectory.frame_rate_hz
     scene = _scene(settings)
     end_s = float(picture_times(footage, scene.picture_rate_hz or rate_hz)[-1])
+    shown = PictureFrames(footage, settings).weights()
+    if missed := max(shown) + 1 - len(shown):
+        say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
     held_s = settings.trajectory.duration_s - end_s
     if len(footage) > 1 and held_s * rate_hz >= 1:
         say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
@@ -143,26 +153,32 @@ def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, An
     scene["spectrum"] = "light" if is_level else asked.spectrum
     given = {name: value for name, value in scene.items() if value is not None}
     return {
+        **DEFAULTS,
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
         "scene": {"kind": "pictures", "file": str(path), **given},
-        "light": {"level": asked.spectrum if is_level else "daylight"},
+        "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
         "camera": {"width": width, "height": height},
-        "trajectory": _timing(footage, asked),
-        "sensors": ["ideal"],
-        "light_levels": [1.0],
-        "methods": _METHODS,
+        "trajectory": timing_of(footage, asked),
+        "render": {"bands_nm": footage.bands_nm} if footage.bands_nm else {},
         "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
     }
 
 
-def _timing(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
+def timing_of(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Frames and their rate: as in the file, unless something else is asked for."""
     count = len(footage)
     times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
     end_s = float(times_s[-1])
-    rate_hz = asked.frame_rate_hz or ((count - 1) / end_s if end_s else _USUAL_HZ)
-    frames = math.floor(end_s * rate_hz + 0.1) + 1 if count > 1 else STILL_FRAMES
+    rate_hz = asked.frame_rate_hz or (shortest((count - 1) / end_s) if end_s else _USUAL_HZ)
+    last_s = footage.last_s or 1 / rate_hz
+    frames = math.floor((end_s + last_s) * rate_hz + 0.1) if count > 1 else STILL_FRAMES
     return {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz}
+
+
+def shortest(value: float) -> float:
+    """Return the number of the fewest digits that agrees to 1e-9, such as 25 for 24.99…96."""
+    rounded = (float(f"{value:.{digits}g}") for digits in range(1, 18))
+    return next(each for each in rounded if math.isclose(each, value))
 
 
 def _short_exposures(settings: Configuration) -> Configuration:
@@ -177,10 +193,17 @@ def _short_exposures(settings: Configuration) -> Configuration:
     return settings.model_copy(update={"sensors": tuple(sensors)})
 
 
-def _levels(settings: Configuration, asked: PictureOptions, found: Measured) -> list[float]:
+def _levels(
+    settings: Configuration,
+    asked: PictureOptions,
+    found: Measured,
+    of_channels_nm: Bands | None,
+) -> list[float]:
     """Light levels, lux."""
+    light, bands_nm = settings.light, settings.render.bands_nm
+    of_unit = _scene(settings).radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
     if asked.photons:
-        parts = _scene(settings), settings.light, settings.render.bands_nm
+        parts = of_unit, light, bands_nm
         per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
         for sensor in settings.sensors[1:]:
             share = photons_per_lux(*parts, sensor, found.mean) / per_lux
@@ -206,22 +229,30 @@ def usual_folder(settings: Configuration) -> Path:
     return Path("out") / settings.name
 
 
-def _recorded(root: Path, settings: Configuration) -> Measured | None:
-    """Measured light in the record of a dataset of the same pictures at the same times."""
+def _of_the_same(root: Path, settings: Configuration) -> Dataset | None:
+    """Return the dataset in a folder if it shows the same pictures at the same times."""
     try:
         dataset = open_sequence(root)
+        return dataset if _shown(dataset.configuration) == _shown(settings) else None
+    except UserError:  # there is none, or it is made again
+        return None
+
+
+def _recorded(dataset: Dataset) -> Measured | None:
+    """Measured light in the record of a dataset of pictures."""
+    try:
         record = dataset.read_scene_record()["pictures"]
-        red, green, blue = map(float, record["mean"])
-        found = Measured((red, green, blue), float(record["saturated"]))
+        mean = tuple(map(float, record["mean"]))
+        found = Measured(mean, float(record["saturated"]), float(record["luminance"]))
     except (UserError, KeyError, TypeError, ValueError):  # there is none, or it is made again
         return None
-    is_same = _shown(dataset.configuration) == _shown(settings)
-    return found if is_same and found.luminance > 0 else None
+    return found if found.luminance > 0 else None
 
 
 def _shown(settings: Configuration) -> str:
     """Return pictures, with the hash of their file, and the times at which they are shown."""
-    return settings.scene.model_dump_json() + settings.trajectory.model_dump_json()
+    shown = settings.model_dump(mode="json", include={"scene", "trajectory"})
+    return json.dumps(by_content(shown))
 
 
 def measured(settings: Configuration, footage: Footage) -> Measured:
@@ -237,17 +268,17 @@ _measured: dict[str, Measured] = {}
 
 def _measure(weights: Mapping[int, float], footage: Footage) -> Measured:
     """Average over pictures, each so many times."""
-    mean, saturated = np.zeros(3), 0.0
+    mean, saturated = np.zeros(len(footage.luminance_shares)), 0.0
     with progress(f"Reading {footage.path.name}", len(weights), "picture") as advance:
         for index in sorted(weights):
             mean += weights[index] * footage.mean(index)
             saturated += weights[index] * footage.saturated(index)
             advance()
-    if not mean.any():
-        raise UserError(f"{footage.path} is black; give pictures with light in them")
     total = sum(weights.values())
-    red, green, blue = (mean / total).tolist()
-    return Measured((red, green, blue), saturated / total)
+    mean, luminance = mean / total, float(mean @ footage.luminance_shares) / total
+    if not luminance > 0:
+        raise UserError(f"{footage.path} is black; give pictures with visible light in them")
+    return Measured(tuple(mean.tolist()), saturated / total, luminance)
 
 
 def import_pictures(dataset: Dataset) -> None:
@@ -288,9 +319,13 @@ def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
     say(
         f"pictures: {settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
         f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures; "
-        f"{record['transfer']} codes become light, white has the spectrum of "
-        f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
-        f"{100 * _scene(settings).reflectance:g} %"
+        + (
+            "their spectra are used as they are"
+            if record["transfer"] == "spectral radiance"
+            else f"{record['transfer']} codes become light, white has the spectrum of "
+            f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
+            f"{100 * _scene(settings).reflectance:g} %"
+        )
     )
     if record["pictures"] == 1:
         say("pictures: it is one picture, which stands still")

@@ -13,7 +13,7 @@ from megalopta.config.model import Configuration, differences
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
-from megalopta.core.progress import numbered_stage, say
+from megalopta.core.progress import numbered_stage, say, step
 from megalopta.dataset.store import (
     Dataset,
     existing,
@@ -33,12 +33,19 @@ def run_stage(
     return _run(Path(root), configuration, (name,), redo)
 
 
-def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
-    """Run every stage, after checking that the configuration suits all of them."""
-    return _run(Path(root), configuration, tuple(STAGES), redo)
+def run_all(
+    root: str | Path, configuration: Configuration, redo: bool = False, later: int = 0
+) -> Dataset:
+    """Run every stage, after checking that the configuration suits all of them.
+
+    Lines of progress count as many stages more as follow `later`.
+    """
+    return _run(Path(root), configuration, tuple(STAGES), redo, later)
 
 
-def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:
+def _run(
+    root: Path, configuration: Configuration, names: Sequence[str], redo: bool, later: int = 0
+) -> Dataset:
     for name in names:
         check_stage(name, configuration, root)
     finish_move(root)
@@ -46,7 +53,7 @@ def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: b
     try:
         with _opened(root, configuration, names, redo) as dataset:
             for number, name in enumerate(names, 1):
-                with numbered_stage(number, len(names)):
+                with numbered_stage(number, len(names) + later):
                     _bring_to_end(dataset, name)
     except Exception:
         if is_new and root.is_dir() and not any(root.iterdir()):
@@ -107,7 +114,8 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
     ledger.begin(name)
     start = time.perf_counter()
     try:
-        STAGES[name].work(dataset)
+        with step(name):
+            STAGES[name].work(dataset)
     except Exception:
         ledger.withdraw(name)
         raise

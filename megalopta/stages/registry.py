@@ -8,7 +8,7 @@ stage, or a dataset of many sequences, continues with the same or not at all.
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import Configuration, by_content, differences
 from megalopta.stages import benchmark, flow, render, sense
 from megalopta.stages.declaration import Stage
 
@@ -31,7 +31,11 @@ def stage_configuration(configuration: Configuration, *stages: str) -> dict[str,
     names = {name for stage in stages for name in (*STAGES[stage].needs, stage)}
     fields = {field for name in names for field in STAGES[name].fields}
     # The backend changes speed and the draw of rendering noise, but not the content.
-    return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
+    exclude = {"render": {"backend"}}
+    found: dict[str, Any] = by_content(
+        configuration.model_dump(mode="json", include=fields, exclude=exclude)
+    )
+    return found
 
 
 def provenance(stage: str, configuration: Configuration) -> dict[str, str]:

@@ -94,25 +94,29 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
 
 
 def build(settings: Configuration) -> Scene:
-    """Build the scene of a configuration. Raises UserError."""
+    """Build the scene of a configuration, and tell what of it has no effect. Raises UserError."""
     with refused_as("scene"):
-        return build_scene(
+        scene = build_scene(
             settings.scene,
             settings.light,
             settings.scene_camera or settings.camera,
             settings.trajectory,
             settings.objects,
         )
+    for note in scene.notes:
+        say(f"scene: {note}")
+    return scene
 
 
 def _load(
-    scene: Scene, settings: Configuration, poses: NDArray[np.float64], kept_light: Path | None
+    scene: Scene, settings: Configuration, times_s: NDArray[np.float64], kept_light: Path | None
 ) -> "SceneRenderer":
     from megalopta.render import SceneRenderer
 
+    camera, poses = settings.camera, settings.trajectory.pose_at(times_s)
     with refused_as("render"):
         return SceneRenderer(
-            scene, settings.camera, settings.render, poses, settings.seed, kept_light
+            scene, camera, settings.render, poses, settings.seed, kept_light, times_s
         )
 
 
@@ -132,8 +136,8 @@ class FrameWriter:
         self._times_s = settings.trajectory.times_s
         with step("loading the scene"):
             kept_light = None if whole else cache_folder() / "light"
-            self._renderer = _load(scene, settings, _all_poses(settings), kept_light)
-        self._kinds, self._origin_m = scene.kinds, scene.origin_m
+            self._renderer = _load(scene, settings, _all_times(settings), kept_light)
+        self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
                 f"labels: {len(self._kinds)} kinds of objects, and `classes` holds "
@@ -163,6 +167,7 @@ class FrameWriter:
             "variant": self.variant.name,
             "integrator": self.integrator,
             "kinds": list(self._kinds),
+            "notes": list(self._notes),
             "motions": self._motions,
             "illuminance": self._illuminance(),
             "canopy": str(self._renderer.canopy(self._poses, ring)) if ring else None,
@@ -310,13 +315,13 @@ class FrameWriter:
         return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
 
 
-def _all_poses(settings: Configuration) -> NDArray[np.float64]:
-    """Poses that frames look from; with a shutter, also those at the ends of exposures."""
-    path, shutter = settings.trajectory, settings.shutter
+def _all_times(settings: Configuration) -> NDArray[np.float64]:
+    """Times that frames look at, s; with a shutter, also those at the ends of exposures."""
+    times_s, shutter = settings.trajectory.times_s, settings.shutter
     if shutter.is_instant:
-        return path.poses()
+        return times_s
     reach = (shutter.exposure_s + shutter.readout_s) / 2
-    return path.pose_at((path.times_s[:, None] + reach * np.array([-1, 0, 1])).ravel())
+    return np.asarray(times_s[:, None] + reach * np.array([-1, 0, 1])).ravel()
 
 
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
@@ -342,7 +347,7 @@ def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> No
     say(
         f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm takes "
         f"more hits than render.max_depth {settings.render.max_depth} allows and is missing; 16 "
-        "are enough in forests"
+        "are enough in forests, and 64 in rooms"
     )
 
 

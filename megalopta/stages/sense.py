@@ -174,7 +174,7 @@ class _Film:
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
             seed=self._settings.seed,
-            sequence=self._sequence,
+            stream=self._sequence,
             first_frame=first,
             frame_period_s=self._period_s,
             following=following and following.scaled(self._scale),
@@ -250,7 +250,8 @@ def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> O
     """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
     path = dataset.counts(sensor, level)
     with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
-        return open_counts(path)
+        settings = dataset.configuration
+        return open_counts(path, (settings.trajectory.frames, *settings.camera.shape))
 
 
 def require_expectation(dataset: Dataset) -> None:

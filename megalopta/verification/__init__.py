@@ -1,7 +1,1 @@
-"""Verification by users: physics, truth, files."""
-
-GROUPS = (
-    *("counting", "light", "device", "dead-time", "afterpulsing", "crosstalk", "combinations"),
-    *("gate", "changing-light", "counters", "frames", "ctia"),
-)
-"""Groups of cases of `megalopta check physics`"""
+"""Verification by users: truth, files."""

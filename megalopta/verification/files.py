@@ -15,17 +15,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow.parquet as pq
-import zarr
 from rich.console import Console
 
 from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
-from megalopta.core.bounded import printable
+from megalopta.core.bounded import printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.dataset.index import TABLES, read_lists, table_path
+from megalopta.core.zarr_store import METADATA, open_store
+from megalopta.dataset.index import (
+    TABLES,
+    croissant,
+    read_lists,
+    split_links,
+    splits_of,
+    table_path,
+)
 from megalopta.dataset.layout import BOOKS, MANIFEST, Tree
 from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
 from megalopta.dataset.store import Dataset, file_difference, files_in, whole_of
@@ -87,16 +94,17 @@ def _checked(tree: Tree, truths: int) -> str:
 
 
 def wrong_shape(dataset: Dataset, path: Path) -> str | None:
-    """Return what is wrong with the shape of a file; None if correct or without shape."""
+    """Return what is wrong with the shape of a file, or with the store that it describes."""
     camera = dataset.configuration.camera
     size = (camera.height, camera.width)
     try:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
-        if path.name == "zarr.json" and path.parent.parent.name == dataset.sequence:
-            counts = zarr.open_group(path.parent, mode="r").get("counts")
+        whole = whole_of(path, dataset.root)
+        if path.name.startswith(".z") or (path.name == METADATA and path.parent == whole):
+            counts = open_store(whole).arrays.get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
-            if isinstance(counts, zarr.Array) and counts.shape != wanted:
+            if counts is not None and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
     except Exception as problem:  # a forged file can raise any exception
         return f"cannot be read ({problem or type(problem).__name__})"
@@ -154,8 +162,10 @@ def _faults_of_many(tree: Tree, truths: int) -> Faults:
     yield from _unmade(tree, names, again)
     yield from _manifest_faults(tree, names, again)
     yield from _index_faults(tree, names, again)
-    known: set[Path] = set()
+    plan, known = tree.plan(), set[Path]()
     machinery: dict[str, str] = {}
+    splits: dict[str, list[str]] = {split: [] for split in plan.splits}
+    splits |= {"sample": []} if plan.sample else {}
     chosen = set(names[:: max(1, len(names) // truths)][:truths]) if truths else set()
     with progress("Checking sequences", len(names), "sequence") as advance:
         for name in names:
@@ -163,11 +173,17 @@ def _faults_of_many(tree: Tree, truths: int) -> Faults:
                 record = tree.record(name)
                 known.update(tree.root / path for path in record.files)
                 machinery[name] = _machinery(record)
+                for split in splits_of(record, plan):
+                    splits.setdefault(split, []).append(name)
+                    links = split_links(tree.root, split, record)
+                    if lost := next((link for link in links if not link.is_symlink()), None):
+                        yield FileFault(lost, "is missing", again)
                 yield from _sequence_faults(tree.dataset(record), name in chosen, again)
             except UserError as problem:
                 yield FileFault(tree.record_path(name), "is damaged", str(problem))
             advance()
     yield from _mixture(tree, machinery, again)
+    yield from _list_faults(tree, names, splits, again)
     yield from _unfinished(tree, again)
     yield from _unknown(tree.root, known, *BOOKS, tree.staging.name)
 
@@ -200,7 +216,7 @@ def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
 
 
 def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
-    """Yield faults of tables, and of the lists of splits."""
+    """Yield faults of the tables and of their description."""
     for name in TABLES:
         try:
             table = table_path(tree.root, name)
@@ -211,10 +227,26 @@ def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
             continue
         if name == "sequences" and rows != len(names):
             yield FileFault(table, f"has {rows} rows for {len(names)} sequences", again)
+    described = tree.root / "croissant.json"
+    with suppress(UserError, OSError, ValueError, KeyError):  # reported with the tables
+        found = read_json(described)
+        if found != croissant(tree.root, tree.plan(), found["version"]):
+            yield FileFault(described, "differs from the plan and the tables", again)
+
+
+def _list_faults(
+    tree: Tree, names: list[str], splits: Mapping[str, list[str]], again: str
+) -> Faults:
+    """Yield faults of the lists of splits."""
     try:
-        read_lists(tree.root, names)
+        found = read_lists(tree.root, names)
     except UserError as problem:
         yield FileFault(tree.root / "splits", "are unreliable", str(problem))
+        return
+    for split in sorted(splits.keys() | found.keys()):
+        if list(found.get(split, [None])) != splits.get(split, []):
+            path = tree.root / "splits" / f"{split}.txt"
+            yield FileFault(path, "is missing or differs from the records", again)
 
 
 def _sequence_faults(dataset: Dataset, with_truth: bool, again: str) -> Faults:

@@ -108,6 +108,8 @@ def cost_reason(rays: int, pixels: int, scatter: Scatter, settings: RenderSettin
     `pixels` are those of all frames together. It pays if frames of the same error on surfaces take
     less work. Work is counted in rays and samples, so that the result is the same on every machine.
     """
+    if not scatter.traced:
+        return "no surface in view is lit"
     samples = samples_of_pixel(settings, scatter)
     error2 = scatter.baked**2 / samples + settings.standing_error**2
     share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * scatter.traced**2 / error2)

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
-from megalopta.render import MEASURED_EVERY, dr, frame_seed, mi
+from megalopta.render import MEASURED_EVERY, dr, mi
 from megalopta.render.baking.choice import SAMPLE, WHOLE_PATH
 from megalopta.render.baking.visibility import views
 from megalopta.render.noise import pairs
 from megalopta.render.sensors.primary import pixel_means
+from megalopta.render.settings import part_seed
 from megalopta.render.split_paths import Part
 from megalopta.scenes.cameras.base import Camera
 
@@ -128,7 +129,7 @@ def compared(
         # Each pixel once per group, with its own samples.
         several = np.tile(chosen, GROUPS)
         sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
-        means = pixel_means(sensor, sampler, frame_seed(seed, 0), look, several)
+        means = pixel_means(sensor, sampler, part_seed(seed, "comparison"), look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)
         found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
     return found.reshape(*sky.shape, -1)

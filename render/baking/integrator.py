@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
-from megalopta.render import RenderSettings, dr, frame_seed, mi
+from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells, CellSight
 from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
 from megalopta.render.baking.clusters import Voxels
@@ -39,6 +39,7 @@ from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.scattering import wavelength_groups
 from megalopta.render.sensors.primary import pixel_means
+from megalopta.render.settings import part_seed
 from megalopta.render.shading import SunLight, Textures, Weights
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
@@ -179,7 +180,7 @@ class BakedLightIntegrator:
         differences = compared(sensor, seed, image, self._compared, partial(self._off, scene))
         some = {"type": "independent", "sample_count": math.ceil(spp / _FIXED_EVERY)}
         again = pixel_means(
-            sensor, mi.load_dict(some), frame_seed(seed, 1), partial(self._fixed, scene)
+            sensor, mi.load_dict(some), part_seed(seed, "fixed error"), partial(self._fixed, scene)
         )
         radiance, fixed, sky = np.split(image, [len(self._bands), -1], axis=-1)
         return np.concatenate([radiance, sky, fixed, again, differences], axis=-1)

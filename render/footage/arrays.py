@@ -14,7 +14,7 @@ from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, check_file
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
-from megalopta.render.footage.transfer import TRANSFERS
+from megalopta.render.footage.transfer import light_of
 
 _NAMES: Mapping[Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
 
@@ -40,7 +40,7 @@ class ArrayFrames(Footage):
                 f"{self.path} has values that are not between 0 and 1; scale them, or give the "
                 "unit linear"
             )
-        return self._as_light(TRANSFERS["sRGB"](numbers.astype(np.float64)), self.path)
+        return self._as_light(light_of("sRGB", numbers.astype(np.float64)), self.path)
 
 
 def open_array(path: Path, unit: Unit | None) -> ArrayFrames:

@@ -18,7 +18,7 @@ from megalopta.core.bounded import budget_bytes, check_count
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import PIXEL_BYTES
 from megalopta.core.progress import working
-from megalopta.render.footage.frames import check_size
+from megalopta.render.footage.frames import check_size, not_square
 
 if TYPE_CHECKING:
     from av.video.frame import VideoFrame
@@ -66,6 +66,10 @@ class FilmReader:
 
     def notes(self) -> Iterator[str]:
         """Yield notes on the frames for the user."""
+        if (streams := len(self._container.streams.video)) > 1:
+            yield f"{self._path} holds {streams} films or pictures; one is read"
+        if self._stream.sample_aspect_ratio:
+            yield from not_square(self._path, float(self._stream.sample_aspect_ratio))
         if self._parted:
             yield (
                 f"{self._path} is cut within a group of frames: the first {self._parted} cannot be "

@@ -1,24 +1,54 @@
 """Base of all footage: values of frames, their conversion to light, sums over them."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import check_decoded
+from megalopta.core.bounded import check_decoded, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import PIXEL_BYTES
-from megalopta.render.footage.transfer import TRANSFERS
+from megalopta.render.footage.transfer import light_of, to_bt709
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, luminances
 from megalopta.scenes.stimuli.pictures import Unit as Unit
 
 _MOST_NEGATIVE = 0.01
 """Largest share of the light that values below 0 may sum to."""
+
+
+Depth = Literal["8 bits", "16 bits", "light"]
+TRANSPARENT = "transparent parts are shown over black"
+
+
+class Header(NamedTuple):
+    """What a picture's file states of its pixels."""
+
+    shape: tuple[int, int]
+    """Rows and columns, as the picture is viewed"""
+    depth: Depth
+    pages: tuple[int, ...] = (0,)
+    """Numbers of the pages of the file that are frames"""
+    times_s: tuple[float, ...] | None = None
+    """Time of every frame, the first 0"""
+    transfer: str | None = None
+    """Transfer function of codes"""
+    limits: tuple[float, float] = (0, 1)
+    """Black and white, as shares of the largest code"""
+    chromaticities: tuple[float, ...] | None = None
+    """x and y of red, green, blue and white, if they are not those of BT.709"""
+    unit: Unit | None = None
+    """Unit of light"""
+    bands_nm: Bands | None = None
+    """Edges of each channel of spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue"""
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,7 +82,7 @@ def coding_of(transfer: str, codes: int, black: int = 0, white: int = 0) -> Codi
     """
     white = white or codes - 1
     shares = np.clip((np.arange(codes) - black) / (white - black), 0, 1)
-    return Coding(transfer, "srgb", TRANSFERS[transfer](shares).astype(np.float32), white)
+    return Coding(transfer, "srgb", light_of(transfer, shares).astype(np.float32), white)
 
 
 @dataclass(eq=False, kw_only=True)
@@ -71,7 +101,11 @@ class Footage(ABC):
     times_s: Floats | None = None
     """Time of every frame, the first 0; None if the file does not state it."""
     notes: tuple[str, ...] = ()
-    """Notes for the user on assumptions and changes."""
+    """Notes for the user on assumptions, changes and statements without effect."""
+    bands_nm: Bands | None = None
+    """Edges of each channel of spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue."""
+    last_s: float | None = None
+    """Duration of the last frame; None if the file does not state it."""
     _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
     _decoding: Lock = field(default_factory=Lock, init=False, repr=False)
 
@@ -85,6 +119,16 @@ class Footage(ABC):
         """Unit of the values in the file."""
         return self.coding.unit
 
+    @property
+    def is_absolute(self) -> bool:
+        """True if values state how bright it was: luminance or spectral radiance."""
+        return self.unit == "cd/m2" or self.bands_nm is not None
+
+    @property
+    def luminance_shares(self) -> Floats:
+        """Luminance of each channel with the value 1, (3,); of spectra in cd/m², (B,)."""
+        return np.array(LUMINANCE_SHARES) if self.bands_nm is None else luminances(self.bands_nm)
+
     @abstractmethod
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -96,13 +140,14 @@ class Footage(ABC):
     def frame(self, index: int) -> NDArray[np.float32]:
         """Return linear light (H, W, 3) in the primaries of sRGB, finite and never negative.
 
-        1 is the white of the code; arrays and pictures in light keep their values. Raises UserError
-        if the frame cannot be read, IndexError if there is none.
+        1 is the white of the code; arrays and pictures in light keep their values. Of spectra, a
+        channel for each (H, W, B). Raises UserError if the frame cannot be read, IndexError if
+        there is none.
         """
         return self.coding.light(self._held(index))
 
     def mean(self, index: int) -> Floats:
-        """Return the mean (3,) of each channel of a frame's light; errors as for `frame`."""
+        """Return the mean of each channel of a frame's light; errors as for `frame`."""
         numbers, coding = self._held(index), self.coding
         if coding.table is None or coding.matrix is not None:  # clipping follows the matrix
             return np.asarray(coding.light(numbers).mean(axis=(0, 1), dtype=np.float64))
@@ -176,9 +221,56 @@ def check_size(path: Path, shape: tuple[int, ...]) -> None:
         raise DamagedFileError(f"{path} has {shape[1]} × {shape[0]} pixels; save it again")
 
 
+def converted(path: Path, chromaticities: Sequence[float]) -> tuple[tuple[float, ...] | None, str]:
+    """Return stated chromaticities and a note; None and "" if they are those of BT.709.
+
+    Raises DamagedFileError for chromaticities in which light has no color.
+    """
+    given = tuple(float(each) for each in chromaticities)
+    try:
+        matrix = to_bt709(given)
+    except ValueError as problem:
+        stated = ", ".join(f"{each:.4g}" for each in given)
+        raise DamagedFileError(
+            f"{path} states primaries without colors (x, y of red, green, blue and white: {stated};"
+            f" {problem}); save it in sRGB"
+        ) from None
+    if matrix is None:
+        return None, ""
+    return given, f"{path} states its primaries; its light is converted to those of sRGB"
+
+
+def not_square(path: Path, width_to_height: float) -> Iterator[str]:
+    """Yield a note on pixels that are wider or narrower than high by more than 1 %."""
+    if width_to_height > 0 and abs(width_to_height - 1) > 0.01:
+        yield (
+            f"{path} states pixels {width_to_height:.4g} times as wide as high; they are treated "
+            "as square"
+        )
+
+
+def unused(path: Path, stated: Mapping[str, object]) -> Iterator[str]:
+    """Yield a note on statements without effect, by name."""
+    if stated:
+        listed = ", ".join(f"{name} {quoted(str(value), 40)}" for name, value in stated.items())
+        yield f"{path} states what is not used: {quoted(' '.join(listed.split()), 600)}"
+
+
 def turned(
     numbers: NDArray[Any], transposed: bool, mirrored_x: bool, mirrored_y: bool
 ) -> NDArray[Any]:
     """Return a picture, transposed, then mirrored horizontally and vertically."""
     numbers = numbers.swapaxes(0, 1) if transposed else numbers
     return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
+
+
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Keep OpenCV from printing what it thinks of a file."""
+    log = cv2.utils.logging
+    level = log.getLogLevel()
+    log.setLogLevel(log.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        log.setLogLevel(level)

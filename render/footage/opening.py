@@ -11,22 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, check_file
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
 from megalopta.render.footage.arrays import open_array
 from megalopta.render.footage.film_reader import DEMUXERS
-from megalopta.render.footage.frames import Footage, Unit, check_size, coding_of
+from megalopta.render.footage.frames import TRANSPARENT, Footage, Unit, check_size
 from megalopta.render.footage.pictures import (
     KINDS,
-    TRANSPARENT,
+    coding_stated,
     frames_in,
     open_folder,
     open_picture,
     over_black,
     picture_kind,
+    pillow_header,
 )
 from megalopta.render.footage.video import open_video
 
@@ -93,7 +93,7 @@ SUFFIXES = tuple(_OPENERS)
 
 
 _MOST_FRAMES = 10_000
-_SHORTEST_MS = 100
+_SHORTEST_S = 0.1
 """Duration that browsers use for a frame with a duration of zero."""
 
 
@@ -139,29 +139,37 @@ def open_animation(path: Path) -> Animation:
         check_size(path, image.size[::-1])
         check_count(path, "frames", frames_in(image), _MOST_FRAMES)
         check_count(path, "pixels in its frames", frames_in(image) * math.prod(image.size), 10**9)
+        header = pillow_header(path)
         first = int(bool(image.info.get("default_image")))
-        starts_ms, is_transparent = _survey(image, first)
+        lasts_s, is_transparent = _survey(image, first)
+        told = [f"{path} holds a picture that is no part of its animation, and is not read"] * first
+        if 0.0 in lasts_s:
+            told.append(
+                f"{path} has frames of no duration; they last {_SHORTEST_S:g} s, as in browsers"
+            )
+            lasts_s = [each or _SHORTEST_S for each in lasts_s]
         return Animation(
             path=path,
             files=(path,),
             shape=image.size[::-1],
-            coding=coding_of("sRGB", 256),
-            times_s=starts_ms / 1000,
-            notes=(TRANSPARENT,) * is_transparent,
+            coding=coding_stated(path, None, header),
+            times_s=np.cumsum([0.0, *lasts_s[:-1]]),
+            last_s=lasts_s[-1],
+            notes=(*header.notes, *(TRANSPARENT,) * is_transparent, *told),
             image=image,
             opened=stack.pop_all(),
             first=first,
         )
 
 
-def _survey(image: Image.Image, first: int) -> tuple[Floats, bool]:
-    """Return the start of each frame (ms), and True if anything is transparent."""
-    lasts_ms, is_transparent = [], False
+def _survey(image: Image.Image, first: int) -> tuple[list[float], bool]:
+    """Return the duration of each frame (s), and True if anything is transparent."""
+    lasts_s, is_transparent = list[float](), False
     for index in range(first, frames_in(image)):
         _, is_frame_transparent = _frame(image, index)
-        lasts_ms.append(float(image.info.get("duration") or _SHORTEST_MS))
+        lasts_s.append(float(image.info.get("duration") or 0) / 1000)
         is_transparent |= is_frame_transparent
-    return np.cumsum([0.0, *lasts_ms[:-1]]), is_transparent
+    return lasts_s, is_transparent
 
 
 def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:

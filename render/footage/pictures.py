@@ -1,30 +1,48 @@
 """Single pictures, and pictures in a folder.
 
-8 bits are read with Pillow; 16-bit PNG and TIFF, in full depth, and Radiance with OpenCV; EXR with
-OpenEXR.
+8 bits are read with Pillow, 16-bit PNG with OpenCV; `tiff.py` and `light_files.py` read the rest.
 """
 
-import logging
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.pictures import checked_png, opened_picture, readable
+from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
-from megalopta.render.exr import read_channels, read_header, size_in
-from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of, turned
-from megalopta.render.footage.transfer import to_bt709
+from megalopta.render.footage import light_files
+from megalopta.render.footage.frames import (
+    TRANSPARENT,
+    Coding,
+    Depth,
+    Footage,
+    Header,
+    Unit,
+    check_size,
+    coding_of,
+    converted,
+    not_square,
+    turned,
+    unused,
+    without_log,
+)
+from megalopta.render.footage.tiff import (
+    STRAIGHT,
+    TURNS,
+    profile_left_out,
+    tiff_header,
+    tiff_numbers,
+)
+from megalopta.render.footage.transfer import HDR_NOTES, PRIMARIES, TRANSFERS, to_bt709
 
 KINDS: Mapping[str, str] = {
     **dict.fromkeys((".png",), "PNG"),
@@ -36,89 +54,72 @@ KINDS: Mapping[str, str] = {
     **dict.fromkeys((".gif",), "GIF"),
     **dict.fromkeys((".exr",), "EXR"),
     **dict.fromkeys((".hdr",), "Radiance"),
+    **dict.fromkeys((".pfm",), "PFM"),
 }
 """Kind of picture by the suffix of its file."""
 
-Depth = Literal["8 bits", "16 bits", "light"]
+_LIGHT_READERS: Mapping[str | None, Callable[[Path], tuple[NDArray[Any], bool]]] = {
+    "EXR": light_files.exr_light,
+    "Radiance": light_files.radiance_light,
+    "PFM": light_files.pfm_light,
+}
 _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
     "8 bits": ("srgb",),
     "16 bits": ("srgb", "linear"),
     "light": ("linear", "cd/m2"),
 }
 """Possible units of each depth, the default first."""
-TRANSPARENT = "transparent parts are shown over black"
-_ORIENTATION = 0x0112
-_TURNS = {
-    2: (False, True, False),
-    3: (False, True, True),
-    4: (False, False, True),
-    5: (True, False, False),
-    6: (True, True, False),
-    7: (True, True, True),
-    8: (True, False, True),
-}
-"""Arguments of `turned` for an Exif orientation."""
-_PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-_RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
-
-logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we report errors ourselves
-
-
-class _Header(NamedTuple):
-    """Information in a file's header."""
-
-    shape: tuple[int, int]
-    depth: Depth
-    orientation: int = 1
-    chromaticities: tuple[float, ...] | None = None
-    notes: tuple[str, ...] = ()
+_ORIENTATION, _EXIF, _GPS = 0x0112, 0x8769, 0x8825
+_EXIF_TOLD = {0x829A: "ExposureTime", 0x829D: "FNumber", 0x8827: "ISO", 0xA500: "Gamma"}
+_PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
+"""Chunks on place and light without effect."""
 
 
 @dataclass(eq=False, kw_only=True)
 class PictureFiles(Footage):
-    """Pictures of equal size and kind, one frame each."""
+    """Pictures of equal size and kind, one frame each, or the pages of one."""
 
     depth: Depth
+    pages: tuple[int, ...] = (0,)
+    """Pages of each file that are frames."""
 
     def __len__(self) -> int:
         """Return the number of pictures."""
-        return len(self.files)
+        return len(self.files) * len(self.pages)
 
     def _numbers(self, index: int) -> NDArray[Any]:
-        path = self.files[index]
-        numbers = self._read(path)
+        file, page = divmod(index, len(self.pages))
+        path = self.files[file]
+        with readable(path):
+            numbers, is_transparent = self._read(path, self.pages[page])
         if numbers.shape[:2] != self.shape:
             raise DamagedFileError(
                 f"{path} has another size than before; do not change it meanwhile"
             )
-        return numbers
-
-    def _read(self, path: Path) -> NDArray[Any]:
-        kind = picture_kind(path)
-        if kind == "EXR":
-            return self._as_light(_exr_light(path), path)
-        if kind == "Radiance" or self.depth != "8 bits":
-            return self._deep(path)
-        with opened_picture(path) as image:
-            codes, is_transparent = over_black(ImageOps.exif_transpose(image))
-        return self._told(codes, is_transparent)
-
-    def _deep(self, path: Path) -> NDArray[Any]:
-        numbers = _decoded(path)
-        if picture_kind(path) == "PNG":  # OpenCV has already turned TIFF
-            numbers = turned(numbers, *_TURNS.get(header_of(path).orientation, (False,) * 3))
-        is_transparent = numbers.shape[2:] == (4,) and numbers[..., 3].min() < _top(numbers)
-        if is_transparent:
-            over = numbers[..., :3] * (numbers[..., 3:] / _top(numbers))
-            numbers[..., :3] = over if self.depth == "light" else np.rint(over)
-        numbers = numbers if numbers.ndim == 2 else numbers[..., 2::-1]
-        numbers = self._as_light(numbers, path) if self.depth == "light" else numbers
-        return self._told(numbers, is_transparent)
-
-    def _told(self, numbers: NDArray[Any], is_transparent: bool) -> NDArray[Any]:
         if is_transparent:
             self._note(TRANSPARENT)
-        return numbers
+        return self._as_light(numbers, path) if self.depth == "light" else numbers
+
+    def _read(self, path: Path, page: int) -> tuple[NDArray[Any], bool]:
+        """Return codes or light, upright, over black; True if any is transparent."""
+        kind = picture_kind(path)
+        if read := _LIGHT_READERS.get(kind):
+            return read(path)
+        if self.depth == "8 bits":
+            with opened_picture(path) as image:
+                image.seek(page)
+                return over_black(ImageOps.exif_transpose(image))
+        numbers, alpha = tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
+        if not alpha:
+            return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
+        top = np.iinfo(numbers.dtype).max if numbers.dtype.kind == "u" else 1.0
+        share, colors = numbers[..., -1:] / top, numbers[..., :-1]
+        is_transparent = bool(share.min() < 1)
+        if is_transparent and alpha == STRAIGHT:
+            over = colors * share
+            colors = (np.rint(over) if self.depth != "light" else over).astype(numbers.dtype)
+        return colors[..., 0] if colors.shape[-1] == 1 else colors, is_transparent
 
 
 def open_picture(path: Path, unit: Unit | None) -> PictureFiles:
@@ -168,50 +169,70 @@ def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
 
 
 def _pictures(
-    path: Path, files: tuple[Path, ...], unit: Unit | None, header: _Header
+    path: Path, files: tuple[Path, ...], unit: Unit | None, header: Header
 ) -> PictureFiles:
+    coding = coding_stated(path, unit, header)
     return PictureFiles(
         path=path,
         files=files,
         shape=header.shape,
-        coding=_coding(path, unit, header),
+        coding=coding,
         depth=header.depth,
-        notes=header.notes,
+        pages=header.pages,
+        times_s=None if header.times_s is None else np.array(header.times_s),
+        notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
+        bands_nm=header.bands_nm,
     )
 
 
-def _coding(path: Path, unit: Unit | None, header: _Header) -> Coding:
+def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
+    """Return how a picture's values become light. Raises UserError for an impossible unit."""
     units = _UNITS[header.depth]
     if unit is not None and unit not in units:
         what = header.depth if header.depth != "light" else "light in floating point"
         raise UserError(
             f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
         )
-    unit = unit or units[0]
+    if header.bands_nm is not None:
+        if unit is not None:
+            raise UserError(f"{path} states spectral radiance; omit the unit {unit}")
+        return Coding("spectral radiance", "linear")
+    matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
     if header.depth == "light":
-        matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
+        unit = unit or header.unit or "linear"
         return Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
     codes = 256 if header.depth == "8 bits" else 65536
-    return replace(coding_of("sRGB" if unit == "srgb" else "linear", codes), unit=unit)
+    transfer = "linear" if unit == "linear" else header.transfer or "sRGB"
+    black, white = (round(limit * (codes - 1)) for limit in header.limits)
+    coding = coding_of(transfer, codes, black, white)
+    return replace(coding, unit=unit or "srgb", matrix=matrix)
 
 
-def _common_header(files: tuple[Path, ...]) -> _Header:
+def _common_header(files: tuple[Path, ...]) -> Header:
     kinds = {picture_kind(each): each for each in files}
     if len(kinds) > 1:
         one, other = list(kinds.values())[:2]
         raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
-    first = header_of(files[0])
-    for path in files[1:]:
-        header = header_of(path)
+    first, notes = header_of(files[0]), dict[str, str]()
+    for path in files:
+        header = header_of(path) if path != files[0] else first
+        if len(header.pages) > 1:
+            raise DamagedFileError(f"{path} holds {len(header.pages)} pictures; give it alone")
         if header.shape != first.shape:
             sizes = ("{1} × {0}".format(*each.shape) for each in (first, header))
             raise UserError(
                 f"{files[0]} and {path.name} differ in size ({' and '.join(sizes)} px); "
                 "give pictures of one size"
             )
-        if (header.depth, header.chromaticities) != (first.depth, first.chromaticities):
+        if _read_alike(header) != _read_alike(first):
             raise UserError(f"{files[0]} and {path.name} differ in bits or colors; save all alike")
-    return first
+        for note in header.notes:  # those that differ by a number are told once
+            notes.setdefault(re.sub("[0-9.]+", "", note.replace(str(path), "")), note)
+    return first._replace(notes=tuple(notes.values()))
+
+
+def _read_alike(header: Header) -> Header:
+    return header._replace(notes=())
 
 
 def _left_out(path: Path, visible: list[Path], files: tuple[Path, ...]) -> Iterator[str]:
@@ -229,8 +250,8 @@ def _order(files: tuple[Path, ...]) -> Iterator[str]:
         yield f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
 
 
-def header_of(path: Path) -> _Header:
-    """Return the information in a file's header.
+def header_of(path: Path) -> Header:
+    """Return what a file states.
 
     Raises DamagedFileError, also if its pixels do not fit into the budget.
     """
@@ -238,28 +259,52 @@ def header_of(path: Path) -> _Header:
         check_file(path)
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
-        readers = {"EXR": _exr_header, "Radiance": _radiance_header, "TIFF": _tiff_header}
-        header = readers.get(str(picture_kind(path)), _pillow_header)(path)
+        readers = {
+            "EXR": light_files.exr_header,
+            "Radiance": light_files.radiance_header,
+            "PFM": light_files.pfm_header,
+            "TIFF": tiff_header,
+        }
+        header = readers.get(str(picture_kind(path)), pillow_header)(path)
     check_size(path, header.shape)
     return header
 
 
-def _pillow_header(path: Path) -> _Header:
+def pillow_header(path: Path) -> Header:
+    """Return what a file states that Pillow reads. Raises DamagedFileError."""
     with opened_picture(path) as image:
-        if frames_in(image) > 1:
-            raise DamagedFileError(f"{path} is animated; give it alone, not a folder")
-        _check_colors(path, image.mode)
-        tiles = getattr(image, "tile", [])
-        numbers = str(tiles[0].args) if tiles else ""
-        is_deep = image.mode[0] in "IF" or ";16" in numbers
-        if image.format != "PNG" and (is_deep or re.search(r", (?!255\b)\d{3,}", numbers)):
+        if image.mode in ("CMYK", "LAB"):
+            raise DamagedFileError(f"{path} has the colors {image.mode} of prints; save it in sRGB")
+        tiles: Any = getattr(image, "tile", [])
+        values = tiles[0].args if tiles else ""
+        is_deep = image.mode[0] in "IF" or (image.format == "PNG" and ";16" in str(values))
+        largest = values[1] if image.format == "PPM" and isinstance(values, tuple) else 255
+        if image.format != "PNG" and (is_deep or largest > 255):
             raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG or TIFF")
-        orientation = image.getexif().get(_ORIENTATION, 1)
-        columns, rows = image.size[:: -1 if orientation >= 5 else 1]
-        notes = _colors_left_out(path, image.info.get("icc_profile") or b"")
-        return _Header(
-            (rows, columns), "16 bits" if is_deep else "8 bits", orientation, None, notes
-        )
+        exif, info = image.getexif(), image.info
+        orientation = exif.get(_ORIENTATION, 1)
+        columns, rows = image.size[:: -1 if orientation in (5, 6, 7, 8) else 1]
+        depth: Depth = "16 bits" if is_deep else "8 bits"
+        notes = [*profile_left_out(path, info.get("icc_profile") or b"")]
+        across, down = info.get("dpi") or info.get("aspect") or info.get("jfif_density") or (1, 1)
+        notes += not_square(path, down / across if across and down else 1)
+        inner = exif.get_ifd(_EXIF)
+        stated = {name: inner[tag] for tag, name in _EXIF_TOLD.items() if tag in inner}
+        if exif.get_ifd(_GPS):
+            stated["GPS"] = "position"
+        if inner.get(0xA001, 1) not in (1, 0xFFFF):
+            stated["ColorSpace"] = inner[0xA001]
+        if image.format == "MPO":
+            notes.append(
+                f"{path} holds {getattr(image, 'n_frames', 1)} pictures; the first is read"
+            )
+        header = Header((rows, columns), depth, tuple(range(frames_in(image))))
+        if image.format == "PNG":
+            header, told = _png_colors(path, header)
+            stated |= told
+        if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
+            notes += not_square(path, (aspect + 15) / 64)
+        return header._replace(notes=(*header.notes, *notes, *unused(path, stated)))
 
 
 def frames_in(image: Image.Image) -> int:
@@ -267,111 +312,59 @@ def frames_in(image: Image.Image) -> int:
     return getattr(image, "n_frames", 1) if image.format in ("GIF", "PNG", "WEBP") else 1
 
 
-def _check_colors(path: Path, mode: str) -> None:
-    if mode in ("CMYK", "LAB"):
-        raise DamagedFileError(f"{path} has the colors {mode} of prints; save it in sRGB")
+def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
+    """Return a header with a PNG's transfer function and primaries, and statements without effect.
 
-
-def _colors_left_out(path: Path, profile: bytes) -> tuple[str, ...]:
-    if not profile or b"sRGB" in profile or "sRGB".encode("utf-16-be") in profile:
-        return ()
-    return (f"{path} has a color profile, which is ignored; its colors are treated as sRGB",)
-
-
-def _tiff_header(path: Path) -> _Header:
-    with tifffile.TiffFile(path) as file:
-        with suppress(IndexError):
-            file.pages[1]  # the number of pages would be counted one by one
+    cICP goes before iCCP, sRGB, and gAMA with cHRM, as the standard has it.
+    """
+    chunks: dict[bytes, bytes] = {}
+    for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
+        if name not in (b"IDAT", b"fdAT"):
+            chunks[name] = chunk[8:-4]
+    told = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
+    if b"cICP" in chunks:
+        primaries, number, matrix, is_full = chunks[b"cICP"]
+        if number not in TRANSFERS or primaries not in PRIMARIES or matrix:
             raise DamagedFileError(
-                f"{path} has several pages; save each as a picture, or all as .npy"
+                f"{path} has primaries {primaries}, transfer function {number} and color matrix "
+                f"{matrix} of H.273, which are not supported; save it in sRGB"
             )
-        page = file.pages.first
-        check_count(path, "samples of a pixel", page.samplesperpixel, 4)
-        _check_colors(path, "CMYK" if page.photometric == tifffile.PHOTOMETRIC.SEPARATED else "")
-        depth = _tiff_depth(path, page)
-        tag = page.tags.get(_ORIENTATION)
-        orientation = int(tag.value) if tag else 1
-        rows, columns = page.imagelength, page.imagewidth
-        shape = (columns, rows) if orientation >= 5 else (rows, columns)
-        return _Header(shape, depth, orientation)
-
-
-def _tiff_depth(path: Path, page: tifffile.TiffPage) -> Depth:
-    bits, kind = page.bitspersample, np.dtype(page.dtype).kind
-    if bits <= 8 and kind in "ub":
-        return "8 bits"
-    is_gray_or_rgb = page.photometric in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB)
-    if not is_gray_or_rgb or (kind, bits) not in (("u", 16), ("f", 32), ("f", 64)):
-        raise DamagedFileError(
-            f"{path} has {bits} bits of {kind} in a layout that is not read; save it as gray or "
-            "RGB, of 8 or 16 bits or in float32"
+        limits = (0.0, 1.0) if is_full else (16 / 255, 235 / 255)
+        if not is_full and header.depth == "16 bits":
+            limits = 4096 / 65535, 60160 / 65535
+        xy, note = converted(path, PRIMARIES[primaries][1])
+        return header._replace(
+            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=(note,) * bool(note)
+        ), told
+    if b"iCCP" in chunks or b"sRGB" in chunks:
+        return header, told
+    if b"gAMA" in chunks:
+        (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
+        if not gamma:
+            raise DamagedFileError(f"{path} states a gamma of 0; save it again")
+        transfer = "linear" if gamma == 100_000 else f"gamma {100_000 / gamma:.6g}"
+        header = header._replace(transfer=transfer)
+    if b"cHRM" in chunks:
+        white_x, white_y, *colors = (
+            each / 100_000 for each in struct.unpack(">8I", chunks[b"cHRM"])
         )
-    return "16 bits" if kind == "u" else "light"
+        xy, note = converted(path, (*colors, white_x, white_y))
+        header = header._replace(chromaticities=xy, notes=(note,) * bool(note))
+    return header, told
 
 
-def _radiance_header(path: Path) -> _Header:
-    with path.open("rb") as file:
-        found = _RADIANCE_SIZE.search(file.read(65536))
-    if found is None:
-        raise DamagedFileError(f"{path} is no Radiance picture (-Y … +X …); save it again")
-    return _Header((int(found[1]), int(found[2])), "light")
-
-
-def _exr_header(path: Path) -> _Header:
-    header = read_header(path)
-    names = [str(each.name) for each in header["channels"]]
-    if any(name.startswith("S0.") for name in names):
-        raise DamagedFileError(f"{path} holds spectral radiance; give its dataset")
-    if not ({"R", "G", "B"} <= set(names) or names in (["Y"], ["A", "Y"])):
-        raise DamagedFileError(
-            f"{path} has the channels {quoted(', '.join(names))}; give one with R, G, B, or Y alone"
-        )
-    return _of_primaries(path, size_in(header), header.get("chromaticities"))
-
-
-def _of_primaries(path: Path, shape: tuple[int, int], chromaticities: Any) -> _Header:
-    if chromaticities is None:
-        return _Header(shape, "light")
-    given = tuple(np.ravel(chromaticities).tolist())
-    if np.allclose(to_bt709(given), np.eye(3), atol=1e-3):
-        return _Header(shape, "light")
-    note = f"{path} states its primaries; its light is converted to those of sRGB"
-    return _Header(shape, "light", 1, given, (note,))
-
-
-def _exr_light(path: Path) -> NDArray[Any]:
-    with readable(path):
-        _, channels = read_channels(path)
-        names = "RGB" if "R" in channels else "Y"
-        planes = [np.asarray(channels[name], np.float32) for name in names]
-        return np.stack(planes, axis=-1) if len(planes) == 3 else planes[0]
-
-
-@contextmanager
-def _without_log() -> Iterator[None]:
-    log = cv2.utils.logging
-    level = log.getLogLevel()
-    log.setLogLevel(log.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        log.setLogLevel(level)
-
-
-def _decoded(path: Path) -> NDArray[Any]:
-    """Return numbers (H, W), (H, W, 3) or (H, W, 4) as OpenCV decodes them, blue first."""
-    with readable(path), _without_log():
-        if picture_kind(path) == "Radiance":  # OpenCV decodes it from files only
-            check_file(path)
-            numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        else:  # not from the file: OpenCV 5 cannot turn a TIFF from there
-            content = read_bytes(path, ARRAY_BYTES)
-            plain = checked_png(content, _PNG_CHUNKS) if picture_kind(path) == "PNG" else content
-            numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
-        if numbers is None or numbers.shape[2:] not in ((), (3,), (4,)):
-            raise ValueError(path)
-        return np.asarray(numbers)
-
-
-def _top(numbers: NDArray[Any]) -> float:
-    return float(np.iinfo(numbers.dtype).max) if numbers.dtype.kind == "u" else 1.0
+def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
+    """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
+    # libpng may complain about other parts
+    plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
+    with without_log():
+        numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
+    if numbers is None:
+        raise ValueError("damaged")
+    with opened_picture(path) as image:
+        turn = TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
+    numbers = turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
+    channels = numbers.shape[-1]
+    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], STRAIGHT * int(
+        channels == 4
+    )

@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.footage.film_reader import REMEDY, FilmReader
-from megalopta.render.footage.frames import Coding, Footage, coding_of, turned
-from megalopta.render.footage.transfer import BT2020_XY, P3_XY, PQ_WHITE_CD_M2, to_bt709
+from megalopta.render.footage.frames import Coding, Footage, coding_of, turned, unused
+from megalopta.render.footage.transfer import (
+    HDR_NOTES,
+    PRIMARIES,
+    TRANSFERS,
+    UNSTATED,
+    to_bt709,
+)
 
 if TYPE_CHECKING:
     from av.video.frame import VideoFrame
@@ -23,29 +29,17 @@ if TYPE_CHECKING:
 _LIMITED, _FULL = 1, 2
 _DEEP_WHITE = 65283
 """Code of white in the 16-bit RGB that libswscale makes of limited range."""
-_UNSTATED = 2
 _BT709_MATRIX, _BT601_MATRIX, _BT2020_MATRIX = 1, 5, 9
 _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}
 """libswscale's number of a color matrix, by that in the file (ITU-T H.273)."""
 _BT2020_PRIMARIES = 9
+_TOLD = (
+    *("STEREO3D", "SPHERICAL", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"),
+    "ICC_PROFILE",
+)
+"""Data of a frame on place and light without effect."""
 _HD_ROWS = 720
 """Rows from which a video without a stated matrix uses that of BT.709, not of BT.601."""
-_TRANSFERS = {
-    **dict.fromkeys((1, 2, 6, 14, 15), "BT.709"),
-    4: "gamma 2.2",
-    5: "gamma 2.8",
-    8: "linear",
-    13: "sRGB",
-    16: "PQ",
-    18: "HLG",
-}
-"""Transfer functions by their number in the file (ITU-T H.273)."""
-_PRIMARIES = {9: ("BT.2020", BT2020_XY), 12: ("Display P3", P3_XY)}
-"""Primaries that are converted; others are close to those of BT.709."""
-_HDR_NOTES = {
-    "PQ": f"HDR (PQ): 1 is {PQ_WHITE_CD_M2:g} cd/m², the white of BT.2408; highlights are above 1",
-    "HLG": "HDR (HLG): light of the scene, whose brightest is 1; the white of BT.2408 is 0.26",
-}
 
 
 @dataclass(eq=False, kw_only=True)
@@ -142,23 +136,31 @@ class _Conversion:
     def notes(self) -> Iterator[str]:
         """Yield notes on assumptions and changes."""
         first, path = self._first, self._path
-        if first.color_trc == _UNSTATED:
+        if first.color_trc == UNSTATED:
             yield f"{path} does not state its transfer function; that of BT.709 is used"
-        if self.coding.name in _HDR_NOTES:
-            yield _HDR_NOTES[self.coding.name]
+        if self.coding.name in HDR_NOTES:
+            yield HDR_NOTES[self.coding.name]
         if self.coding.matrix is not None:
-            name, _ = _PRIMARIES[first.color_primaries]
+            name, _ = PRIMARIES[first.color_primaries]
             yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
+        if first.color_primaries not in (UNSTATED, *PRIMARIES):
+            yield (
+                f"{path} has the primaries {first.color_primaries} of H.273, which are unknown; "
+                "those of BT.709 are used"
+            )
         if any(self._turn):
             yield f"frames are turned as stated by {path}, by {first.rotation % 360}° to the left"
         if any(each.is_alpha for each in first.format.components):
             yield f"the transparency of {path} is ignored"
+        side_data: Any = first.side_data
+        names = [each.type.name for each in side_data]
+        yield from unused(path, {name: "" for name in names if name in _TOLD})
         if first.interlaced_frame:
             yield f"{path} is interlaced: each frame holds two moments; deinterlace it first"
 
     def _coding(self) -> Coding:
         first = self._first
-        name = _TRANSFERS.get(first.color_trc)
+        name = TRANSFERS.get(first.color_trc)
         if name is None:
             raise DamagedFileError(
                 f"{self._path} has the transfer function {first.color_trc} of H.273, which is not "
@@ -166,9 +168,8 @@ class _Conversion:
             )
         self._matrix()
         coding = coding_of(name, 65536 if self._bits > 8 else 256, *self._black_and_white())
-        if first.color_primaries not in _PRIMARIES:
-            return coding
-        return replace(coding, matrix=to_bt709(_PRIMARIES[first.color_primaries][1]))
+        _, primaries = PRIMARIES.get(first.color_primaries, PRIMARIES[1])
+        return replace(coding, matrix=to_bt709(primaries))
 
     def _black_and_white(self) -> tuple[int, int]:
         """Codes of black and white in libswscale's RGB."""
@@ -187,7 +188,7 @@ class _Conversion:
         stated = self._first.colorspace
         if stated in _MATRICES or self._is_rgb or self._is_gray:
             return _MATRICES.get(stated, _BT709_MATRIX)
-        if stated != _UNSTATED:
+        if stated != UNSTATED:
             raise DamagedFileError(
                 f"{self._path} has the color matrix {stated} of H.273, which is not supported; "
                 "convert it to BT.709"

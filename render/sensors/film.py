@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.render import Bands, RenderSettings, frame_seed, mi
+from megalopta.render import Bands, RenderSettings, mi
 from megalopta.render.mitsuba_loader import registered
 from megalopta.render.sensors.optics import Rows, cut_strip, plugin, sensor_transform
+from megalopta.render.settings import part_seed
 from megalopta.scenes.cameras.base import Camera
 
 TraceStrip = Callable[[int, int], NDArray[np.floating]]
@@ -65,9 +66,7 @@ def plan_passes(width: int, height: int, samples: int, most: int) -> Passes:
 
 def pass_seed(seed: int, number: int) -> int:
     """32-bit Mitsuba seed of one pass of a frame; the first keeps the frame's."""
-    if number == 0:
-        return seed
-    return frame_seed(seed, number)
+    return part_seed(seed, "pass", number) if number else seed
 
 
 Trace = Callable[..., NDArray[np.float32]]

@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
@@ -24,10 +23,10 @@ from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Sp
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import quoted, read_text
 from megalopta.core.freshness import digest
+from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.scenes.forest.flora import ENTRIES, FLORA, PLANTS, Flora, woody
-from megalopta.scenes.hashed_file import unreadable
 from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES
 
 _MOST = 20
@@ -141,8 +140,8 @@ def _number(text: str) -> float:
 def _read(given: Any, validation: ValidationInfo) -> Any:
     if not isinstance(given, str):
         return given
-    path = (validation.context or {}).get("folder", Path()) / given
-    with unreadable(str(path)):
+    path = named_path(given, folder_of(validation))
+    with unreadable(path):
         found = strict_yaml.load(read_text(path))
     if not isinstance(found, Mapping):
         raise ValueError(f"{path}: no mapping of names to species; give at least one")

@@ -13,10 +13,10 @@ forest shades itself; use `starlight` for it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from megalopta.scenes.spectra import outdoors
-from megalopta.scenes.spectra.spectrum import Spectrum, luminous, total
+from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
 
 ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"
@@ -85,7 +85,8 @@ def overcast(components: tuple[Component, ...]) -> Component:
     """Light through a closed layer of cloud, with the total illuminance of its components."""
     light = total([each.irradiance for each in components])
     wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
-    color = Spectrum.of(wavelengths, light(wavelengths) * outdoors.OVERCAST(wavelengths))
+    values = light(wavelengths) * outdoors.OVERCAST(wavelengths)
+    color = Spectrum.of(wavelengths, values, common_range([light, outdoors.OVERCAST]))
     return Component("clouds", color).giving(luminous(light))
 
 
@@ -170,6 +171,11 @@ LEVELS: Mapping[str, Illumination] = {
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Limits, eight and four orders of magnitude beyond outdoor light."""
+
+
+def level_named(level: Any) -> Any:
+    """Return the level that dusk and dawn are, twilight; other values as they are."""
+    return "twilight" if level in ("dusk", "dawn") else level
 
 
 def illuminance_of(level: str | float) -> float:

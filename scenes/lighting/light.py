@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from scipy.interpolate import RegularGridInterpolator
 
 from megalopta.core.arrays import Floats
@@ -34,6 +34,7 @@ from megalopta.scenes.lighting.levels import (
     ComponentName,
     Illumination,
     LevelName,
+    level_named,
     overcast,
     scaled,
     shared,
@@ -49,7 +50,7 @@ _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "m
 class Light(Record, frozen=True):
     """Outdoor light: a named level, any part of which can be overridden."""
 
-    level: LevelName = "twilight"
+    level: Annotated[LevelName, BeforeValidator(level_named)] = "twilight"
     """Named light level: a sum of lights, with the spectrum of each."""
 
     illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
@@ -79,7 +80,7 @@ class Light(Record, frozen=True):
     overcast, twilight and starry skies. For scenes that are lit from outside."""
 
     panorama: PictureFile | None = None
-    """Path, relative to the working folder, of an HDR, EXR (linear sRGB) or PNG (sRGB)
+    """Path, in YAML below the file's folder, of an HDR, EXR (linear sRGB) or PNG (sRGB)
     equirectangular picture, 2:1. It lights the scene in place of sky and disc, at the level's
     illuminance, with the level's spectrum as white. For scenes that are lit from outside."""
 

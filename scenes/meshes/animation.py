@@ -7,7 +7,7 @@ or by cubic splines. Before its first key and after its last one a value stays.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from megalopta.assets_gen import unit
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
 from megalopta.scenes.motion import Times
 
 Mode = Literal["STEP", "LINEAR", "CUBICSPLINE"]
@@ -39,6 +40,8 @@ class Track:
 
     def __post_init__(self) -> None:
         """Reject tracks that are no functions of time."""
+        if self.mode not in get_args(Mode):
+            raise ValueError(f"an animation is interpolated by {quoted(self.mode)}, which is none")
         if len(self.times_s) != len(self.values) or not len(self.times_s):
             raise ValueError("an animation has not one value for each of its times")
         if not (np.diff(self.times_s) > 0).all() or not np.isfinite(self.values).all():

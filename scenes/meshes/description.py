@@ -8,7 +8,7 @@ material.
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -63,6 +63,9 @@ class Meshes(SceneDescription, frozen=True):
     """Your own scene, from files of meshes."""
 
     kind: Literal["meshes"] = "meshes"
+
+    is_made_for_camera: ClassVar[bool] = False
+    max_depth: ClassVar[int] = 64  # a closed white room of albedo 0.8 lacks 3 % of its light at 16
 
     files: Annotated[
         tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],
@@ -125,8 +128,12 @@ class Meshes(SceneDescription, frozen=True):
                     texels.add(piece.paint.picture)
             check_triangles("the scene", triangles)
         check_names(self.materials, [piece for pieces in models for piece in pieces])
+        notes: list[str] = []
         for placed, pieces in zip(self.files, models, strict=True):
-            placed.doubt_unit(pieces, trajectory.poses()[:, :3, 3])
+            used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
+            notes += placed.notes(pieces, *used)
+            notes += placed.doubts(pieces, trajectory.poses()[:, :3, 3])
+            notes += _times_told(placed.file.path, pieces, trajectory)
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
@@ -140,7 +147,8 @@ class Meshes(SceneDescription, frozen=True):
                 "lights 'file': the files have no area light with a radiance as rgb or spectrum; "
                 "use 'own'"
             )
-        return Scene(materials, assets, tuple(each for _, each in parts), lit)
+        placements = tuple(each for _, each in parts)
+        return Scene(materials, assets, placements, lit, notes=tuple(notes))
 
     def _objects(
         self, models: list[list[Piece]], materials: dict[str, Material]
@@ -171,6 +179,19 @@ class Meshes(SceneDescription, frozen=True):
                 "the first surface, also of glass and mirrors"
             )
         return f"{text}."
+
+
+def _times_told(path: str, pieces: Iterable[Piece], trajectory: Path) -> Iterator[str]:
+    """Yield a sentence if an animation lasts for another time than the frames."""
+    motions = [piece.motion for piece in pieces if piece.motion]
+    tracks = [track for each in motions for joint in each.joints for track in joint.tracks.values()]
+    first_s = min((track.times_s[0] for track in tracks), default=0.0)
+    last_s = max((track.times_s[-1] for track in tracks), default=trajectory.duration_s)
+    if first_s or abs(last_s - trajectory.duration_s) > 1 / trajectory.frame_rate_hz:
+        yield (
+            f"{path}: its animation has keys from {first_s:g} to {last_s:g} s, and the frames last "
+            f"from 0 to {trajectory.duration_s:g} s; before and after its keys it stands still"
+        )
 
 
 def _kind(name: str) -> str:

@@ -1,11 +1,11 @@
 """Meshes of a glTF file: its nodes as objects, in the pose of the file.
 
 trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads sparse,
-quantized and skinned vertices as they are stored. Here they are where the file puts them. Points
-and lines have no surface, and morph targets keep their first shape.
+quantized, skinned and morphed vertices as they are stored. Here they are where the file puts them
+at rest. Points and lines have no surface.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,14 +14,22 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import check_count
+from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
-from megalopta.scenes.meshes.gltf_file import GltfFile, Json, color_of, image_of
+from megalopta.scenes.meshes.gltf_file import (
+    EFFECTIVE,
+    GltfFile,
+    Json,
+    color_of,
+    image_of,
+    parts_of,
+)
 from megalopta.scenes.meshes.pictures import Texels, linear_picture
-from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, check_map
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_REPEAT = 10497
 _MOST_STEPS = 100_000
 """Most nodes on the ways from the scene's root to all moving meshes."""
 Picture = NDArray[np.float32]
@@ -49,7 +57,7 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
     materials = file.header.get("materials", ())
     pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
     looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
-    joints_of, steps = dict[int, Floats](), 0
+    joints_of, steps, is_moving = dict[int, Floats](), 0, False
     for number, pose in to_world.items():
         node = nodes[number]
         if "mesh" not in node:
@@ -65,7 +73,56 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
         check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
         motion = _motion(nodes, chain, pose, tracks)
         for _, piece in _parts(file, number, looks):
+            is_moving |= motion is not None
             yield replace(piece.moved(pose), motion=motion)
+    if animated and not is_moving:
+        raise DamagedFileError(
+            "it has no animation of nodes with meshes, and joints of skins and morph weights do "
+            "not move; omit animate"
+        )
+
+
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect, if "animation" is used or not. Raises any exception."""
+    header, _ = parts_of(next(iter(contents.values())))
+    poses, shown, playing = _poses(header), header.get("scene", 0), "animation" in used
+    cameras, scenes, animations, materials, meshes, nodes = (
+        [
+            (str(entry.get("name") or f"{kind} {number}"), entry)
+            for number, entry in enumerate(
+                header.get("meshes" if kind == "mesh" else f"{kind}s", ())
+            )
+        ]
+        for kind in ("camera", "scene", "animation", "material", "mesh", "node")
+    )
+    extensions = header.get("extensionsUsed", ())
+    yield from (("extensions", name) for name in extensions if name not in EFFECTIVE)
+    yield from (("cameras", name) for name, _ in cameras)
+    yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
+    yield from (("animations", name) for name, _ in animations[playing:])
+    yield from ((what, name) for name, material in materials for what in _ignored(material))
+    for name, mesh in meshes:
+        for part in mesh["primitives"]:
+            texture = color_of(materials[part["material"]][1])[1] if "material" in part else None
+            own = {"TEXCOORD_0", f"TEXCOORD_{_coordinates(texture or {})}"}
+            own |= set() if texture else {"COLOR_0"}
+            sets = {each for each in part["attributes"] if each.startswith(("TEXCOORD", "COLOR"))}
+            yield from ((f"the set {each}", name) for each in sorted(sets - own))
+            if part.get("mode", _TRIANGLES) < _TRIANGLES:
+                yield "points and lines", name
+    for number, (name, node) in enumerate(nodes):
+        if "mesh" in node and number not in poses:
+            yield "nodes outside the scene", name
+        elif "mesh" in node and not np.linalg.det(poses[number][:3, :3]):
+            yield "nodes without size", name
+    for sampler in header.get("samplers", ()):
+        if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
+            yield "pictures' clamping and mirroring", ""
+    joints = {joint for skin in header.get("skins", ()) for joint in skin["joints"]}
+    for _, animation in animations[:playing]:
+        for target in (channel["target"] for channel in animation["channels"]):
+            if target["path"] not in PARTS or target.get("node", -1) in {-1, *joints}:
+                yield "an animation's joints of skins, morph weights, extensions", target["path"]
 
 
 def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
@@ -73,12 +130,12 @@ def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tupl
     node = file.header["nodes"][number]
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    weights = node.get("weights", mesh.get("weights", ()))
     for part in mesh["primitives"]:
-        mode = part.get("mode", _TRIANGLES)
-        if mode not in range(_FAN + 1):
-            raise ValueError(f"meshes.{node['mesh']} has a part of mode {mode}, which glTF has not")
+        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
+            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
         if mode >= _TRIANGLES:
-            yield part, _piece(file, part, looks, (number, name))
+            yield part, _piece(file, part, looks, (number, name), weights)
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -95,6 +152,9 @@ def _poses(header: Json) -> dict[int, Floats]:
         if number in found:
             raise ValueError(f"node {number} has two parents")
         found[number] = above @ _local(nodes[number])
+        check_map(
+            found[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
+        )
         waiting += [(each, found[number]) for each in nodes[number].get("children", ())]
     return dict(sorted(found.items()))
 
@@ -116,15 +176,13 @@ def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
         for channel in animation["channels"]:
             target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
             if target["path"] not in PARTS or "node" not in target:
-                continue  # weights of morph targets
+                continue  # morph weights, and what an extension points at
             times = file.values(sampler["input"])[:, 0]
             values = file.values(sampler["output"]).astype(np.float64)
             mode = sampler.get("interpolation", "LINEAR")
             if mode == "CUBICSPLINE":
                 values = values.reshape(len(times), 3, -1)
             found.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
-    if not found:
-        raise DamagedFileError("it has no animation of nodes; omit animate")
     return found
 
 
@@ -168,15 +226,21 @@ def _look(
     color, texture = color_of(material)
     red, green, blue = np.clip(color, 0, 1).tolist()
     name = str(material.get("name") or f"material {number}")
-    paint = Paint(name, (red, green, blue), None, tuple(_ignored(material)))
+    paint = Paint(name, (red, green, blue))
     if texture is None:
         return _Look(paint)
     image = image_of(file.header, texture)
     if image not in pictures:
         pictures[image] = texels.add(linear_picture(file.image(image), name))
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    coordinates = change.get("texCoord", texture.get("texCoord", 0))
-    return _Look(replace(paint, picture=pictures[image]), coordinates, _transform(change))
+    paint = replace(paint, picture=pictures[image])
+    return _Look(paint, _coordinates(texture), _transform(change))
+
+
+def _coordinates(texture: Json) -> int:
+    """Number of the set of coordinates of a texture's entry."""
+    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
+    return int(change.get("texCoord", texture.get("texCoord", 0)))
 
 
 def _transform(change: Json) -> Floats:
@@ -197,17 +261,35 @@ def _ignored(material: Json) -> Iterator[str]:
         yield "transparency"
     if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
         yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
+    if model.get("roughnessFactor", 1) < 1 or "KHR_materials_pbrSpecularGlossiness" in extensions:
+        yield "gloss"
     if any(material.get("emissiveFactor", ())):
         yield "emission"
+    for what in ("normal", "occlusion"):
+        if f"{what}Texture" in material:
+            yield f"{what} maps"
 
 
-def _piece(file: GltfFile, part: Json, looks: Sequence[_Look], of: tuple[int, str]) -> Piece:
+def _piece(
+    file: GltfFile,
+    part: Json,
+    looks: Sequence[_Look],
+    of: tuple[int, str],
+    weights: Sequence[float],
+) -> Piece:
     attributes = part["attributes"]
 
     def values(name: str) -> Floats | None:
-        return file.values(attributes[name]).astype(np.float64) if name in attributes else None
+        if name not in attributes:
+            return None
+        shaped = file.values(attributes[name]).astype(np.float64)
+        for weight, target in zip(weights, part.get("targets", ()), strict=False):
+            if weight and name in target:
+                shaped += weight * file.values(target[name])
+        return shaped
 
-    vertices = file.values(attributes["POSITION"]).astype(np.float64)
+    if (vertices := values("POSITION")) is None:
+        raise ValueError(f"object {quoted(of[1])!r} has no positions")
     corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
     look = looks[part["material"]] if "material" in part else _Look()
     uv, colors = values(f"TEXCOORD_{look.coordinates}"), values("COLOR_0")

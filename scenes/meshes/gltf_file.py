@@ -21,7 +21,11 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _VALUE_BYTES = 24
 """Memory of a value that an accessor reads, with its copies."""
 _WEBP = "EXT_texture_webp"
-_UNDERSTOOD = ("KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", _WEBP)
+EFFECTIVE = (
+    *("KHR_texture_transform", "KHR_mesh_quantization", _WEBP),
+    "KHR_materials_pbrSpecularGlossiness",
+)
+"""Extensions that have an effect."""
 
 Json = Mapping[str, Any]
 
@@ -48,7 +52,7 @@ def _checked(header: Any) -> Json:
     if version.split(".")[0] != "2":
         raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
     for name in header.get("extensionsRequired", ()):
-        if name not in _UNDERSTOOD and not str(name).startswith("KHR_materials_"):
+        if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
             raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
     return dict(header)
 

@@ -13,7 +13,8 @@ from pydantic import model_validator
 
 from megalopta.core.bounded import quoted, read_bytes, undamaged
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.hashed_file import Hashed, unreadable
+from megalopta.core.named_file import named_path, unreadable
+from megalopta.scenes.hashed_file import Hashed
 from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
 
 MESH_BYTES = 2 * 10**9
@@ -102,14 +103,13 @@ def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
 
 def _beside(path: str, name: str, at_most: int) -> bytes:
     """Content of a file in the folder of another one, which names it."""
-    folder, named = Path(path).parent, PurePosixPath(name)
-    place = folder / named
-    is_inside = not named.is_absolute() and place.resolve().is_relative_to(folder.resolve())
-    if not is_inside or ":" in name:
+    try:
+        place = named_path(name, Path(path).parent)
+    except ValueError:
         raise DamagedFileError(
             f"{path} names {quoted(name)}, which is not in its folder; put that file next to it, "
             "and let it name only that"
-        )
+        ) from None
     try:
         return read_bytes(place, at_most)
     except OSError as problem:

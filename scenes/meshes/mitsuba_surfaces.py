@@ -7,10 +7,12 @@ it can be refused by name.
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c, h, k
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, quoted
@@ -26,7 +28,7 @@ from megalopta.scenes.meshes.xml_document import (
     value_of,
 )
 from megalopta.scenes.spectra.color import linear_of_srgb, primaries
-from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat, total
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat, planckian, total
 
 _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
@@ -70,11 +72,10 @@ class Surfaces:
         inner, side = self._document.parts(bsdf, "bsdf"), bsdf
         if bsdf.get("type") == "twosided" and len(inner) == 1:
             name, side = bsdf.get("id") or inner[0].get("id") or name, inner[0]
-        coat = self._diffuse(side, name) if side.get("type") == "diffuse" else None
-        if coat:
-            return coat
         self._parts = 0
         try:
+            if side.get("type") == "diffuse" and (coat := self._diffuse(side, name)):
+                return coat
             return PlacedPaint(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
         except _NotKeptError as problem:
             return PlacedPaint(Paint(name, refused=str(problem)), np.eye(3))
@@ -153,34 +154,78 @@ class Surfaces:
                 return Rgb(_color(given))
         raise _NotKeptError(f"with a {quoted(given.tag)} {quoted(value)!r}")
 
-    def glow(self, shape: Element) -> Spectrum | None:
-        """Return the radiance of a shape that shines plainly; None for others."""
-        lamps = self._document.parts(shape, "emitter")
-        for each in lamps[0] if lamps and lamps[0].get("type") == "area" else ():
-            if each.get("name") == "radiance" and each.tag == "spectrum":
-                return self._spectrum(each)
-            if each.get("name") == "radiance" and each.tag == "rgb":
-                shares = (numbers_in(each.get("value", "")) * np.ones(3)).tolist()
-                parts = zip(primaries(_WHITE), shares, strict=True)
-                return total([part.scaled(share) for part, share in parts])
-        return None
+    def shining(self, paint: Paint, shape: Element) -> Paint:
+        """Return the paint of a lamp with its radiance, or with the reason that it has none."""
+        lamp = self._document.parts(shape, "emitter")[0]
+        given = [each for each in lamp if each.get("name") == "radiance"]
+        try:
+            if lamp.get("type") != "area":
+                raise _NotKeptError(f"of type {quoted(lamp.get('type'))}")
+            if not given:
+                return replace(paint, radiance=_WHITE)
+            return replace(paint, radiance=self._light(self._document.resolved(given[0])))
+        except (_NotKeptError, ValueError, KeyError) as problem:  # it may never shine
+            return replace(paint, dark=str(problem))
+
+    def _light(self, given: Element) -> Spectrum:
+        if given.tag == "spectrum":
+            return self._spectrum(given)
+        if given.tag == "float":
+            return _WHITE.scaled(float(given.get("value", "")))
+        if given.tag != "rgb":
+            raise _NotKeptError(f"with a {quoted(given.tag)} of radiance")
+        shares = (numbers_in(given.get("value", "")) * np.ones(3)).tolist()
+        parts = zip(primaries(_WHITE), shares, strict=True)
+        return total([part.scaled(share) for part, share in parts])
 
     def _spectrum(self, given: Element) -> Spectrum:
-        """Return a spectrum: a number, or wavelength:value pairs, or lines of both in a file."""
-        if name := given.get("filename"):
-            content = self._contents[plain(name)]
-            if len(content) > _SPECTRUM_BYTES:
-                raise ValueError(f"{quoted(name)} is larger than {_SPECTRUM_BYTES / 1e6:.0f} MB")
-            lines = content.decode("utf-8").splitlines()
-            pairs = numbers_in(" ".join(line.partition("#")[0] for line in lines))
-        elif ":" not in (text := given.get("value", "")):
-            return flat(float(text))
-        else:
-            pairs = numbers_in(text.replace(":", " "))
-        wavelengths, values = pairs.reshape(-1, 2).T
+        """Return a spectrum of one of Mitsuba's types. Raises _NotKeptError for others.
+
+        Without a type it is a number, wavelength:value pairs, or lines of both in a file.
+        """
+        kind, text = given.get("type", ""), given.get("value", "")
+        stated = {each.get("name"): each.get("value", "") for each in given}
+        scale = float(stated.pop("scale", "1"))
+        match kind, sorted(stated, key=str):
+            case "", [] if name := given.get("filename"):
+                content = self._contents[plain(name)]
+                if len(content) > _SPECTRUM_BYTES:
+                    limit = f"{_SPECTRUM_BYTES / 1e6:.0f} MB"
+                    raise ValueError(f"{quoted(name)} is larger than {limit}")
+                lines = content.decode("utf-8").splitlines()
+                pairs = numbers_in(" ".join(line.partition("#")[0] for line in lines))
+                made = Spectrum.of(*pairs.reshape(-1, 2).T)
+            case "", [] if ":" in text:
+                made = Spectrum.of(*numbers_in(text.replace(":", " ")).reshape(-1, 2).T)
+            case "", []:
+                made = flat(float(text))
+            case "uniform", ["value"]:
+                made = flat(float(stated["value"]))
+            case "d65", []:
+                made = _WHITE
+            case "blackbody", ["temperature"]:
+                made = _black_body(float(stated["temperature"]))
+            case "regular", ["values", "wavelength_max", "wavelength_min"]:
+                ends = float(stated["wavelength_min"]), float(stated["wavelength_max"])
+                values = numbers_in(stated["values"])
+                made = Spectrum.of(np.linspace(*ends, len(values)), values)
+            case "irregular", ["values", "wavelengths"]:
+                made = Spectrum.of(numbers_in(stated["wavelengths"]), numbers_in(stated["values"]))
+            case _:
+                names = ", ".join(f"{each}" for each in stated)
+                raise _NotKeptError(f"with a spectrum of type {quoted(kind)!r} ({quoted(names)})")
         name = next(iter(self._contents))
-        check_count(name, "values in a spectrum", len(values), _MOST_VALUES)
-        return Spectrum.of(wavelengths, values)
+        check_count(name, "values in a spectrum", len(made.values), _MOST_VALUES)
+        return made.scaled(scale)
+
+
+def _black_body(temperature_k: float) -> Spectrum:
+    """Radiance of a black body, W·m⁻²·sr⁻¹·nm⁻¹ (Planck's law)."""
+    if not 0 < temperature_k < math.inf:
+        raise ValueError(f"a black body has a temperature of {temperature_k:g} K")
+    shape, meters = planckian(temperature_k), 600e-9
+    radiance = 2e-9 * h * c**2 / meters**5 / np.expm1(h * c / (meters * k * temperature_k))
+    return shape.scaled(radiance / shape(600))
 
 
 def content_of(contents: Mapping[str, bytes], file: str) -> bytes:

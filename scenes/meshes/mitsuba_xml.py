@@ -5,7 +5,8 @@ shine on request. What else would change the picture is refused by name, cameras
 the file have no effect.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
 
@@ -17,7 +18,7 @@ from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
 from megalopta.scenes.meshes.counting import MOST_OBJECTS, check_triangles
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Unused
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -28,6 +29,8 @@ from megalopta.scenes.meshes.xml_document import (
 )
 
 _FILES = ("obj", "ply")
+_UNUSED = "emitter", "film", "integrator", "medium", "phase", "sensor", "volume"
+"""Parts of scenes that have no effect"""
 _OF_SHAPES = ("bsdf", "emitter", "medium", "sensor", "shape", "transform")
 _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 """Parts of shapes that are read, refused by their material, or change nothing that is seen"""
@@ -56,6 +59,21 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
             total += len(piece.faces)
             check_triangles(next(iter(contents)), total)
             yield piece.moved(pose)
+
+
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect, if "lights" are used or not. Raises any exception."""
+    document = Document(contents)
+    for each in document.root:
+        is_lamp = each.tag == "emitter" and each.get("type") == "area"  # of shapes that name it
+        if each.tag in _UNUSED and not is_lamp:
+            yield f"{each.tag}s", each.get("type", "")
+    for shape in document.root.iter("shape"):
+        name = shape.get("id", shape.get("type", ""))
+        if document.parts(shape, "emitter") and "lights" not in used:
+            yield "lamps, as lights are 'own'", name
+        if document.parts(shape, "sensor"):
+            yield "sensors", name
 
 
 def check_lights(contents: Mapping[str, bytes]) -> None:
@@ -112,8 +130,7 @@ class _Reader:
         if self._document.parts(shape, "medium"):
             paint = replace(paint, finish=None, refused="the boundary of a medium")
         if self._document.parts(shape, "emitter"):
-            glow = self._surfaces.glow(shape)
-            paint = replace(paint, radiance=glow, ignored=() if glow else ("emission",))
+            paint = self._surfaces.shining(paint, shape)
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
         )
@@ -150,9 +167,9 @@ def _basic(kind: str, shape: Element) -> Piece:
         for each in shape
         if each.tag in ("point", "vector")
     }
-    radius = float(value_of(shape, "float", "radius") or 1)
-    if not radius > 0:
-        raise ValueError(f"it has a {quoted(kind)} of radius {radius:g}")
+    radius, label = float(value_of(shape, "float", "radius") or 1), shape.get("id") or kind
+    if not 0 < radius < math.inf:
+        raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
     match kind:
         case "rectangle":
             made = basic_shapes.rectangle()
@@ -164,6 +181,8 @@ def _basic(kind: str, shape: Element) -> Piece:
             made = basic_shapes.sphere(points.get("center", np.zeros(3)), radius)
         case "cylinder":
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
+            if not 0 < np.linalg.norm(end - start) < math.inf:
+                raise ValueError(f"shape {quoted(label)!r} has p0 {start} and p1 {end}: no length")
             made = basic_shapes.cylinder(start, end, radius)
         case _:
             raise DamagedFileError(

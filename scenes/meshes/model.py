@@ -1,6 +1,6 @@
 """Model of a mesh file: its pieces in meters, with z up."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -8,14 +8,13 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted, undamaged
+from megalopta.core.bounded import printable, quoted, undamaged
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
 from megalopta.scenes.meshes.counting import check_triangles, triangles_in
 from megalopta.scenes.meshes.mesh_file import REPAIR, Contents, MeshFile
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Unused
 from megalopta.scenes.motion import Vector
 
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
@@ -28,11 +27,16 @@ _VAST_M, _TRAVELS = 1000.0, 100.0
 _TINY_M, _EXTENTS = 0.1, 50.0
 """Extent below which its unit is in doubt, if the camera is farther away than so many extents"""
 
-_READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
-    **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
-    ".obj": wavefront.pieces_of,
-    ".xml": mitsuba_xml.pieces_of,
-    **dict.fromkeys((".ply", ".stl"), polygons.pieces_of),
+_NAMED, _LONGEST = 4, 40
+"""Most names in a sentence, and most characters of one"""
+
+_Reader = Callable[[Contents], Iterable[Piece]]
+_Rest = Callable[[Contents, Collection[str]], Iterable[Unused]]
+_READERS: Mapping[str, tuple[_Reader, _Rest]] = {
+    **dict.fromkeys((".glb", ".gltf"), (gltf.pieces_of, gltf.unused)),
+    ".obj": (wavefront.pieces_of, wavefront.unused),
+    ".xml": (mitsuba_xml.pieces_of, mitsuba_xml.unused),
+    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, polygons.unused)),
 }
 _Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
@@ -41,7 +45,7 @@ class PlacedMesh(Record, frozen=True):
     """Mesh file at a place, with its unit and its axes."""
 
     file: MeshFile
-    """Path, relative to the working folder, of a GLB, glTF, OBJ, PLY or STL file, or of
+    """Path, in YAML below the file's folder, of a GLB, glTF, OBJ, PLY or STL file, or of
     Mitsuba's XML."""
 
     scale: Annotated[float, Field(gt=0)] = 1.0
@@ -77,14 +81,32 @@ class PlacedMesh(Record, frozen=True):
             found = (
                 gltf.pieces_of(contents, animated)
                 if animated
-                else _READERS[self.file.suffix](contents)
+                else _READERS[self.file.suffix][0](contents)
             )
             read = [piece.moved(self._axes) for piece in found]
             pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
         self._check(pieces)
-        self._say_ignored(pieces)
-        self._say_not_described(pieces)
         return pieces
+
+    def notes(self, pieces: Iterable[Piece], *used: str) -> Iterator[str]:
+        """Yield sentences on what the file holds and has no effect, if "animation" or "lights" are.
+
+        Raises ValueError if the file is damaged or changed.
+        """
+        path, unused = self.file.path, dict[str, dict[str, None]]()
+        with undamaged(path, REPAIR), np.errstate(all="ignore"):
+            for what, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
+                unused.setdefault(what, {})[quoted(printable(owner), _LONGEST)] = None
+        if unused:
+            things = (what + _some(owners) for what, owners in unused.items())
+            yield f"{path}: these have no effect: {quoted('; '.join(things), 600)}"
+        names = {piece.material for piece in pieces if not piece.paint.is_described}
+        if names:
+            yield (
+                f"{path}: no .mtl file next to it describes "
+                f"{quoted(', '.join(sorted(names)), 400)}; such surfaces have no color, unless "
+                "`materials` gives their reflectance"
+            )
 
     @property
     def _axes(self) -> Floats:
@@ -121,8 +143,8 @@ class PlacedMesh(Record, frozen=True):
                 f"{_FARTHEST_M:.0e} m; move it there"
             )
 
-    def doubt_unit(self, pieces: Sequence[Piece], positions: Floats) -> None:
-        """Say so if the file is of an unlikely size for a camera at positions (T, 3), m."""
+    def doubts(self, pieces: Sequence[Piece], positions: Floats) -> Iterator[str]:
+        """Yield a sentence if the file is of an unlikely size for a camera at positions (T, 3)."""
         corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
         placed = corners @ self.pose[:3, :3].T + self.pose[:3, 3]
         low, high = placed.min(axis=0), placed.max(axis=0)
@@ -135,28 +157,17 @@ class PlacedMesh(Record, frozen=True):
             doubt, better = f"the camera is {distance:.3g} m away from it", self.scale * 1e3
         else:
             return
-        say(
-            f"scene: {self.file.path} extends over {extent:.4g} m, and {doubt}; if its unit is "
+        yield (
+            f"{self.file.path} extends over {extent:.4g} m, and {doubt}; if its unit is "
             f"another, give the unit's length in meters, such as `scale: {better:g}`"
         )
 
-    def _say_ignored(self, pieces: list[Piece]) -> None:
-        paints = {piece.paint.name: piece.paint for piece in pieces if piece.paint.ignored}
-        if paints:
-            found = ", ".join(f"{name} ({' and '.join(p.ignored)})" for name, p in paints.items())
-            say(
-                f"scene: {self.file.path}: materials are rendered as opaque, diffuse surfaces "
-                f"without light of their own; it has {found}"
-            )
 
-    def _say_not_described(self, pieces: list[Piece]) -> None:
-        names = {piece.material for piece in pieces if not piece.paint.is_described}
-        if names:
-            say(
-                f"scene: {self.file.path}: no .mtl file next to it describes "
-                f"{quoted(', '.join(sorted(names)), 400)}; such surfaces have no color, unless "
-                "`materials` gives their reflectance"
-            )
+def _some(owners: Iterable[str]) -> str:
+    """Some of the names in brackets, empty without any."""
+    names = [each for each in owners if each]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f" ({', '.join(names[:_NAMED])}{more})" if names else ""
 
 
 def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:

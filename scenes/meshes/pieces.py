@@ -1,5 +1,7 @@
 """Meshes of a file in one form, whatever the format: pieces of one object and one material."""
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +13,14 @@ from megalopta.scenes.finish import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.spectrum import Spectrum
 
+_HEADER_BYTES = 4096
+_UNIT = re.compile(rb"(?i)\bunits?\s*[=:]\s*\W?([a-z]{1,20})")
+_FARTHEST = 1e12
+"""Largest coordinate of a map, as of a camera."""
+_FLATTEST = 1e12
+"""Largest ratio of a map's scales."""
+Unused = tuple[str, str]
+"""Property in a file that has no effect, and the name of its owner, perhaps empty."""
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
 
@@ -24,12 +34,12 @@ class Paint:
     color: Color = (1.0, 1.0, 1.0)
     picture: NDArray[np.float32] | None = None
     """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
-    ignored: tuple[str, ...] = ()
-    """Other properties of the material: transparency, metal, emission."""
     spectrum: Spectrum | None = None
     """Reflectance in place of a color."""
     radiance: Spectrum | None = None
     """Radiance that it emits, W·m⁻²·sr⁻¹·nm⁻¹, where lights of files count."""
+    dark: str = ""
+    """Description of a lamp whose radiance is not read."""
     finish: Finish | None = None
     """Surface that is not diffuse, in place of all colors."""
     refused: str = ""
@@ -98,6 +108,26 @@ class Piece:
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
         return replace(self, faces=faces, colors=colors, normals=normals)
+
+
+def stated_unit(content: bytes) -> Iterator[Unused]:
+    """Yield the unit that a comment at the beginning of a file states, as exporters write it."""
+    found = _UNIT.search(content[:_HEADER_BYTES])
+    if found:
+        yield "a unit in a comment, for which `scale` stands", found[1].decode()
+
+
+def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
+    """Refuse a map (4, 4) of a file that takes shapes to no place, or off space.
+
+    Raises ValueError that begins with `where`.
+    """
+    if not (np.abs(matrix) <= _FARTHEST).all():
+        raise ValueError(f"{where} is not finite, or beyond {_FARTHEST:g}")
+    if (matrix[3] != [0, 0, 0, 1]).any():
+        raise ValueError(f"{where} is a perspective map")
+    if not may_flatten and np.linalg.cond(matrix[:3, :3]) > _FLATTEST:
+        raise ValueError(f"{where} leaves no volume")
 
 
 def _cofactors(linear: Floats) -> Floats:

@@ -6,12 +6,12 @@ A curve is read once, and its numbers replace the path of its file.
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from megalopta.core.bounded import quoted, read_bytes
 from megalopta.core.curve_file import curve_of
+from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.core.record import Record
-from megalopta.scenes.hashed_file import unreadable
 from megalopta.scenes.material import Material
 from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES, reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
@@ -40,20 +40,18 @@ class Curve(Record, frozen=True):
         return Spectrum(self.wavelengths_nm, self.values)
 
 
-def _read(given: Any) -> Any:
+def _read(given: Any, validation: ValidationInfo) -> Any:
     is_number = isinstance(given, int | float)
     if (is_number and not 0 <= given <= 1) or not (
         is_number or isinstance(given, str | Mapping | Curve)
     ):
         raise ValueError(_no_reflectance(given))
     is_file = isinstance(given, str) and given.lower().endswith(".csv")
-    return _curve_in(given) if is_file else given
-
-
-def _curve_in(path: str) -> dict[str, tuple[float, ...]]:
-    """Return the fields of the curve in a CSV file. Raises ValueError if it has none."""
+    if not is_file:
+        return given
+    path = named_path(given, folder_of(validation))
     with unreadable(path):
-        return curve_of(read_bytes(path), path, "reflectance")
+        return curve_of(read_bytes(path), str(path), "reflectance")
 
 
 def _known(given: "float | Curve | str") -> "float | Curve | str":

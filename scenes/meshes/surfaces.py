@@ -64,6 +64,11 @@ class Surfacing:
         speckled = [piece for piece in pieces if self._is_speckled(piece)]
         atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
         for piece in pieces:
+            if self.shines and piece.paint.dark:
+                raise ValueError(
+                    f"{self.label}: object {quoted(piece.name)!r} is a lamp {piece.paint.dark}, "
+                    "which is not read; remove it, or use lights 'own'"
+                )
             if self.shines and piece.paint.radiance:
                 yield self._shining(piece, piece.paint.radiance)
             elif piece.material in self.given:

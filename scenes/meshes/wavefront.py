@@ -7,7 +7,7 @@ trimesh reads OBJ, too, but passes over pictures that are missing, and over obje
 import re
 import warnings
 from codecs import BOM_UTF8
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import Any
@@ -19,10 +19,16 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.pictures import Texels, linear_picture
-from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, stated_unit
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
+_UNREAD = re.compile(
+    rb"^[ \t]*(?!(?:v|vt|vn|f|o|g|s|usemtl|mtllib)[ \t])([a-z_]+)[ \t]",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""First words of statements that are not read."""
+_SMOOTH = re.compile(rb"^[ \t]*s[ \t]+(?!off|0)", re.IGNORECASE | re.MULTILINE)
 _OBJECT = re.compile(rb"^[ \t]*o[ \t]", re.MULTILINE)
 
 Corners = Ints
@@ -172,13 +178,7 @@ def _paints(
     texels: Texels,
 ) -> Iterator[Paint]:
     """Yield the materials of an MTL file, and add their pictures to others."""
-    materials: list[dict[str, str]] = []
-    for key, rest in _lines(contents[name]):
-        if key == "newmtl":
-            materials.append({})
-        if materials:
-            materials[-1][key] = rest
-    for each in materials:
+    for each in _materials(contents[name]):
         red, green, blue = linear_of_srgb(np.clip(_numbers(each.get("kd", "1 1 1")), 0, 1)).tolist()
         picture = None
         if "map_kd" in each:
@@ -186,7 +186,31 @@ def _paints(
             if file not in pictures:
                 pictures[file] = texels.add(linear_picture(contents[file], each["newmtl"]))
             picture = pictures[file]
-        yield Paint(each["newmtl"], (red, green, blue), picture, tuple(_ignored(each)))
+        yield Paint(each["newmtl"], (red, green, blue), picture)
+
+
+def _materials(content: bytes) -> list[dict[str, str]]:
+    """Return the statements of each material of an MTL file, by first word."""
+    materials: list[dict[str, str]] = []
+    for key, rest in _lines(content):
+        if key == "newmtl":
+            materials.append({})
+        if materials:
+            materials[-1][key] = rest
+    return materials
+
+
+def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect. Raises any exception if the file is damaged."""
+    content = next(iter(contents.values()))
+    yield from (("statements", each.decode()) for each in sorted({*_UNREAD.findall(content)}))
+    if b"\nvn " not in content and _SMOOTH.search(content):
+        yield "smoothing groups", ""
+    yield from stated_unit(content)
+    for file in contents:
+        if file.lower().endswith(".mtl"):
+            for each in _materials(contents[file]):
+                yield from ((what, each["newmtl"]) for what in _ignored(each))
 
 
 def _numbers(text: str) -> Floats:
@@ -199,3 +223,9 @@ def _ignored(material: Mapping[str, str]) -> Iterator[str]:
         yield "transparency"
     if _numbers(material.get("ke", "0")).any():
         yield "emission"
+    if _numbers(material.get("ks", "0")).any() or "pm" in material:
+        yield "gloss and metal"
+    if (illum := material.get("illum", "2").split()[0]) not in ("0", "1", "2"):
+        yield f"illum {illum}"
+    others = {key for key in material if key.startswith(("map_", "bump", "norm", "disp", "refl"))}
+    yield from (f"{key} pictures" for key in sorted(others - {"map_kd", "map_d"}))

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
+from megalopta.scenes.meshes.pieces import check_map
 
 Element = ElementTree.Element
 
@@ -152,6 +153,8 @@ def transform_of(element: Element, name: str = "to_world") -> Floats:
         if transform.tag == "transform" and transform.get("name") == name:
             for step in transform:
                 matrix = _step(step) @ matrix
+                owner, values = element.get("id") or element.get("type", ""), dict(step.attrib)
+                check_map(matrix, f"{element.tag} {quoted(owner)!r}: {step.tag} {quoted(values)}")
     return matrix
 
 
@@ -164,7 +167,7 @@ def _step(step: Element) -> Floats:
             matrix[:3, :3] = np.diag(_vector(step, 1.0))
         case "rotate":
             axis, angle = _vector(step, 0.0), np.radians(float(step.get("angle", "0")))
-            turn = angle * axis / np.linalg.norm(axis)
+            turn = angle * axis / np.linalg.norm(axis) if axis.any() else np.full(3, np.nan)
             matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
         case "matrix":
             given = numbers_in(step.get("value", ""))

@@ -25,7 +25,13 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, luminous
+from megalopta.scenes.spectra.spectrum import (
+    MAXIMUM_EFFICACY_LM_W,
+    TABLES,
+    Spectrum,
+    luminous,
+    luminous_efficiency,
+)
 
 # (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
 _LOBES = (
@@ -123,7 +129,8 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)
     not_blue, red = (expit((_GRID_NM - edge) / _STEP_WIDTH_NM) for edge in (blue_edge, red_edge))
     shares = red, not_blue - red, 1 - not_blue
-    first, second, third = (Spectrum.of(_GRID_NM, values * share) for share in shares)
+    known_nm = light.range_nm
+    first, second, third = (Spectrum.of(_GRID_NM, values * share, known_nm) for share in shares)
     return first, second, third
 
 
@@ -133,6 +140,21 @@ def band_means(spectra: Sequence[Spectrum], bands_nm: Bands) -> Floats:
     return np.array(
         [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
     )
+
+
+def luminances(bands_nm: Bands) -> Floats:
+    """Luminance (B,), cd/m², of a radiance of 1 W·m⁻²·sr⁻¹·nm⁻¹ in each band."""
+    grids = [np.linspace(*band, 1025) for band in bands_nm]
+    return np.array(
+        [MAXIMUM_EFFICACY_LM_W * np.trapezoid(luminous_efficiency(grid), grid) for grid in grids]
+    )
+
+
+def rebinned(bands_nm: Bands, to_nm: Bands) -> Floats:
+    """Means (B, C) over C bands of radiance that is 1 in one of B bands and 0 in the others."""
+    (lower, upper), (first, last) = np.array(bands_nm).T[..., None], np.array(to_nm).T[:, None]
+    overlap_nm = np.minimum(upper, last) - np.maximum(lower, first)
+    return np.asarray(overlap_nm.clip(0) / (last - first))
 
 
 KNOWN_NM = (360.0, 830.0)

@@ -40,13 +40,16 @@ Weaver 1980, J. Atmos. Sci. 37, 630, quadrature): T = k/(k·cosh kτ + γ₁·si
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, planckian
+from megalopta.scenes.spectra.spectrum import TABLES, Spectrum, common_range, planckian
 
 WAVELENGTHS_NM = tuple(map(float, range(360, 1801, 20)))
+_KNOWN_NM = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
+"""Range of twilight and night, too, whose shortest band is U, broad and centered at 366 nm."""
 
 _ABOVE, _DIRECT, _SKY = (TABLES[name] for name in ("above atmosphere", "direct", "sky"))
 
@@ -81,7 +84,8 @@ def moonlit(sunlit: Spectrum, disc: Spectrum) -> Spectrum:
     Values are at the wavelengths of the first.
     """
     wavelengths = sunlit.wavelengths_nm
-    return Spectrum.of(wavelengths, np.array(sunlit.values) * disc(wavelengths))
+    values = np.array(sunlit.values) * disc(wavelengths)
+    return Spectrum.of(wavelengths, values, common_range([sunlit, disc]))
 
 
 _ZENITH_DISTANCE_DEG = 96.4
@@ -110,7 +114,7 @@ def _twilight() -> Spectrum:
     measured = [_zenith(*band) for _, *band in _BANDS]
     scale, beyond = measured[-1] / float(np.interp(_I_NM, grid, scattered)), grid > _I_NM
     wavelengths = [*(wavelength for wavelength, *_ in _BANDS), *grid[beyond]]
-    return Spectrum.of(wavelengths, [*measured, *(scale * scattered)[beyond]])
+    return Spectrum.of(wavelengths, [*measured, *(scale * scattered)[beyond]], _KNOWN_NM)
 
 
 TWILIGHT = _twilight()
@@ -155,6 +159,7 @@ _INFRARED_NM = (
 MOONLESS_ZENITH = Spectrum.of(
     [*TABLES["night visible nm"], *_INFRARED_NM.ravel()],
     _SI * np.array([*TABLES["night visible"], *np.repeat(TABLES["night"], 2)]),
+    _KNOWN_NM,
 )
 """Radiance of the moonless zenith, away from the Milky Way, W·m⁻²·sr⁻¹·nm⁻¹."""
 
@@ -162,7 +167,11 @@ FAINT_STARLIGHT = STARLIGHT.scaled(75 * S10 / float(STARLIGHT(V_NM)))
 """Part of it from beyond the atmosphere, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 _NIGHT_NM = sorted({*MOONLESS_ZENITH.wavelengths_nm, *FAINT_STARLIGHT.wavelengths_nm})
-AIRGLOW = Spectrum.of(_NIGHT_NM, MOONLESS_ZENITH(_NIGHT_NM) - FAINT_STARLIGHT(_NIGHT_NM))
+AIRGLOW = Spectrum.of(
+    _NIGHT_NM,
+    MOONLESS_ZENITH(_NIGHT_NM) - FAINT_STARLIGHT(_NIGHT_NM),
+    common_range([MOONLESS_ZENITH, FAINT_STARLIGHT]),
+)
 """Radiance of airglow at the zenith, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 
@@ -186,7 +195,7 @@ def _color() -> Spectrum:
     return Spectrum.of(TABLES["water nm"], [1.0, *(_through(absorbed) / without)[1:]])
 
 
-OVERCAST = _color()
+OVERCAST = replace(_color(), known_nm=(100.0, TABLES["water nm"][-1]))
 """Transmission of a closed layer, relative to that in the visible."""
 
 

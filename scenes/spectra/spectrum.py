@@ -4,6 +4,7 @@ V(λ) is the CIE 1924 photopic curve at steps of 10 nm, linear between; its inte
 a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,12 +29,17 @@ TABLES: Mapping[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Values at wavelengths, linear between them and constant beyond the first and last."""
+    """Values at wavelengths, linear between them and constant beyond the first and last.
+
+    `check_known` refuses bands beyond: there the values say nothing.
+    """
 
     wavelengths_nm: tuple[float, ...]
     """Strictly increasing wavelengths, nm."""
     values: tuple[float, ...]
     """Values, of the same length; the owner sets the unit (reflectance: 1)."""
+    known_nm: tuple[float, float] | None = None
+    """Range in which values are known, nm; None: from first to last; of one value, everywhere."""
 
     def __post_init__(self) -> None:
         """Reject tables that are not functions."""
@@ -53,10 +59,16 @@ class Spectrum:
             )
 
     @classmethod
-    def of(cls, wavelengths_nm: ArrayLike, values: ArrayLike) -> "Spectrum":
+    def of(
+        cls,
+        wavelengths_nm: ArrayLike,
+        values: ArrayLike,
+        known_nm: tuple[float, float] | None = None,
+    ) -> "Spectrum":
         """Return the spectrum of values (n,) at wavelengths (n,)."""
         given = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
-        return cls(*map(tuple, given))
+        at_nm, values_there = map(tuple, given)
+        return cls(at_nm, values_there, known_nm)
 
     def __call__(self, wavelength_nm: ArrayLike) -> Floats:
         """Value at each wavelength (nm)."""
@@ -64,7 +76,34 @@ class Spectrum:
 
     def scaled(self, factor: float) -> "Spectrum":
         """Return the same shape times a non-negative factor."""
-        return Spectrum(self.wavelengths_nm, tuple(float(factor * v) for v in self.values))
+        values = tuple(float(factor * value) for value in self.values)
+        return Spectrum(self.wavelengths_nm, values, self.known_nm)
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Lowest and highest wavelength at which the values are known."""
+        if self.known_nm is None and len(self.values) == 1:
+            return -math.inf, math.inf
+        return self.known_nm or (self.wavelengths_nm[0], self.wavelengths_nm[-1])
+
+
+def common_range(spectra: Sequence[Spectrum]) -> tuple[float, float]:
+    """Return the wavelengths (nm) between which all spectra are known."""
+    lowest, highest = zip(*(each.range_nm for each in spectra), strict=True)
+    return max(lowest), min(highest)
+
+
+def check_known(
+    name: str, range_nm: tuple[float, float], bands_nm: Sequence[tuple[float, float]], remedy: str
+) -> None:
+    """Raise ValueError for a band outside the range in which the spectrum of a thing is known."""
+    low, high = range_nm
+    for first, last in bands_nm:
+        if first < low or last > high:
+            raise ValueError(
+                f"{name}: its spectrum is known from {low:g} to {high:g} nm, and bands_nm has "
+                f"{first:g} to {last:g}; {remedy}omit the band"
+            )
 
 
 def flat(value: float) -> Spectrum:
@@ -76,7 +115,7 @@ def total(spectra: Sequence[Spectrum]) -> Spectrum:
     """Return the sum of spectra, exact at all wavelengths; 0 without any."""
     wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
-    return Spectrum.of(wavelengths, values) if spectra else flat(0.0)
+    return Spectrum.of(wavelengths, values, common_range(spectra)) if spectra else flat(0.0)
 
 
 def planckian(temperature_k: float) -> Spectrum:

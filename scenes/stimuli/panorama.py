@@ -27,7 +27,7 @@ class Panorama(SceneDescription, frozen=True):
     kind: Literal["panorama"] = "panorama"
 
     file: PictureFile
-    """Path, relative to the working folder, of an HDR, EXR (linear sRGB) or PNG (sRGB) file."""
+    """Path, in YAML below the file's folder, of an HDR, EXR (linear sRGB) or PNG (sRGB) file."""
 
     turn_deg: float = 0.0
     """Counterclockwise turn of the picture seen from above (degrees); at 0 its center is toward

@@ -20,8 +20,21 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, band_means, primaries
-from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, luminous
+from megalopta.scenes.spectra.color import (
+    LUMINANCE_SHARES,
+    Bands,
+    band_means,
+    luminances,
+    primaries,
+    rebinned,
+)
+from megalopta.scenes.spectra.spectrum import (
+    SPECTRA,
+    Spectrum,
+    SpectrumName,
+    check_known,
+    luminous,
+)
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
@@ -57,13 +70,25 @@ class ColorsAsLight(Record, frozen=True):
         """Name of the spectrum of white."""
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
-    def radiance_of_unit(self, light: Light, bands_nm: Bands, mean_rgb: ArrayLike) -> Floats:
-        """Band means (3, B) of red, green and blue with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
+    def radiance_of_unit(
+        self,
+        light: Light,
+        bands_nm: Bands,
+        mean: ArrayLike,
+        of_channels_nm: Bands | None = None,
+    ) -> Floats:
+        """Band means (channels, B) of each channel with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 
-        `mean_rgb` (3,) is the mean over all frames, which reflects `reflectance` of the light.
+        Channels are red, green and blue, or bands of spectral radiance. `mean` (channels,) is the
+        mean over all frames, which reflects `reflectance` of the light.
         """
-        of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
-        return of_white * self.reflectance / float(np.dot(mean_rgb, LUMINANCE_SHARES))
+        if of_channels_nm is None:
+            name, remedy = f"white {self.white_name(light)!r}", "choose another `spectrum`, or "
+            check_known(name, self.white(light).range_nm, bands_nm, remedy)
+            of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
+            return of_white * self.reflectance / float(np.dot(mean, LUMINANCE_SHARES))
+        lux = math.pi * float(np.dot(mean, luminances(of_channels_nm))) / self.reflectance
+        return rebinned(of_channels_nm, bands_nm) * (light.resolved().illuminance_lux / lux)
 
 
 class Pictures(ColorsAsLight, SceneDescription, frozen=True):
@@ -72,7 +97,7 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     kind: Literal["pictures"] = "pictures"
 
     file: HashedFile
-    """Path, relative to the working folder, of a picture, a folder of pictures, a video, an
+    """Path, in YAML below the file's folder, of a picture, a folder of pictures, a video, an
     animation or an array."""
 
     unit: Unit | None = None

@@ -14,11 +14,8 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
+from megalopta.scenes.motion import Vector
 from megalopta.scenes.trajectories.mount import Mount
-
-# Beyond this, squares of lengths lose precision for a forest, or overflow.
-Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class Path(Record, frozen=True):

@@ -6,7 +6,8 @@ import numpy as np
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.trajectories.base import Path, Vector, looking
+from megalopta.scenes.motion import Vector
+from megalopta.scenes.trajectories.base import Path, looking
 
 
 class Orbit(Path, frozen=True):

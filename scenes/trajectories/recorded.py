@@ -6,16 +6,16 @@ Positions are interpolated by a cubic spline, orientations by spherical linear i
 
 import math
 from functools import lru_cache
-from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, read_text
+from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -23,17 +23,17 @@ _LARGEST_NORM_ERROR = 0.01
 _MOST_LINES, _LARGEST = 200_000, 1e12
 
 
-def recorded_text(source: object) -> object:
+def recorded_text(source: object, validation: ValidationInfo) -> object:
     """Text of a CSV file, given its path or the text itself."""
     if not isinstance(source, str) or "\n" in source:
         return source
+    path = named_path(source, folder_of(validation))
     try:
-        text = read_text(FilePath(source).expanduser()) + "\n"
+        with unreadable(source):
+            text = read_text(path.expanduser()) + "\n"
         read_recording(text)
     except UnicodeDecodeError:
         raise ValueError(f"{source} is not a UTF-8 text file; give a CSV file") from None
-    except OSError:
-        raise ValueError(f"{source}: no such file; give the path of a CSV file") from None
     except ValueError as problem:
         raise ValueError(f"{source}: {problem}") from None
     return text
@@ -111,10 +111,7 @@ def _numbers(fields: tuple[str, ...], number: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != len(COLUMNS) or not all(abs(value) <= _LARGEST for value in values):
-        raise ValueError(
-            f"line {number}: {','.join(fields)[:60]!r} is not the 8 numbers "
-            f"{','.join(COLUMNS)}; correct the line"
-        )
+        raise ValueError(f"line {number} is not the 8 numbers {','.join(COLUMNS)}; correct it")
     norm = math.hypot(*values[4:])
     if abs(norm - 1) > _LARGEST_NORM_ERROR:
         raise ValueError(

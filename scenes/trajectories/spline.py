@@ -8,7 +8,8 @@ from pydantic import Field, field_validator, model_validator
 from scipy.interpolate import CubicSpline
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.trajectories.base import Path, Vector, is_upright, looking
+from megalopta.scenes.motion import Vector
+from megalopta.scenes.trajectories.base import Path, is_upright, looking
 
 _CHECKED_TIMES = 1000
 

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.trajectories.base import Aimed, Vector, looking
+from megalopta.scenes.motion import Vector
+from megalopta.scenes.trajectories.base import Aimed, looking
 
 
 class Trajectory(Aimed, frozen=True):

@@ -273,7 +273,7 @@ def _drawn(
 ) -> Iterator[NDArray[Any]]:
     for first in range(0, frames, _FRAMES_AT_ONCE):
         several = np.broadcast_to(rate, (min(_FRAMES_AT_ONCE, frames - first), *rate.shape))
-        yield expose_rate(several, sensor, seed=seed, sequence=sequence, first_frame=first).counts
+        yield expose_rate(several, sensor, seed=seed, stream=sequence, first_frame=first).counts
 
 
 class _Mean(NamedTuple):

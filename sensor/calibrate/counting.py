@@ -14,9 +14,10 @@ time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frame
                    rates between which dark counts switch
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
-widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk p makes
-arrivals a = r + p·m from m counted avalanches per second, fewer of which come from busy neighbors:
-lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is fitted. Pixels of a level are
+widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk and
+afterpulses, p per avalanche, make arrivals a = r + p·m from m counted avalanches per second, fewer
+of which come from busy pixels: lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is
+fitted. A dead time whose curve does not fit is not stated. Pixels of a level are
 omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
 """
 
@@ -27,16 +28,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.bad_pixels import dead_pixels, hot_pixels
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel
 from megalopta.sensor.calibrate.saturation import (
     DeadTimeKind,
     MeanCounts,
+    Misfit,
     SaturationFit,
     dead_time_moments,
     fit_saturation,
+    live_share,
+    misfit,
 )
 from megalopta.sensor.calibrate.sums import Summed
 from megalopta.sensor.calibrate.telegraph import switching
@@ -47,6 +51,9 @@ _MOST_FITTED = 2048
 _SEEN, _CLEAR_KIND = 5.0, 6.0
 _NOT_LINEAR = 8.0
 _SURE, _OF_MEDIAN = 4.0, 1.2533
+_HIDDEN = 0.36
+"""Error of the dead time over afterpulses per event: half of what those lost in it, of a delay not
+shorter than it, extend a paralyzable one"""
 _PILED = 0.5
 """Share of frames at the largest reading of all that shows it to be the counter's capacity."""
 _GRID = 4000
@@ -123,29 +130,31 @@ def calibrate_counts(
     """
     _check(levels)
     fits = _Fits(levels)
-    dead_time, refused = fits.dead_time()
     kernels = [level.kernel for level in levels if level.kernel is not None]
     kernel = mean_kernel(kernels) if kernels else None
-    if dead_time is not None:
-        if kernel is not None and kernel.is_seen:
-            dead_time = fits.beside_crosstalk(dead_time, kernel)
-        fits.set_dead_time(dead_time)
-    elif known is not None and not levels[0].is_binary:
-        fits.set_dead_time(DeadTimeEstimate(known[0], 0.0, known[1], True))
+    dead_time, refused = fits.dead_time(kernel)
+    fits.applied = dead_time
+    if dead_time is None and known is not None and not levels[0].is_binary:
+        fits.applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
     dark = fits.dark_counts(refused)
     hot = np.zeros(fits.shape, np.bool_)
     if dark is not None:
         hot = hot_pixels(dark.low, dark.value, dark.high, hot_times)
         hot |= np.isnan(dark.value)  # saturated in the dark
+    telegraph, efficiency = fits.telegraph(), fits.efficiency(refused)
+    if telegraph is not None and efficiency is not None:
+        # how many of their counts under light were dark ones is not known
+        maps = efficiency.value, efficiency.low, efficiency.high
+        efficiency = Estimate(*(np.where(telegraph.pixels, np.nan, each) for each in maps))
     return CountingDevice(
         dark_counts_hz=dark,
-        efficiency=fits.efficiency(refused),
+        efficiency=efficiency,
         dead_time=dead_time,
         capacity=fits.capacity,
         dead=fits.dead,
         stuck=fits.stuck,
         reading=np.where(fits.stuck, levels[0].largest, np.where(fits.dead, 0.0, -1.0)),
-        telegraph=fits.telegraph(),
+        telegraph=telegraph,
         kernel=kernel,
         saturated=~np.logical_or.reduce(fits.used) & ~fits.dead & ~fits.stuck,
         hot=hot & ~fits.dead & ~fits.stuck,
@@ -189,7 +198,7 @@ class _Fits:
         self.stuck = frozen & ~self.dead & (counts > 0)
         bad = self.dead | self.stuck
         self.used = [self._within(level) & ~bad for level in levels]
-        self._dead_time: DeadTimeEstimate | None = None
+        self.applied: DeadTimeEstimate | None = None  # to correct rates
         self.spread = [self._excess(*each) for each in zip(levels, self.used, strict=True)]
 
     def _capacity(self) -> int | None:
@@ -220,8 +229,13 @@ class _Fits:
         error = float(np.sqrt(2 / level.frames / used.sum() + 1 / max(level.total[used].sum(), 1)))
         return ratio if ratio > 1 + 3 * error else 1.0
 
-    def dead_time(self) -> tuple[DeadTimeEstimate | None, dict[str, str]]:
-        """Dead time from the saturation curve, or why there is none."""
+    def dead_time(self, kernel: Kernel | None) -> tuple[DeadTimeEstimate | None, dict[str, str]]:
+        """Dead time from the saturation curve, or why there is none.
+
+        Busy neighbors fire fewer others, and busy pixels count fewer afterpulses: lights are scaled
+        to all arrivals. How many afterpulses the dead time hides depends on their delay, which
+        frames do not show.
+        """
         if self.is_binary:
             return None, {"dead time": "bits do not show it; give that of the data sheet"}
         lit = [at for at, level in enumerate(self.levels) if level.light_hz]
@@ -233,54 +247,60 @@ class _Fits:
         if self.nonlinearity() < _SEEN:
             return None, {"dead time": "no counts are lost to it; record brighter light"}
         some = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
+        fired, unsure = kernel.echoes if kernel else (0.0, 0.0)
+        found, left, live = self._saturation(some, fired, 1.0, _ROUNDS if fired else 1)
+        if left.is_clear:
+            return None, {
+                "dead time": f"{found.kind}, {1e9 * found.seconds:.3g} ns, fits best, but counts "
+                f"differ from its curve by {100 * left.share:+.2g} %, as with recharging, twilight "
+                "pulses, or lights that are not as stated; no interval holds"
+            }
+        if kernel:
+            more = self._saturation(some, fired + unsure, live, 1)[0]
+            hidden = _HIDDEN * (kernel.afterpulses + unsure) * found.seconds
+            error = np.hypot(more.seconds - found.seconds, max(hidden, 0.0))
+            found = found._replace(
+                error=float(np.hypot(found.error, error)),
+                is_kind_clear=found.is_kind_clear and more.kind == found.kind,
+            )
+        scales = (1 - fired) / (1 - fired * np.asarray(live)) * np.ones(len(self.levels))
+        self.levels = [
+            level._replace(light_hz=float(scale) * level.light_hz)
+            for level, scale in zip(self.levels, scales, strict=True)
+        ]
+        return found, {}
+
+    def _saturation(
+        self, some: Ints, fired: float, live: Floats | float, rounds: int
+    ) -> tuple[DeadTimeEstimate, Misfit, Floats | float]:
+        """Dead time of some pixels, its misfit, and the shares of arrivals counted at each level.
+
+        Lights are scaled for so many `fired` events per avalanche, with these shares at first.
+        """
         mean = np.array([each.mean.ravel()[some] for each in self.levels])
         frames = [np.where(used.ravel()[some], each.frames, 0)
                   for used, each in zip(self.used, self.levels, strict=True)]  # fmt: skip
-        times = np.array([(each.exposure_s, each.light_hz) for each in self.levels])
-        fit, ratio = fit_saturation(
-            MeanCounts(mean, np.array(frames, np.float64), *times.T),
-            lambda found: _pooled(found)[0],
-        )
+        times, given = np.array([(each.exposure_s, each.light_hz) for each in self.levels]).T
+        for _ in range(rounds):
+            light = given * (1 - fired) / (1 - fired * live)
+            counts = MeanCounts(mean, np.array(frames, np.float64), times, light)
+            fit, ratio = fit_saturation(counts, lambda fits: _pooled(fits)[0])
+            live = np.nanmedian(live_share(counts, fit), axis=1)
         seconds, error = _pooled(fit)
+        spread = max(self.spread)
         # events in excess of Poisson's widen it, too
-        error *= float(np.sqrt(max(self.spread)))
-        return DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND), {}
-
-    def beside_crosstalk(self, found: DeadTimeEstimate, kernel: Kernel) -> DeadTimeEstimate:
-        """Fit the dead time again, to light and what busy neighbors fire; its error has both."""
-        levels, fired = self.levels, 2 * float(kernel.share.sum())
-        seconds = []
-        for each in (fired + kernel.total_error, fired):
-            for _ in range(_ROUNDS):
-                self.levels = levels
-                self.set_dead_time(found)
-                shares = [_busy_share(each, self._live(at)) for at in range(len(levels))]
-                self.levels = [
-                    level._replace(light_hz=share * level.light_hz)
-                    for level, share in zip(levels, shares, strict=True)
-                ]
-                self._dead_time = None
-                found = self.dead_time()[0] or found
-            seconds.append(found.seconds)
-        return found._replace(error=float(np.hypot(found.error, seconds[0] - seconds[1])))
-
-    def _live(self, at: int) -> float:
-        """Share of the arrivals of a level that are counted, median over its pixels."""
-        level = self.levels[at]
-        arrivals = self.rates(at, level.mean) * level.exposure_s
-        counted = self.used[at] & (arrivals > 0)
-        return float(np.median((level.mean / arrivals)[counted])) if counted.any() else 1.0
+        error *= float(np.sqrt(spread))
+        found = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
+        return found, misfit(counts, fit, spread**2), live
 
     def nonlinearity(self) -> float:
         """Loss of bright light against a line through dim light and the dark, in its errors."""
         within = [at for at, used in enumerate(self.used) if used.mean() > 0.5]
         order = sorted(within, key=lambda at: self.levels[at].light_hz)
-        if not order:
+        lit = [at for at in order if self.levels[at].light_hz]
+        if not lit:
             return 0.0
-        low, dim, bright = (
-            order[0],
-            *_ends([each for each in order if self.levels[each].light_hz]),
-        )
+        low, dim, bright = order[0], lit[0], lit[-1]
         base, middle, top = (self.levels[at] for at in (low, dim, bright))
         if middle.light_hz in (base.light_hz, top.light_hz):
             return 0.0
@@ -295,16 +315,12 @@ class _Fits:
         )
         return float(np.sum(lost) / np.sqrt(np.sum(variance))) if good.any() else 0.0
 
-    def set_dead_time(self, found: DeadTimeEstimate) -> None:
-        """Correct rates for a dead time."""
-        self._dead_time = found
-
     def rates(self, at: int, counts: Floats, later: float = 0.0) -> Floats:
         """Rate of arrivals (Hz) behind mean readings, for a dead time so many errors longer."""
         exposure_s = self.levels[at].exposure_s
         if self.is_binary:
             return np.asarray(-np.log1p(-np.minimum(counts, 1 - 1e-12)) / exposure_s)
-        if self._dead_time is None:
+        if self.applied is None:
             return np.asarray(counts / exposure_s)
         grid, mean, _ = self._law(exposure_s, later)
         # counts are those of arrivals at low rates, which the grid does not reach
@@ -313,12 +329,12 @@ class _Fits:
 
     def _law(self, exposure_s: float, later: float = 0.0) -> tuple[Floats, Floats, Floats]:
         """Rates, and mean and variance of their counts."""
-        assert self._dead_time is not None
-        seconds = max(self._dead_time.seconds + later * self._dead_time.error, 1e-12)
-        top = 0.95 if self._dead_time.kind == "paralyzable" else 50.0
+        assert self.applied is not None
+        seconds = max(self.applied.seconds + later * self.applied.error, 1e-12)
+        top = 0.95 if self.applied.kind == "paralyzable" else 50.0
         grid = np.geomspace(1e-3 / exposure_s, max(top / seconds, 1 / exposure_s), _GRID)
         own = np.full(grid.shape, seconds)
-        mean, variance = dead_time_moments(grid, exposure_s, own, self._dead_time.kind)
+        mean, variance = dead_time_moments(grid, exposure_s, own, self.applied.kind)
         return grid, np.maximum.accumulate(mean), variance
 
     def dark_counts(self, refused: dict[str, str]) -> Estimate | None:
@@ -340,9 +356,9 @@ class _Fits:
             _solved(total + scale * (end - total), frames, times, self.is_binary) for end in ends
         )
         found = [np.where(number > 0, each, np.nan) for each in (value, low, high)]
-        if self._dead_time is not None:
+        if self.applied is not None:
             # to first order, both kinds of dead time hide the same counts
-            longer = 1 + found[0] * self._dead_time.seconds
+            longer = 1 + found[0] * self.applied.seconds
             found = [each * longer for each in found]
         return Estimate(*found)
 
@@ -364,8 +380,17 @@ class _Fits:
     def efficiency(self, refused: dict[str, str]) -> Estimate | None:
         """Slope of rates over light, by weighted least squares."""
         lights = {level.light_hz for level in self.levels}
-        if reason := self._no_efficiency(lights):
-            refused["efficiency"] = reason
+        if len(lights) < 2:
+            wanted = (
+                "the dark or a second light" if max(lights) else "a recording under uniform light"
+            )
+            refused["efficiency"] = f"needs {wanted}"
+            return None
+        if abs(self.nonlinearity()) > _NOT_LINEAR:
+            refused["efficiency"] = (
+                "rates are not proportional to light; check the lights, or record dimmer and "
+                "brighter ones, so that dead time is found"
+            )
             return None
         used = np.array(self.used, np.float64)
         light = np.array([each.light_hz for each in self.levels])
@@ -376,7 +401,7 @@ class _Fits:
             solution, covariance = _line(light / light.max(), rate, weight)
             fitted = np.maximum(solution[0] + solution[1] * (light / light.max())[:, None, None], 0)
         slope, error = solution[1] / light.max(), np.sqrt(covariance[2]) / light.max()
-        if self._dead_time is not None and self._dead_time.error:
+        if self.applied is not None and self.applied.error:
             moved = [self.rates(at, each.mean, 1.0) for at, each in enumerate(self.levels)]
             other = _line(light / light.max(), np.array(moved), weight)[0][1] / light.max()
             error = np.hypot(error, other - slope)
@@ -385,40 +410,18 @@ class _Fits:
         rows, columns = self.shape
         return Estimate.normal(slope, error, (rows, columns))
 
-    def _no_efficiency(self, lights: set[float]) -> str:
-        """Reason for which the recordings do not support it; empty if they do."""
-        if not max(lights):
-            return "needs a recording under uniform light"
-        if len(lights) < 2:
-            return "needs the dark or a second light"
-        if abs(self.nonlinearity()) > _NOT_LINEAR:
-            return (
-                "rates are not proportional to light; check the lights, or record dimmer and "
-                "brighter ones, so that dead time is found"
-            )
-        return ""
-
     def _variance(self, at: int, rate: Floats) -> Floats:
         """Variance of the estimated rate of a level, Hz², at this rate."""
         level = self.levels[at]
         arrivals = np.maximum(rate * level.exposure_s, 0.3 / level.frames)
         if self.is_binary:
             return np.asarray(np.expm1(arrivals) / level.frames / level.exposure_s**2)
-        if self._dead_time is None:
+        if self.applied is None:
             return np.asarray(self.spread[at] * arrivals / level.frames / level.exposure_s**2)
         grid, mean, variance = self._law(level.exposure_s)
         slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
         own = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
         return np.asarray(self.spread[at] * own / level.frames / slope**2)
-
-
-def _busy_share(fired: float, live: float) -> float:
-    """Arrivals per light, relative to those of dim light, where so many are counted."""
-    return (1 - fired) / (1 - fired * live)
-
-
-def _ends(lit: Sequence[int]) -> tuple[int, int]:
-    return (lit[0], lit[-1]) if lit else (0, 0)
 
 
 def _pooled(fit: SaturationFit) -> tuple[float, float]:

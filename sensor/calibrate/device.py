@@ -20,7 +20,7 @@ from megalopta.sensor.calibrate.level import (
     photon_transfer,
 )
 from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel, neighbor_kernel
-from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation
+from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
 
 _95 = 1.959964
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
@@ -84,6 +84,9 @@ class Device:
     """None if the saturation curve does not determine it"""
     kind_ratio: float
     """Log-likelihood ratio of the two kinds"""
+    misfit: float = 0.0
+    """Deviation of counts from the saturation curve, relative, if it does not hold: neither
+    efficiency nor dead time is stated"""
     kernel: Kernel | None = None
     """Crosstalk kernel; None where the comb is hidden"""
     hot: Mask
@@ -288,6 +291,9 @@ def _saturation(recorded: _Recorded, counts: MeanCounts) -> Mapping[str, Any]:
         return dict(zip(names, (None, None, None, 0.0), strict=True))
     fit, ratio = fit_saturation(counts)
     errors = _standard_errors(fit.covariance)
+    left = misfit(counts, fit)
+    if left.is_clear:
+        return dict(zip(names, (None, None, None, 0.0), strict=True)) | {"misfit": left.share}
     _, efficiency, dead_time = recorded.estimates(fit.solution, errors)
     # name the kind if there is dead time and the curve determines its kind
     known = errors[:, 2] > 0

@@ -6,8 +6,10 @@ With µ_p photons on a pixel in an exposure, µ_y the mean and σ_y² the tempor
     R, K      slopes of µ_y over µ_p, and of σ_y² over µ_y, both less their dark values, from 0 to
               70 % of saturation
     η = R/K   quantum efficiency; one event is one electron
-    σ_d       √(σ²_y.dark − 1/12)/K, temporal dark noise
-    µ_p.min   (√(σ_d² + 1/(12·K²)) + ½)/η, absolute sensitivity threshold, where the SNR is 1
+    σ_d       √(σ²_y.dark − 1/12)/K, temporal dark noise, with σ²_y.dark of 0.24 DN² or more:
+              rounding hides what is less
+    µ_p.min   (√(σ_d² + 1/(12·K²)) + ½)/η, absolute sensitivity threshold: about where the SNR is
+              1, which is at (√(σ_d² + 1/(12·K²) + ¼) + ½)/η
     µ_p.sat   light at which σ_y² is largest; µ_e.sat = η·µ_p.sat, SNR_max = √µ_e.sat
     DR        µ_p.sat/µ_p.min
     DSNU      s_y.dark/K
@@ -42,6 +44,8 @@ _STEPS = 50
 _LINEAR = 0.7
 _LINEARITY = 0.05, 0.95
 _HOT = 0.1
+_LEAST_DARK = 0.24
+"""Smallest variance of dark readings that rounding does not hide, DN²"""
 _DIM = 0.01
 """Light, of saturation, at which no counter is near its end."""
 _STEP, _MOST_ARRIVALS = 1.2, 1e9
@@ -158,7 +162,7 @@ def emva(
     return Emva(
         responsivity=factors[0] * _slope(photons[linear], level[linear]),
         gain=gain,
-        dark_noise=float(np.sqrt(max(dark.noise - quantization, 0.0))) / gain,
+        dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK) - quantization)) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
         prnu=_nonuniformity(dark, half, level[last]),
         linearity_error=float(np.mean(np.abs(deviations(dark, steps, photons[last])[1]))),

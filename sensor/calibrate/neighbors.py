@@ -46,6 +46,19 @@ class Kernel(NamedTuple):
         return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
 
     @property
+    def echoes(self) -> tuple[float, float]:
+        """Events that an avalanche causes, by crosstalk and afterpulses, and their standard error.
+
+        What is not seen is taken as 0; an estimate of afterpulses is then part of the error.
+        """
+        fired, error = 0.0, self.afterpulses_error
+        if self.is_seen:
+            fired, error = 2 * float(self.share.sum()), float(np.hypot(error, self.total_error))
+        if self.are_afterpulses_seen:
+            return fired + self.afterpulses, error
+        return fired, float(np.hypot(error, max(self.afterpulses, 0.0)))
+
+    @property
     def total_error(self) -> float:
         """Standard error of the mean number of fired neighbors."""
         return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
@@ -74,10 +87,11 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
     common = _common(apart, good) / float(mean[good].mean())
     seen, error = ratios - common, errors / 2
-    fano = float(variance[good].sum() / mean[good].sum()) - common
-    # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
     m = mean[good]
-    spread = np.sqrt((2 * m**2 + m).sum() / n) / m.sum()
+    # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
+    weight = 1 / (2 * m + 1)
+    fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
+    spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
     for _ in range(_ROUNDS_OF_BOTH):
         relative = _solved(seen * left**2)

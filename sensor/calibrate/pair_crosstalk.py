@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
+from megalopta.sensor.effects.crosstalk import Crosstalk, neighborhoods
 
 
 class PairCrosstalk(NamedTuple):
@@ -61,6 +61,10 @@ def _mean(pairs: PairCrosstalk, places: tuple[tuple[int, int], ...]) -> float:
 
 def modelled(crosstalk: Crosstalk, pairs: PairCrosstalk) -> Floats:
     """Return the probability that the model gives each pair."""
-    weights = np.pad(neighborhoods(crosstalk)[0, 0], ((0, 1), (0, 1)))
-    down, right = (np.minimum(each, REACH + 1) for each in (pairs.down, pairs.right))
-    return np.asarray(weights[REACH + down, REACH + right])
+    weights = neighborhoods(crosstalk).mean(axis=(0, 1))
+    # which way a pair lies is not known
+    weights = (weights + weights[::-1] + weights[:, ::-1] + weights[::-1, ::-1]) / 4
+    rows, columns = (side // 2 for side in weights.shape)
+    within = (pairs.down <= rows) & (pairs.right <= columns)
+    down, right = np.where(within, pairs.down, 0), np.where(within, pairs.right, 0)
+    return np.asarray(weights[rows + down, columns + right])

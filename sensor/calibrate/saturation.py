@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.dead_time import LAWS
@@ -23,6 +24,7 @@ _KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
 _ROUNDS = 25
 _STARTS = 30
 _STEP = 1e-5
+_CHANCE, _SMALLEST_MISFIT = 1e-6, 1e-3
 
 
 class SaturationFit(NamedTuple):
@@ -47,6 +49,47 @@ class MeanCounts(NamedTuple):
     """(levels,)"""
     noise: Floats | float = 0.0
     """Variance of a count beyond that of events, (P,)."""
+
+
+class Misfit(NamedTuple):
+    """Deviation of mean counts from a fitted curve."""
+
+    share: float
+    """Clearest deviation of a level's mean over the pixels, relative"""
+    p: float
+    """Chance of as large deviations; NaN: too few levels to tell"""
+
+    @property
+    def is_clear(self) -> bool:
+        """True if the curve does not hold: beyond chance, and beyond a negligible deviation."""
+        return self.p < _CHANCE and abs(self.share) > _SMALLEST_MISFIT
+
+
+def misfit(counts: MeanCounts, fit: SaturationFit, spread: float = 1.0) -> Misfit:
+    """Return how far means of levels, over all pixels, are from a fit of every pixel.
+
+    `spread` is the variance of counts over that of independent events.
+    """
+    mean, variance = _moments(counts, fit.solution, fit.kind)
+    known = np.isfinite(fit.solution).all(axis=1) & (counts.frames > 0)
+    left = np.where(known, counts.mean - mean, 0)
+    z = left * np.sqrt(counts.frames / np.where(known, variance, 1) / spread)
+    pixels = known.sum(axis=1)
+    used = pixels > 0
+    freedom = int(used.sum()) - fit.solution.shape[1]
+    if freedom < 1:
+        return Misfit(0.0, np.nan)
+    sums = z.sum(axis=1)[used] / np.sqrt(pixels[used])
+    shares = left.sum(axis=1)[used] / np.where(known, mean, 0).sum(axis=1)[used]
+    clearest = int(np.argmax(np.abs(sums)))
+    return Misfit(float(shares[clearest]), float(chi2.sf((sums**2).sum(), freedom)))
+
+
+def live_share(counts: MeanCounts, fit: SaturationFit) -> Floats:
+    """Return the fitted share of arrivals that are counted, (levels, P)."""
+    dark_hz, efficiency, _ = fit.solution.T
+    arrivals = (dark_hz + efficiency * counts.light_hz[:, None]) * counts.exposure_s[:, None]
+    return np.asarray(_moments(counts, fit.solution, fit.kind)[0] / arrivals)
 
 
 def dead_time_moments(

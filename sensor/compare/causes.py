@@ -6,33 +6,41 @@
     C    covariance of a pixel with its right and lower neighbors
     K    |mean of exp(2πi·x)|², the clearness of the comb, for codes of few counts
 
-Each is computed in blocks of frames, whose scatter gives the covariance of a level's features.
-Calibration adds the errors of its maps, common fluctuations add theirs.
+Each is computed in blocks of frames. Their scatter in both recordings gives the covariance of a
+level's features, with so few blocks that Hotelling's T² has the distribution F, not χ²: estimated
+covariances are multiplied by what gives χ² the chance of T². Calibration adds the errors of its
+maps, common fluctuations add theirs.
 
 **Causes.** Dark counts, efficiency, dead time, afterpulsing and crosstalk change the moments of
 events by closed forms (`expectations`), with a parabola through two changes of about the fitted
 size. A step of 1 + δ multiplies means by it and variances by its square; an offset adds to all
 means; read noise of variance q adds q to all variances and multiplies K by exp(−4π²·q).
 
-**Choice.** The fewest causes, at most two, whose χ² has a chance above `REFUTED` explain the
-difference. If other sets of as many do so nearly as well, the cause is ambiguous. If no set does,
-none of the known causes explains it. Predicted changes are allowed an error of `MODEL_ERROR`,
-those of covariances, which are first-order, of three times as much.
+**Choice.** `p` is the chance of the difference between recordings of one device. A difference is
+stated where that is below `FALSE_ALARMS` even if the model errs by `_ERRORS`. The fewest causes, at
+most two, whose χ² has a chance above `REFUTED` explain it. If other sets of as many do so nearly as
+well, the cause is ambiguous. If no set does, none of the known causes explains it. Predicted
+changes are allowed an error of `MODEL_ERROR`, those of covariances, which are first-order, of three
+times as much.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.linalg import block_diag
+from scipy.ndimage import convolve
+from scipy.stats import chi2, f, norm
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.change import changed
 from megalopta.sensor.compare.model import Change, Model
 from megalopta.sensor.compare.quantities import BLOCKS
 from megalopta.sensor.compare.two_sample import Difference, Quantity
+from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.spad.counters import AnalogCounter
 
 REFUTED = 1e-3
@@ -48,7 +56,7 @@ _FEW_COUNTS = 8.0
 _FAINT = 0.01
 """Clearness of the comb below which it is not used."""
 _ERRORS = {"M": 2e-3, "V": 5e-3, "K": 1e-2}
-"""Relative errors of expected features, of model and calibration."""
+"""Relative errors of expected features that are forgiven to the model."""
 _ROUNDS = 12
 _95, _90 = 1.959964, 1.644854
 _FIELDS = {
@@ -70,6 +78,7 @@ _UNITS: Mapping[str, tuple[str, float]] = {
     "read noise": ("counts", 0.05),
 }
 """Units of parameters, and the values to which changes of smaller ones are relative"""
+_CROSS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]])
 _LARGEST_STEP = 8
 _STEPS = {"dark counts": 0.1, "efficiency": 0.1, "afterpulsing": 0.05, "crosstalk": 0.02}
 
@@ -80,8 +89,10 @@ class Features(NamedTuple):
     values: Floats
     """(F,)"""
     covariance: Floats
-    """(F, F)"""
-    level: Floats
+    """(F, F), of one frame"""
+    frames: Ints
+    """(F,)"""
+    level: Ints
     """(F,) number of the level"""
     kind: tuple[str, ...]
     """(F,) one of M, V, C, K"""
@@ -93,7 +104,7 @@ class Features(NamedTuple):
 
 def features(levels: Sequence[Level], good: Sequence[Mask], has_comb: Sequence[bool]) -> Features:
     """Return the features of the good pixels of all levels."""
-    values, covariances, places = [], [], []
+    values, covariances, places, frames = [], [], [], []
     kinds: list[str] = []
     for at, (level, own, comb) in enumerate(zip(levels, good, has_comb, strict=True)):
         if own.sum() < 2:
@@ -107,15 +118,14 @@ def features(levels: Sequence[Level], good: Sequence[Mask], has_comb: Sequence[b
             ]
         )
         values.append(blocks.mean(axis=0))
-        covariances.append(np.cov(blocks.T) / BLOCKS)
+        covariances.append(np.cov(blocks.T) * len(level.readings) / BLOCKS)
         places += [at] * len(names)
+        frames += [len(level.readings)] * len(names)
         kinds += names
-    total = np.zeros((len(places), len(places)))
-    first = 0
-    for each in covariances:
-        total[first : first + len(each), first : first + len(each)] = each
-        first += len(each)
-    return Features(np.concatenate(values), total, np.array(places), tuple(kinds))
+    if not values:
+        return Features(np.zeros(0), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), ())
+    total = block_diag(*covariances)
+    return Features(np.concatenate(values), total, np.array(frames), np.array(places), tuple(kinds))
 
 
 def _of_frames(signal: Floats, good: Mask, comb: bool) -> Floats:
@@ -147,6 +157,8 @@ class Causes:
 
     p: float
     """Chance of as large a difference between recordings of one device"""
+    p_forgiven: float
+    """The same, if the model errs by what is forgiven"""
     accepted: tuple[Explanation, ...]
     """Best explanation, and those nearly as good; empty if there is none or no difference"""
     alone: tuple[Difference, ...]
@@ -154,8 +166,8 @@ class Causes:
 
     @property
     def is_different(self) -> bool:
-        """True if features differ significantly."""
-        return self.p < FALSE_ALARMS
+        """True if features differ significantly, and by more than is forgiven to the model."""
+        return self.p_forgiven < FALSE_ALARMS
 
     @property
     def is_unexplained(self) -> bool:
@@ -183,14 +195,18 @@ def find_causes(
     ]
     one, other = features(captured, good, comb), features(expected, good, comb)
     if not one.values.size:
-        return Causes(1.0, (), ())
-    covariance = one.covariance + other.covariance
-    fit = _Fit(one.values - other.values, covariance, other, model, expected, good)
-    fit.covariance = covariance + fit.doubt(doubts)
+        return Causes(1.0, 1.0, (), ())
+    # in recordings of one device, those of single frames are equal
+    counted = (one.covariance + other.covariance) / 2 * (1 / one.frames + 1 / other.frames)
+    fit = _Fit(one.values - other.values, counted, other, model, expected, good)
+    fit.doubted = fit.doubt(doubts)
     p = fit.explained(()).p
-    accepted = _accepted(fit) if p < FALSE_ALARMS else ()
+    fit.doubted = fit.doubted + fit.forgiven()
+    p_forgiven = fit.explained(()).p
+    accepted = _accepted(fit) if p_forgiven < FALSE_ALARMS else ()
     names = accepted[0].names if accepted else ()
-    return Causes(p, accepted, tuple(fit.next_to(names, name, margin) for name in fit.names))
+    alone = tuple(fit.next_to(names, name, margin) for name in fit.names)
+    return Causes(p, p_forgiven, accepted, alone)
 
 
 def _accepted(fit: "_Fit") -> tuple[Explanation, ...]:
@@ -214,14 +230,40 @@ def _has_comb(level: Level, good: Mask) -> bool:
     return float(((n * power - 1) / (n - 1)).mean()) > _FAINT
 
 
+def _as_if_known(left: Floats, counted: Floats, level: Ints) -> tuple[Floats, int]:
+    """Covariance in which the χ² of each level has the chance of its T²; degrees of freedom."""
+    known, freedom, blocks = np.zeros_like(counted), 0, 2 * (BLOCKS - 1)
+    for number in np.unique(level):
+        here = level == number
+        block = np.ix_(here, here)
+        inverse = _inverse(counted[block])
+        size = int(np.linalg.matrix_rank(inverse))
+        square = float(left[here] @ inverse @ left[here])
+        rest = blocks - size + 1
+        chance = f.sf(square * rest / (blocks * size), size, rest) if size else 1.0
+        wanted = chi2.isf(max(chance, 1e-290), size) if size else 0.0
+        known[block] = counted[block] * (square / wanted if wanted > 0 else 1.0)
+        freedom += size
+    return known, freedom
+
+
+def _inverse(covariance: Floats) -> Floats:
+    """Inverse of a covariance matrix, for entries of any unit; 0 where nothing varies."""
+    size = np.sqrt(np.diagonal(covariance))
+    scale = np.divide(1, size, out=np.zeros_like(size), where=size > 0)
+    inverse = np.linalg.pinv(scale[:, None] * covariance * scale, rcond=1e-10, hermitian=True)
+    return np.asarray(scale[:, None] * inverse * scale)
+
+
 class _Fit:
     """Fit of causes to a difference of features."""
 
     def __init__(
-        self, difference: Floats, covariance: Floats, expected: Features, model: Model,
+        self, difference: Floats, counted: Floats, expected: Features, model: Model,
         levels: Sequence[Level], good: Sequence[Mask],
     ) -> None:  # fmt: skip
-        self.difference, self.covariance, self.expected = difference, covariance, expected
+        self.difference, self.counted, self.expected = difference, counted, expected
+        self.doubted = np.zeros_like(counted)
         self.model, self.levels, self.good = model, levels, good
         self._bends: dict[tuple[str, float], tuple[Floats, Floats]] = {}
         self._means = [
@@ -237,10 +279,8 @@ class _Fit:
         self.names = tuple(names)
 
     def doubt(self, doubts: Doubts) -> Floats:
-        """Covariance of the features due to fluctuations, calibration and model."""
-        expected, values = self.expected, np.abs(self.expected.values)
-        total = np.diag((np.select([expected.of(each) for each in _ERRORS], list(_ERRORS.values()))
-                         * values) ** 2)  # fmt: skip
+        """Covariance of the features due to fluctuations and calibration."""
+        expected, total = self.expected, np.zeros_like(self.counted)
         for level, unsure in enumerate(doubts.fluctuations):
             here = expected.level == level
             for name, size in unsure.items():
@@ -254,8 +294,14 @@ class _Fit:
             if error and name in self.names:
                 moved = self.change([name], np.array([error]))
                 total += np.outer(moved, moved)
-        common = [self._means[int(level)].mean() for level in expected.level]
-        return total + np.diag(np.where(expected.of("C"), 1e-3 * np.array(common), 0) ** 2)
+        return total
+
+    def forgiven(self) -> Floats:
+        """Covariance of the features due to errors of the model."""
+        kinds, shares = [self.expected.of(kind) for kind in _ERRORS], list(_ERRORS.values())
+        common = np.array([self._means[int(level)].mean() for level in self.expected.level])
+        off = np.select(kinds, shares) * np.abs(self.expected.values)
+        return np.diag(np.where(self.expected.of("C"), 1e-3 * common, off) ** 2)
 
     def change(self, names: Sequence[str], sizes: Floats) -> Floats:
         """Predicted change of features."""
@@ -292,24 +338,15 @@ class _Fit:
     def _bend(self, name: str, size: float) -> tuple[Floats, Floats]:
         """Slope and curvature of the features over the size of a cause, at sizes like this one."""
         step = _STEPS.get(name) or 0.1 * max(self.model.sensor.dead_time.dead_time_s, 1e-7)
-        if name == "afterpulsing":  # tables take seconds
-            return self._known((name, step), lambda: (self._moved(name, step) / step, 0.0))
-        while abs(size) > 2.5 * step and step < _LARGEST_STEP * _STEPS.get(name, step):
+        is_linear = name == "afterpulsing"  # tables take seconds
+        largest = 0.0 if is_linear else _LARGEST_STEP * _STEPS.get(name, step)
+        while abs(size) > 2.5 * step and step < largest:
             step *= 2
-
-        def parabola() -> tuple[Floats, Floats]:
-            one, two = self._moved(name, step), self._moved(name, 2 * step)
-            return (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
-
-        return self._known((name, step), parabola)
-
-    def _known(
-        self, key: tuple[str, float], found: Callable[[], tuple[Floats, Floats | float]]
-    ) -> tuple[Floats, Floats]:
-        if key not in self._bends:
-            slope, bend = found()
-            self._bends[key] = slope, np.asarray(bend)
-        return self._bends[key]
+        if (name, step) not in self._bends:
+            one = self._moved(name, step)
+            two = 2 * one if is_linear else self._moved(name, 2 * step)
+            self._bends[name, step] = (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
+        return self._bends[name, step]
 
     def _moved(self, name: str, size: float) -> Floats:
         """Change of the features' closed forms."""
@@ -334,24 +371,27 @@ class _Fit:
     def _coincidences(self, neighbors: float, at: int) -> float:
         """Covariance with the right and lower neighbor over the variance, by crosstalk."""
         own, part = self.good[at], self._parts[at]
-        crosstalk = self.model.sensor.crosstalk
+        crosstalk = changed(self.model.sensor.crosstalk, mean_fired_neighbors=0.1)
+        weights = neighborhoods(crosstalk).mean(axis=(0, 1))
         # each of four nearest neighbors gets a share; both directions of a pair covary
-        share = neighbors / 4 / (1 + crosstalk.diagonal + crosstalk.distance_two)
+        nearest = convolve(weights, _CROSS, mode="constant")[tuple(np.array(weights.shape) // 2)]
+        share = neighbors * nearest / 4 / weights.sum()
         pairs = (own[:, :-1] & own[:, 1:]).sum() + (own[:-1] & own[1:]).sum()
         # of avalanches that crosstalk adds, dead time leaves as many as of more light
         counted = float((part.light + part.dark)[own].sum() / max(part.mean[own].sum(), 1e-300))
-        return 2 * share * counted * float(pairs) / float(own.sum())
+        return float(2 * share * counted * pairs / own.sum())
 
     def explained(self, names: tuple[str, ...]) -> Explanation:
         """Fit the sizes of some causes."""
         sizes = np.zeros(len(names))
-        covariance = self.covariance
+        doubted, covariance = self.doubted, self.counted + self.doubted
         for _ in range(_ROUNDS if names else 0):
             base = self.change(names, sizes)
             error = np.where(self.expected.of("C"), 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
-            covariance = self.covariance + np.diag(error**2)
+            doubted = self.doubted + np.diag(error**2)
+            covariance = self.counted + doubted
             slopes = self._slopes(names, sizes, base)
-            weighted = np.linalg.solve(covariance, slopes)
+            weighted = _inverse(covariance) @ slopes
             normal = np.linalg.pinv(slopes.T @ weighted, hermitian=True)
             step = normal @ (weighted.T @ (self.difference - base))
             sizes = np.clip(sizes + np.clip(step, -1, 1), self._least(names), 20.0)
@@ -359,10 +399,11 @@ class _Fit:
         errors = np.zeros(len(names))
         if names:
             slopes = self._slopes(names, sizes, self.change(names, sizes))
-            information = slopes.T @ np.linalg.solve(covariance, slopes)
+            information = slopes.T @ _inverse(covariance) @ slopes
             errors = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)).clip(0))
-        square = float(left @ np.linalg.solve(covariance, left))
-        freedom = max(left.size - len(names), 1)
+        known, freedom = _as_if_known(left, self.counted, self.expected.level)
+        square = float(left @ _inverse(known + doubted) @ left)
+        freedom = max(freedom - len(names), 1)
         return Explanation(names, sizes, errors, square, float(chi2.sf(square, freedom)))
 
     def next_to(self, names: tuple[str, ...], name: str, margin: float) -> Difference:

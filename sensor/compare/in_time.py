@@ -10,6 +10,8 @@ periodogram is exponential.
     flicker            line in the periodogram of the mean of z
     banding            line in periodograms of the means of rows, less that of all
     row, column noise  correlation of pixels of one line, four or more pixels apart
+    dependent frames   correlation of all pixels with the frame before, as by image lag or a running
+                       mean, beyond that of the expected recording
 
 Drift of the light leaves darkness unchanged. Drift of the gain is in proportion to all counts, of
 the dark counts in proportion to these, and of the offset the same in every recording. The amplitude
@@ -38,7 +40,12 @@ _CLEARLY_BETTER = 16.0
 _MOST_LINES = 3
 _MOST_LOST = 4
 """Frames made over frames kept above which times are not used."""
-_FEWEST_FRAMES = 16
+_FEWEST_FRAMES, _FEWEST_PIXELS = 16, 16
+_FEWEST_COUNTS = 30.0
+_OF_MEDIAN = 1.2533
+"""Standard error of a median over that of a mean"""
+_SMALLEST_MEMORY = 0.01
+"""Correlation with the frame before that is negligible"""
 _LOWEST_LINE = 3
 """Cycles per recording below which a line is a drift."""
 _OF_ROWS = 0.2
@@ -108,8 +115,38 @@ def without_repeats(captured: Level, expected: Level) -> tuple[Level, list[Fault
 
 
 def _repeats(level: Level) -> Mask:
+    """Frames that repeat the one before, and are not all dark or all saturated."""
     frames = level.recorded.reshape(len(level.readings), -1)
-    return np.array([np.array_equal(one, other) for one, other in pairwise(frames)])
+    return np.array(
+        [np.array_equal(one, other) and np.ptp(one) > 0 for one, other in pairwise(frames)]
+    )
+
+
+def dependent_frames(captured: Level, expected: Level, good: Mask) -> list[Fault]:
+    """Return correlation with the frame before that most pixels share, beyond what is expected."""
+    both = [_memory(each, good) for each in (captured, expected)]
+    if min(each.size for each in both) < _FEWEST_PIXELS:
+        return []
+    share = float(np.median(both[0]) - np.median(both[1]))
+    readings = len(captured.readings) * both[0].size, len(expected.readings) * both[1].size
+    error = _OF_MEDIAN * np.sqrt(1 / readings[0] + 1 / readings[1])
+    if abs(share) < max(_NOISE_Z * error, _SMALLEST_MEMORY):
+        return []
+    text = (
+        f"readings of all pixels are correlated by {share:.2g} with those of the frame before, so "
+        "that neither parameters nor pixels are tested"
+    )
+    return [Fault("dependent frames", text)]
+
+
+def _memory(level: Level, good: Mask) -> Floats:
+    """Correlation of pixels (P,) with the frame before, beside what the pixels of a row share."""
+    z = _standardized(level, good)
+    shared = z.mean(axis=2, keepdims=True)
+    z = z - shared * (z * shared).sum(axis=0) / np.maximum(np.square(shared).sum(axis=0), 1e-30)
+    power = np.square(z).sum(axis=0)
+    tested = good & (power > 0) & (level.signal.sum(axis=0, dtype=np.float64) > _FEWEST_COUNTS)
+    return np.asarray(((z[1:] * z[:-1]).sum(axis=0) / np.maximum(power, 1e-30))[tested])
 
 
 def missing_frames(level: Level) -> list[Fault]:
@@ -412,7 +449,6 @@ def _far_correlation(sums: Floats, pixels: Floats) -> tuple[float, float]:
 def _line_correlation(z: Floats) -> tuple[float, float]:
     """Mean correlation of pixels of one row, four or more columns apart."""
     varies = (z != 0).any(axis=0).astype(float)
-    products, pairs = np.zeros(len(z)), 0.0
     later = np.cumsum(z[:, :, ::-1], axis=2)[:, :, ::-1]
     number = np.cumsum(varies[:, ::-1], axis=1)[:, ::-1]
     if z.shape[2] <= _FAR:

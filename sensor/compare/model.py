@@ -71,11 +71,11 @@ class Model:
             name = f"comparison, {stimulus}{level.exposure_s:g} s, light {level.light_hz:g}"
             seen = np.broadcast_to(rate, level.readings.shape)
             if level.codes is not None:
-                codes = expose_adc(seen, own, seed=seed, sequence=name, together=_TOGETHER)
+                codes = expose_adc(seen, own, seed=seed, stream=name, together=_TOGETHER)
                 times = level.times_s
                 drawn = level_of_codes(codes, own, level.exposure_s, level.light_hz, times)
             else:
-                exposure = expose_rate(seen, own, seed=seed, sequence=name)
+                exposure = expose_rate(seen, own, seed=seed, stream=name)
                 # if a capture has no saturation mask, saturated counts are compared as they are
                 saturated = None if level.saturated is None else exposure.saturated
                 drawn = replace(level, readings=exposure.counts, saturated=saturated)

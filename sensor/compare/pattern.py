@@ -147,9 +147,7 @@ def odd_lines(
                 continue
             if cause == "offset":
                 offsets.append(LineOffset(axis, int(index), size))
-                unit = f"{1e3 * size * volts_per_count:+.2g} mV" if volts_per_count else (
-                    f"{size:+.2g} counts"
-                )  # fmt: skip
+                unit = f"{size:+.2g} counts"
                 if volts_per_count:  # counts lower the output
                     unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))

@@ -5,7 +5,8 @@ Steps, each of which leaves to the next what it cannot explain:
 1. repeated and missing frames (`in_time`), bits and codes of the ADC (`converter`)
 2. order of the pixels (`arrangement`), which is undone
 3. dead and stuck lines and pixels (`pattern`), which are masked
-4. drift, flicker, banding, common noise (`in_time`), which are subtracted
+4. frames that depend on those before, beside which no test that assumes independent ones is made;
+   drift, flicker, banding, common noise (`in_time`), which are subtracted
 5. light that is uneven over the array (`uneven`), which is subtracted
 6. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
    which are masked (`pattern`)
@@ -26,7 +27,12 @@ from megalopta.sensor.compare.arrangement import Arrangement, arrangement
 from megalopta.sensor.compare.causes import Causes, Doubts, find_causes
 from megalopta.sensor.compare.converter import stuck_bits, uneven_codes
 from megalopta.sensor.compare.faults import Fault, pixels_of
-from megalopta.sensor.compare.in_time import missing_frames, steadied, without_repeats
+from megalopta.sensor.compare.in_time import (
+    dependent_frames,
+    missing_frames,
+    steadied,
+    without_repeats,
+)
 from megalopta.sensor.compare.model import Model, level_of_codes
 from megalopta.sensor.compare.pattern import (
     LineOffset,
@@ -152,6 +158,8 @@ class _Cleaned:
     is_uneven: bool = False
     """True if codes of the ADC are missing or uneven."""
     unsure: list[dict[str, float]] = field(default_factory=list)
+    are_dependent: bool = False
+    """True if frames depend on those before."""
 
     @property
     def good(self) -> list[Mask]:
@@ -204,7 +212,13 @@ class _Cleaned:
         self.faults += faults
 
     def steady(self) -> None:
-        """Drift, flicker, banding and common noise."""
+        """Frames that depend on those before, or drift, flicker, banding and common noise."""
+        levels = zip(self.captured, self.expected, self.good, strict=True)
+        dependent = [dependent_frames(*each) for each in levels]
+        self.are_dependent = any(dependent)
+        if self.are_dependent:
+            self.faults += _merged(dependent, self.captured)
+            return
         found = steadied(self.captured, self.good, self.model.parts(self.expected))
         self.captured = [each.level for each in found]
         self.unsure = [each.unsure for each in found]
@@ -225,9 +239,10 @@ class _Cleaned:
     def check_pattern(self) -> None:
         """Lines and single pixels."""
         flickering, known = np.zeros((2, *self.masked.shape), np.bool_)
-        for one, other, own in zip(self.captured, self.expected, self.good, strict=True):
-            flickering |= correlation(one.signal, own).is_telegraph
-            known |= correlation(other.signal, own).is_telegraph
+        if not self.are_dependent:
+            for one, other, own in zip(self.captured, self.expected, self.good, strict=True):
+                flickering |= correlation(one.signal, own).is_telegraph
+                known |= correlation(other.signal, own).is_telegraph
         self.masked = self.masked | flickering | known
         parts, volts = self.model.parts(self.expected), self.model.volts_per_count
         volts = volts if self.captured[0].codes is not None else 0.0
@@ -318,12 +333,12 @@ def compare_recordings(
         cleaned.reorder(order)
     cleaned.mask_unresponsive()
     cleaned.masked = cleaned.masked | ~np.isfinite(np.sum(unsure, axis=0))
-    causes = Causes(1.0, (), ())
+    causes = Causes(1.0, 1.0, (), ())
     if not is_scene:
         cleaned.steady()
         cleaned.check_light()
         cleaned.check_pattern()
-        causes = _causes(cleaned, margin)
+        causes = causes if cleaned.are_dependent else _causes(cleaned, margin)
     tests, distances, chance = _pixel_tests(cleaned)
     return Comparison(
         order, tuple(cleaned.faults), causes, causes.alone, tests, distances, chance, margin
@@ -355,7 +370,8 @@ def _pixel_tests(cleaned: _Cleaned) -> tuple[dict[str, PixelTest], Distances, Di
         of_histograms, apart = histogram_test(a, b)
         samples = Sample.of(a), Sample.of(b)
         tests = mean_test(*samples, error), variance_test(*samples), of_histograms
-        p_values.append([np.where(own, p, np.nan) for p in tests])
+        is_tested = own & (not cleaned.are_dependent)
+        p_values.append([np.where(is_tested, p, np.nan) for p in tests])
         distances.append(apart)
         chance.append(distances_by_chance(a, b))
     families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)

@@ -4,8 +4,8 @@
     reading      = discharge after the exposure + noise, V
 
 The radiance of a frame holds for the whole exposure. Every frame has its own random stream, named
-by seed, sequence and frame number. With a leaking floating gate, each frame is one frame period
-older than the one before.
+by seed, stream, sensor, light and frame number. With a leaking floating gate, each frame is one
+frame period older than the one before.
 
 Source: dissertation, Chapter 3, for the pixel; the array is an extension.
 """
@@ -23,7 +23,7 @@ from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Reals
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 
 # In swings: electrons of a saturated pixel are tracked up to here.
 _FAR = 1e3
@@ -50,15 +50,16 @@ def expose_photocurrent(
     sensor: CtiaSensor,
     *,
     seed: int,
-    sequence: str | int,
+    stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
     """Read frames of known photocurrent, (T, H, W) in A; parameters as for `expose`."""
     light = _checked(photocurrent_a)
+    named = sensor_stream(stream, sensor, np.zeros((1, 1)))
     volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
-        rng = generator(seed, "ctia exposure", sequence, first_frame + index)
+        rng = generator(seed, "ctia exposure", named, light_key(light[index]), first_frame + index)
         discharged = discharge(now, light[index], sensor.exposure_s)
         noise = draw_noise(rng, sensor.noise, now, light[index], sensor.exposure_s)
         volts[index] = discharged + noise

@@ -30,8 +30,8 @@ from scipy.ndimage import convolve
 from scipy.sparse import csr_matrix, diags, identity
 
 from megalopta.core.arrays import Floats, Ints, plain_array
+from megalopta.core.named_file import file_content, named_path
 from megalopta.sensor.effects.base import Effect, Stage
-from megalopta.sensor.input_files import file_content
 
 REACH = 3
 """Largest distance of direct crosstalk along a row or column, pixels."""
@@ -281,7 +281,7 @@ def _matrix(shape: tuple[int, int], crosstalk: Crosstalk) -> csr_matrix:
     return csr_matrix(entries, shape=(number.size, number.size))
 
 
-def with_kernel(crosstalk: Any, folder: Path) -> Any:
+def with_kernel(crosstalk: Any, folder: Path | None) -> Any:
     """Return crosstalk with the numbers of its kernel's file, (P, Q, rows, columns) or two last.
 
     Raises ValueError if the file cannot be read or holds no numbers.
@@ -291,7 +291,7 @@ def with_kernel(crosstalk: Any, folder: Path) -> Any:
     path = crosstalk["kernel"].get("path")
     if not isinstance(path, str) or len(crosstalk["kernel"]) > 1:
         raise ValueError("crosstalk.kernel: give numbers, or path alone, of a .npy file")
-    weights = plain_array(file_content(folder / path, "crosstalk.kernel"))
+    weights = plain_array(file_content(named_path(path, folder), "crosstalk.kernel"))
     if weights is None or weights.size > _MOST_NUMBERS:
         raise ValueError(
             f"crosstalk.kernel: {path} does not hold {_MOST_NUMBERS} plain numbers or fewer; write "

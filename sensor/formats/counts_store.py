@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import zarr
@@ -27,9 +27,10 @@ from numpy.typing import DTypeLike, NDArray
 from pydantic import TypeAdapter
 from zarr.codecs import BloscCodec
 
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import check_decoded, undamaged
 from megalopta.core.files import atomic_write, write_text
 from megalopta.core.format_numbers import check_format, written
+from megalopta.core.zarr_store import Store, open_store
 from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure
@@ -267,9 +268,9 @@ class StoredFrames:
         Raises OSError, ValueError or KeyError if there is no such array; UserError if its format
         is one that this version of the program does not read.
         """
-        group = zarr.open_group(path, mode="r")
-        check_format("counts", dict(group.attrs), path, FORMAT_KEY)
-        return cls(path, cast("zarr.Array[Any]", group[name]))
+        store = open_store(path)
+        check_format("counts", store.attributes, path, FORMAT_KEY)
+        return cls(path, store.arrays[name])
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -281,20 +282,28 @@ class StoredFrames:
         return self.array.shape
 
     def __getitem__(self, frames: Frames) -> NDArray[Any]:
-        """Read frames. Raises DamagedFileError."""
-        chosen = np.asarray(frames) if isinstance(frames, list) else frames
+        """Read frames of finite numbers. Raises DamagedFileError, or UserError as `read`."""
         with undamaged(self.path, _REMEDY):
-            frames_read = np.asarray(self.array.oindex[chosen])
+            frames_read = self.read(frames)
             if frames_read.dtype.kind == "f" and not np.isfinite(frames_read).all():
                 raise ValueError("not all of its numbers are finite")
             return frames_read
 
-    def mean(self, frames_at_once: int = 64) -> float:
+    def read(self, frames: Frames) -> NDArray[Any]:
+        """Read frames, of which some numbers may be NaN.
+
+        Raises UserError if they take too much memory; errors of any type if they are damaged.
+        """
+        chosen = np.asarray(frames) if isinstance(frames, list) else frames
+        number = 1 if isinstance(frames, int) else np.arange(len(self))[chosen].size
+        check_decoded(self.path, (number, *self.shape[1:]), 2 * self.array.dtype.itemsize)
+        return np.asarray(self.array.oindex[chosen])
+
+    def mean(self) -> float:
         """Mean over all frames, reading a few at a time."""
-        starts = range(0, len(self), frames_at_once)
-        total = sum(
-            float(self[first : first + frames_at_once].sum(dtype=np.float64)) for first in starts
-        )
+        at_once = self.array.chunks[0]
+        starts = range(0, len(self), at_once)
+        total = sum(float(self[first : first + at_once].sum(dtype=np.float64)) for first in starts)
         return total / max(self.array.size, 1)
 
 
@@ -324,26 +333,26 @@ class OpenedCounts(Origin):
         return Exposure(self["counts"][frames], self["saturated"][frames], expectation)
 
 
-def open_counts(path: str | Path) -> OpenedCounts:
+def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> OpenedCounts:
     """Open a store written by `write_counts`, without reading frames.
 
-    Raises FileNotFoundError if the path does not exist; ValueError if it is not a store of counts,
-    or is incomplete or damaged; UserError if its format is one that this version of the program
-    does not read.
+    `shape` is that of its arrays, frames, rows and columns, if it is known. Raises
+    FileNotFoundError if the path does not exist; ValueError if it is not a store of counts, of
+    another shape, incomplete or damaged; UserError if its format is one that this version of the
+    program does not read, or it takes too much memory.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such counts store")
-    try:
-        group = zarr.open_group(path, mode="r")
-        attributes: dict[str, Any] = dict(group.attrs)
-    except Exception as problem:  # damaged files raise errors of any type
-        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
-    if attributes.get("format") != FORMAT:
-        raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
-    check_format("counts", attributes, path, FORMAT_KEY)
     with undamaged(path, _REMEDY):
-        return _opened(path, group, attributes)
+        store = open_store(path)
+        if store.attributes.get("format") != FORMAT:
+            raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
+        check_format("counts", store.attributes, path, FORMAT_KEY)
+        opened = _opened(path, store)
+        if shape not in (None, found := opened["counts"].shape):
+            raise ValueError(f"its arrays are {found} instead of {shape}")
+        return opened
 
 
 def read_counts(path: str | Path) -> StoredCounts:
@@ -355,15 +364,15 @@ def read_counts(path: str | Path) -> StoredCounts:
     )
 
 
-def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> OpenedCounts:
-    names = READINGS + MOMENTS if any(name in group for name in MOMENTS) else READINGS
+def _opened(path: Path, store: Store) -> OpenedCounts:
+    names = READINGS + MOMENTS if store.arrays.keys() & set(MOMENTS) else READINGS
     arrays: dict[str, StoredFrames] = {}
     for name in names:
-        array = group[name]
-        if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
-            raise ValueError(f"{name} has the wrong type of numbers")
+        array = store.arrays[name]
+        if array.dtype.kind not in _KINDS[name] or not isinstance(array.attrs.get("unit"), str):
+            raise ValueError(f"{name} has the wrong type of numbers, or no unit")
         written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
-        sizes = zip(array.shape, array.chunks, strict=True)
+        sizes = zip(array.shape, array.shards or array.chunks, strict=True)
         lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
         if lost > 0:
             raise ValueError(f"{lost} chunks of {name} are missing")
@@ -373,12 +382,15 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
         raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
     extras = {
         name: StoredFrames(path, array)
-        for name, array in group.arrays()
+        for name, array in store.arrays.items()
         if name not in arrays and array.shape[0] == shapes[0][0]
     }
     return OpenedCounts(
-        sensor=_IMAGE_SENSOR.validate_python(attributes["sensor"]),
-        **{name: attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")},
+        sensor=_IMAGE_SENSOR.validate_python(store.attributes["sensor"]),
+        **{
+            name: store.attributes[name]
+            for name in ("seed", "sequence", "illuminance_lux", "extra")
+        },
         path=path,
         arrays=arrays | extras,
     )

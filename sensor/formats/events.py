@@ -18,7 +18,6 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, Final, TypeAlias
@@ -27,12 +26,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Ints
-from megalopta.core.bounded import undamaged
+from megalopta.core.arrays import Ints, zipped_arrays
+from megalopta.core.bounded import check_decoded, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
+from megalopta.core.hdf5 import numbers_in, opened_hdf5
 from megalopta.sensor.event_stream import Events
-from megalopta.sensor.formats.recorded_frames import file_bytes
 
 Column: TypeAlias = NDArray[np.integer[Any]]
 
@@ -47,6 +46,8 @@ _FORMAT = "megalopta events"
 _CHUNK = 16384
 _UNITS = {"t": "ps", "x": "column", "y": "row", "p": "1: an avalanche"}
 _COPIED_BYTES = 2**22
+_EVENT_BYTES, _DECODED_BYTES = 12, 64
+"""Bytes of an event in a file, and of what its reader makes of it"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,23 +162,24 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
 
 def read_events_hdf5(path: Path) -> StoredEvents:
     """Read a file written by `write_events_hdf5`; raises as `read_events`."""
-    size = file_bytes(path).size
-    with undamaged(path), h5py.File(path, "r") as file:
+    with undamaged(path), opened_hdf5(path) as file:
         attributes = dict(file.attrs)
         if attributes.get("format") != _FORMAT:
             raise ValueError("no events in megalopta's layout")
-        columns = {n: _dataset_in(file, f"events/{n}", each, size) for n, each in _TYPES.items()}
-        starts = _dataset_in(file, "frame_start", "<i8", size)
+        columns = {
+            name: numbers_in(file, f"events/{name}", "iu", 1, _DECODED_BYTES) for name in _TYPES
+        }
+        starts = numbers_in(file, "frame_start", "i", 1)
     return _stored(path, attributes, columns, starts)
 
 
 def read_events_npz(path: Path) -> StoredEvents:
     """Read a file written by `write_events_npz`; raises as `read_events`."""
-    size = file_bytes(path).size
-    with undamaged(path), zipfile.ZipFile(path) as file:
-        columns = {name: _array_in(file, name, each, size) for name, each in _TYPES.items()}
-        starts = _array_in(file, "starts", "<i8", size)
-        attributes = dict(json.loads(_array_in(file, "origin", "|u1", size).tobytes()))
+    check_decoded(path, (path.stat().st_size // _EVENT_BYTES,), _DECODED_BYTES)
+    with undamaged(path):
+        arrays = zipped_arrays(path, (*_TYPES, "starts", "origin"))
+        attributes = dict(json.loads(arrays["origin"].tobytes()))
+    columns, starts = {name: arrays[name] for name in _TYPES}, arrays["starts"]
     return _stored(path, attributes, columns, starts)
 
 
@@ -253,6 +255,9 @@ def _origin(attributes: Mapping[str, Any]) -> EventOrigin:
 
 
 def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: Column) -> None:
+    for name, column in {**columns, "starts": starts}.items():
+        if column.dtype != np.dtype(_TYPES.get(name, "<i8")) or column.ndim != 1:
+            raise ValueError(f"{name} is {column.dtype} {column.shape}")
     t, x, y = columns["t"], columns["x"], columns["y"]
     if not len(t) == len(x) == len(y):
         raise ValueError(f"{len(t)} times, {len(x)} columns and {len(y)} rows")
@@ -277,20 +282,6 @@ def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
     return found
 
 
-def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
-    """Array of a file, checked for presence, type and size."""
-    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-        raise ValueError(f"{name} is missing, or in another file")
-    found = file[name]
-    if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
-        raise ValueError(f"{name} is no array of this file")
-    if found.dtype != np.dtype(dtype) or found.ndim != 1:
-        raise ValueError(f"{name} is {found.dtype} {found.shape}")
-    if found.nbytes > size:
-        raise ValueError(f"{name} has {found.nbytes} bytes in a file of {size}")
-    return np.asarray(found[...])
-
-
 def _member(name: str) -> zipfile.ZipInfo:
     """Member with a fixed date, so that equal events give equal bytes."""
     return zipfile.ZipInfo(f"{name}.npy")
@@ -303,15 +294,3 @@ def _add(file: zipfile.ZipFile, name: str, length: int, column: IO[bytes]) -> No
         np.lib.format.write_array_header_1_0(member, header)
         while block := column.read(_COPIED_BYTES):
             member.write(block)
-
-
-def _array_in(file: zipfile.ZipFile, name: str, dtype: str, size: int) -> Column:
-    """Array of a member, checked for its type and for being no larger than the file."""
-    info = file.getinfo(f"{name}.npy")
-    if info.compress_type != zipfile.ZIP_STORED or info.file_size > size:
-        raise ValueError(f"{name} is compressed, or larger than the file")
-    content = file.read(info)  # verifies its checksum
-    array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
-    if array.dtype != np.dtype(dtype) or array.ndim != 1:
-        raise ValueError(f"{name} is {array.dtype} {array.shape}")
-    return np.asarray(array)

@@ -33,6 +33,8 @@ Bytes = NDArray[np.uint8]
 _SPAD512 = 512, 512
 _FRAMES_PER_FILE = 1000
 _SHAPES = {"spad512": _SPAD512, "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
+_PACKED_NAMES = (".binary.npy", ".burst.npy")
+"""Names of the products of packed bits (`products`)."""
 _FOOTER = b"DONE"
 """Sent by the SPAD512S after its frames, and kept by programs that store the whole stream."""
 
@@ -109,28 +111,48 @@ def check_spad512_size(rows: int, columns: int) -> None:
 
 
 def read_binary_npy(
-    path: Path, frames: slice, layout: PackedLayout | None, width: int | None
+    path: Path,
+    frames: slice,
+    layout: PackedLayout | None,
+    shape: tuple[int, int] | None,
+    is_packed: bool | None,
 ) -> RecordedFrames:
-    """Read packed frames as bits; bool frames or wider numbers are returned as they are.
+    """Read packed frames as bits; frames of bits or of counts are returned as they are.
 
-    `width` is the number of pixels per row, if not a multiple of eight. Raises as `read_frames`.
+    Numbers of 8 bits may be any of these: `is_packed`, a layout, the `shape` of the image or the
+    name of this program's products says it. Numbers of 0 and 1 are bits. Raises as `read_frames`.
     """
-    layout, array = layout or PackedLayout(), _mapped(path)
+    array = _mapped(path)
     if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
         raise ValueError(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
             "packed bits, or counts (T, H, W)"
         )
-    part = array[wanted(len(array), frames, path)]
+    frame_bytes = array[0].nbytes * (8 if array.dtype == np.uint8 else 1)
+    part = array[wanted(len(array), frames, path, frame_bytes)]
     if array.dtype != np.uint8:
         return _counts(part, path, len(array))
+    if is_packed is None and (layout is not None or path.name.endswith(_PACKED_NAMES)):
+        is_packed = True
+    if is_packed is None and shape is not None:
+        is_packed = tuple(shape) != array.shape[1:3]
+    if is_packed is None:
+        if array.max() > 1:
+            raise ValueError(
+                f"{path}: numbers of 8 bits may be eight pixels each, or counts; state "
+                "the format, packed_npy or npy, or save counts as uint16"
+            )
+        part = part.astype(np.bool_)
+    if not is_packed:
+        return _counts(part, path, len(array))
+    width = None if shape is None else shape[1]
     if width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
         raise ValueError(
             f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
             "width of the sensor; if it is the height, the file is transposed"
         )
-    bits = _unpacked(part, layout, width)
-    return RecordedFrames(counts=bits, bit_depth=1, source="npy", total=len(array))
+    bits = _unpacked(part, layout or PackedLayout(), width)
+    return RecordedFrames(counts=bits, bit_depth=1, source="packed_npy", total=len(array))
 
 
 def read_raw(
@@ -188,7 +210,7 @@ def _raw_frames(
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
     parts = [_body(file, frame_bytes, layout) for file in files]
     total = sum(map(len, parts))
-    range_ = wanted(total, frames, path)
+    range_ = wanted(total, frames, path, 8 * frame_bytes)
     chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
     for part in parts:
         chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])

@@ -26,7 +26,9 @@ from megalopta.sensor.formats.packed import PackedLayout, read_binary_npy, read_
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 from megalopta.sensor.formats.tiff import read_tiff
 
-FrameKind: TypeAlias = Literal["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"]
+FrameKind: TypeAlias = Literal[
+    "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"
+]
 
 _SPC3_SIGNATURE = bytes.fromhex("4d5044ff03000001")
 _SIGNATURES: dict[bytes, FrameKind] = {
@@ -62,7 +64,9 @@ def read_frames(
     path
         A file, or a folder of `.bin` files.
     kind : str, optional
-        Format; by default detected from the content, `spad512` for files `RAW….bin`.
+        Format; by default detected from the content, `spad512` for files `RAW….bin`. `.npy` of
+        numbers of 8 bits above 1 needs `npy`, for counts, or `packed_npy`, for packed bits, unless
+        `layout`, `shape` or the name of a product says it.
     layout : PackedLayout, optional
         Layout of binary frames, if not that of the format.
     shape : (rows, columns), optional
@@ -72,7 +76,7 @@ def read_frames(
     frames : slice
         Consecutive frames to read; default: all.
     """
-    path = Path(path)
+    path, stated = Path(path), kind
     kind = kind or _kind(path)
     if kind not in get_args(FrameKind):
         raise ValueError(f"kind {kind!r} is unknown: use one of {', '.join(get_args(FrameKind))}")
@@ -80,8 +84,9 @@ def read_frames(
         raise ValueError(
             f"{path}: layout is for binary frames, but this is a file of kind {kind!r}"
         )
-    if kind == "npy":
-        found = read_binary_npy(path, frames, layout, None if shape is None else shape[1])
+    if kind == "npy" or kind == "packed_npy":
+        is_packed = None if stated is None else kind == "packed_npy"
+        found = read_binary_npy(path, frames, layout, shape, is_packed)
     elif kind == "spc3":
         found = _spc3(path, frames, counter)
     elif kind == "tiff":
@@ -142,7 +147,7 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, frames, path), counter - 1]
+    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
     counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
     exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
     return RecordedFrames(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import check_file
+from megalopta.core.bounded import check_decoded, check_file
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,7 +20,7 @@ class RecordedFrames:
     bit_depth: int
     """Bits per count; 1 for binary frames"""
     source: str
-    """Name of the format"""
+    """Name of the format, as `read_frames` takes it"""
     total: int
     """Number of frames in the file, of which fewer may have been requested"""
     exposure_s: float | None = None
@@ -50,9 +50,13 @@ def check_new(path: Path) -> None:
         raise FileExistsError(f"{path}: already exists; remove it or choose another name")
 
 
-def wanted(total: int, frames: slice, path: Path) -> slice:
-    """Return the requested range of frames; ValueError if the file has fewer."""
+def wanted(total: int, frames: slice, path: Path, frame_bytes: float) -> slice:
+    """Return the requested range of frames, of so many bytes each in memory.
+
+    Raises ValueError if the file has fewer; UserError if they take too much memory.
+    """
     first, end = frames.start or 0, total if frames.stop is None else frames.stop
     if not 0 <= first <= end <= total:
         raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
+    check_decoded(path, (end - first,), 2 * frame_bytes)  # decoded, and copied
     return slice(first, end)

@@ -6,6 +6,7 @@ with `shape` and `exposure_s`. BigTIFF from 4 GB on.
 
 import json
 import logging
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -60,13 +61,13 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
         pages = [page for page in stack.pages if page is not None]
         _check(path, stack, pages, size)
         total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
-        range_ = wanted(total, frames, path)
-        at_once = range_.stop - range_.start if len(pages) == total else total
-        check_decoded(path, (at_once, *stack.shape[-2:]), stack.dtype.itemsize + _VALUE_BYTES)
+        frame_bytes = math.prod(stack.shape[-2:]) * (stack.dtype.itemsize + _VALUE_BYTES) / 2
+        range_ = wanted(total, frames, path, frame_bytes)
         if len(pages) == total:
             images = [file_page.asarray() for file_page in pages[range_]]
             counts = np.array(images).reshape(-1, *stack.shape[-2:])
         else:
+            check_decoded(path, stack.shape, stack.dtype.itemsize)
             counts = stack.asarray()[range_]
         exposure_s = _exposure_s(file)
     depth = 8 * counts.dtype.itemsize

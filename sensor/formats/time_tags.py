@@ -1,17 +1,19 @@
-"""Reader of time tags: PicoQuant's `.ptu`, by `ptufile`, Photon-HDF5, and LinoSPAD2, by `daplis`.
+"""Reader of time tags: PicoQuant's `.ptu`, by `ptufile`, Photon-HDF5, and LinoSPAD2.
 
 A tag is the time of an event and its channel, a pixel. In a `.ptu` file of mode T2 the time is
 absolute; of mode T3 it is that of the laser pulse before, plus the time since. Photon-HDF5 has
 `timestamps` with their unit, in `photon_data`, or in `photon_data0`, `photon_data1`, … of several
-spots; each detector of each spot is a channel, in order. LinoSPAD2's `.dat` files (firmware 2212)
-do not say what they are. Half a sensor has 256 pixels, four at each of 64 converters, and each
-acquisition cycle begins with its time on the camera's clock.
+spots; each detector of each spot is a channel, in order.
+
+LinoSPAD2's `.dat` files (firmware 2212) do not say what they are. Half a sensor has 256 pixels,
+four at each of 64 converters. An acquisition cycle is its time on the camera's clock, of two words
+of 32 bits, and the stamps of each converter, of a word each: bit 31 is set in those that are used,
+bits 28 and 29 are the pixel, those below the time. The stamps of a 65th converter have no pixels.
 
 Layouts: ptufile (C. Gohlke); Photon-HDF5 0.5, Ingargiola et al., Biophys. J. 110, 26 (2016);
 daplis (S. Kulkov et al.).
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -19,8 +21,15 @@ import h5py
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes, undamaged
+from megalopta.core.bounded import (
+    ARRAY_BYTES,
+    check_count,
+    check_decoded,
+    read_bytes,
+    undamaged,
+)
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.hdf5 import dataset_in, is_in, numbers_in, opened_hdf5
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes
 
@@ -28,8 +37,10 @@ _PTU_SIGNATURE = b"PQTTTR\0\0"
 _CONVERTERS, _PIXELS_EACH = 64, 4
 _CODE_S, _CLOCK_S = 2.5e-9 / 140, 7.5e-9
 """Steps of LinoSPAD2's converters, on average, and of its clock, s"""
-_MOST_DAT_BYTES = 2**30
-"""Largest `.dat` file: in memory it takes twenty times as much."""
+_DECODED_BYTES = 64
+"""Bytes in memory of an event, while it is read and sorted"""
+_MOST_CHANNELS = 4096
+"""Every pair of channels has a number of coincidences."""
 
 
 class TimeTags(NamedTuple):
@@ -40,8 +51,9 @@ class TimeTags(NamedTuple):
     channel: Ints
     """Pixel of each event, (N,)"""
     channels: int
+    """Pixels of the array, also those without events, if the file states them"""
     duration_s: float
-    """From the first event to the last"""
+    """As the file states it; otherwise from the first event to the last"""
     unit_s: float = 0.0
     """Step of the times; 0: continuous"""
 
@@ -61,8 +73,7 @@ def read_time_tags(path: str | Path) -> TimeTags:
     else:
         raise DamagedFileError(f"{path}: no time tags; give a .ptu or Photon-HDF5 file")
     with undamaged(path):
-        time_s, channel, unit_s = read(path)
-    return _sorted(path, time_s, channel, unit_s)
+        return _sorted(path, read(path))
 
 
 def read_linospad2(
@@ -70,8 +81,7 @@ def read_linospad2(
 ) -> TimeTags:
     """Read a `.dat` file of half a LinoSPAD2, with the times of its cycles.
 
-    Raises ValueError if the file's size is not that of such cycles; ModuleNotFoundError if `daplis`
-    is not installed.
+    Raises ValueError if the file's size is not that of such cycles.
 
     Parameters
     ----------
@@ -81,48 +91,54 @@ def read_linospad2(
         Time stamps of a converter in an acquisition cycle.
     """
     path = Path(path)
-    words, rest = divmod(file_bytes(path).size, 4)
-    if rest or words % (cycle := (_CONVERTERS + 1) * per_cycle + 2):
+    content = file_bytes(path)
+    cycle = (_CONVERTERS + 1) * per_cycle + 2
+    if content.size % (4 * cycle):
         raise DamagedFileError(
-            f"{path}: {words} words are not cycles of {cycle}, of {per_cycle} time stamps each and "
-            "an absolute time; state the recording's time stamps per cycle, or record with them"
+            f"{path}: {content.size / 4:g} words are not cycles of {cycle}, of {per_cycle} time "
+            "stamps each and an absolute time; state the recording's time stamps per cycle, or "
+            "record with them"
         )
-    check_file(path, _MOST_DAT_BYTES)
-    time_s, channel = _linospad2(path, firmware, per_cycle)
-    return _sorted(path, time_s, channel, _CODE_S)._replace(channels=_CONVERTERS * _PIXELS_EACH)
-
-
-def _linospad2(path: Path, firmware: str, per_cycle: int) -> tuple[Floats, Ints]:
-    from matplotlib import rc_context
-
-    with rc_context():  # daplis changes the style of all figures
-        from daplis.functions.unpack import unpack_binary_data_with_absolute_timestamps as unpack
-
-    pixel, code, start = unpack(str(path), "", "", firmware, per_cycle)
-    converter = np.arange(_CONVERTERS)[:, None]
+    check_decoded(path, (content.size // 4,), _DECODED_BYTES)
+    words = content.view("<u4").reshape(-1, cycle)
+    clock = words[:, 0] + (words[:, 1].astype(np.int64) << 32)
+    start_s = _CLOCK_S * (clock - clock.min())
+    stamps = words[:, 2:].reshape(-1, _CONVERTERS + 1, per_cycle)[:, :_CONVERTERS]
+    number, converter, slot = np.nonzero(stamps >> 31)
+    stamp = stamps[number, converter, slot].astype(np.int64)
+    pixel = stamp >> 28 & 3
     block = firmware == "2212b"
-    own = pixel.astype(np.int64)
-    place = converter * _PIXELS_EACH + own if block else converter + _CONVERTERS * own
-    from_first = (start - start.min()).astype(np.float64)
-    time_s = _CLOCK_S * np.repeat(from_first, per_cycle) + _CODE_S * code
-    return time_s[code >= 0], place[code >= 0]
+    place = converter * _PIXELS_EACH + pixel if block else converter + _CONVERTERS * pixel
+    time_s = start_s[number] + _CODE_S * (stamp & 0xFFFFFFF)
+    return _sorted(path, TimeTags(time_s, place, _CONVERTERS * _PIXELS_EACH, 0.0, _CODE_S))
 
 
-def _sorted(path: Path, time_s: Floats, channel: Ints, unit_s: float) -> TimeTags:
-    if time_s.size < 2:
-        raise DamagedFileError(f"{path}: {time_s.size} events; give a file with more")
-    order = np.argsort(time_s, kind="stable")
-    time_s, channel = time_s[order], channel[order]
-    duration_s = float(time_s[-1] - time_s[0])
-    return TimeTags(time_s, channel, int(channel.max()) + 1, duration_s, unit_s)
+def _sorted(path: Path, tags: TimeTags) -> TimeTags:
+    """Return events in the order of time; a duration of 0 is that from the first to the last."""
+    if tags.time_s.size < 2:
+        raise DamagedFileError(f"{path}: {tags.time_s.size} events; give a file with more")
+    check_count(path, "channels", tags.channels, _MOST_CHANNELS)
+    order = np.argsort(tags.time_s, kind="stable")
+    time_s, channel = tags.time_s[order], tags.channel[order]
+    if channel.min() < 0 or channel.max() >= tags.channels:
+        raise DamagedFileError(f"{path}: an event of channel {channel.max()} of {tags.channels}")
+    from_first_s = float(time_s[-1] - time_s[0])
+    duration_s = tags.duration_s or from_first_s
+    if not from_first_s * 0.999 - 1e-3 <= duration_s < np.inf:  # a .ptu file states milliseconds
+        raise DamagedFileError(
+            f"{path}: states a duration of {duration_s:g} s, but its events last "
+            f"{from_first_s:g} s; correct one of them"
+        )
+    return tags._replace(time_s=time_s, channel=channel, duration_s=duration_s)
 
 
-def _ptu(path: Path) -> tuple[Floats, Ints, float]:
+def _ptu(path: Path) -> TimeTags:
     import io
 
     import ptufile
 
     with ptufile.PtuFile(io.BytesIO(read_bytes(path, ARRAY_BYTES))) as file:
+        check_decoded(path, (file.number_records,), _DECODED_BYTES)
         records = file.decode_records()
         records = records[records["channel"] >= 0]
         unit_s = file.global_resolution
@@ -130,41 +146,68 @@ def _ptu(path: Path) -> tuple[Floats, Ints, float]:
         if file.is_t3:
             unit_s = file.tcspc_resolution
             time_s = time_s + records["dtime"] * unit_s
-    return np.asarray(time_s, np.float64), records["channel"].astype(np.int64), unit_s
+        inputs = int(file.tags.get("HW_InpChannels", 0))
+        duration_s = 1e-3 * file.tags.get("TTResult_StopAfter", 0)
+    channel = records["channel"].astype(np.int64)
+    channels = max(inputs, int(channel.max(initial=-1)) + 1)  # T2 may number from 1
+    return TimeTags(np.asarray(time_s, np.float64), channel, channels, duration_s, unit_s)
 
 
-def _photon_hdf5(path: Path) -> tuple[Floats, Ints, float]:
-    times, channels, first, unit = [], [], 0, 0.0
-    with h5py.File(path, "r") as file:
-        for group in _groups(file):
-            unit = float(file[f"{group}/timestamps_specs/timestamps_unit"][()])
-            stamps = _numbers(file, f"{group}/timestamps")
-            own = np.zeros(stamps.size, np.int64)
-            count = 1
-            if f"{group}/detectors" in file:
-                names, own = np.unique(_numbers(file, f"{group}/detectors"), return_inverse=True)
-                count = names.size
-            if own.size != stamps.size or not 0 < unit < 1:
-                raise ValueError(f"{own.size} detectors of {stamps.size} times, unit of {unit} s")
-            times.append(stamps * unit)
-            channels.append(own + first)
-            first += count
-    return np.concatenate(times), np.concatenate(channels), unit
+def _photon_hdf5(path: Path) -> TimeTags:
+    times, numbers, unit_s = [], [], 0.0
+    with opened_hdf5(path) as file:
+        groups = _groups(file)
+        stamps = [
+            dataset_in(file, f"{name}/timestamps", "iu", 1, _DECODED_BYTES) for name in groups
+        ]
+        check_decoded(path, (sum(each.size for each in stamps),), _DECODED_BYTES)
+        for group, each in zip(groups, stamps, strict=True):
+            unit_s = _number_in(file, f"{group}/timestamps_specs/timestamps_unit")
+            has_detectors = is_in(file, f"{group}/detectors")
+            number = np.zeros(each.size, np.int64)
+            if has_detectors:
+                number = numbers_in(file, f"{group}/detectors", "iu", 1).astype(np.int64)
+            if number.size != each.size or not 0 < unit_s < 1:
+                raise ValueError(
+                    f"{number.size} detectors of {each.size} times, unit of {unit_s} s"
+                )
+            times.append(each[()] * unit_s)
+            numbers.append(number)
+        channel, channels = _channels(file, numbers)
+        stated = "acquisition_duration"
+        duration_s = _number_in(file, stated) if is_in(file, stated) else 0.0
+    return TimeTags(np.concatenate(times), channel, channels, duration_s, unit_s)
 
 
-def _groups(file: h5py.File) -> Iterator[str]:
+def _channels(file: h5py.File, numbers: list[Ints]) -> tuple[Ints, int]:
+    """Return the channel of each event, and the number of channels, from detectors by spot.
+
+    A file may list its detectors, or state how many there are; otherwise each spot has those up to
+    the largest number of all.
+    """
+    if is_in(file, "setup/detectors/id"):
+        listed, number = numbers_in(file, "setup/detectors/id", "iu", 1), np.concatenate(numbers)
+        order = np.argsort(listed)
+        place = order[np.searchsorted(listed, number, sorter=order).clip(max=listed.size - 1)]
+        if (listed[place] != number).any():
+            raise ValueError("an event of a detector that is not in setup/detectors/id")
+        return place, listed.size
+    largest = max(int(number.max(initial=0)) for number in numbers)
+    total = len(numbers) * (largest + 1)
+    if is_in(file, "setup/num_pixels"):
+        total = int(_number_in(file, "setup/num_pixels"))
+    each = total // len(numbers)
+    by_spot = [number + each * spot for spot, number in enumerate(numbers)]
+    return np.concatenate(by_spot if largest < each else numbers), total
+
+
+def _groups(file: h5py.File) -> list[str]:
     """Names of the groups of photons, in order of the spots."""
     found = [name for name in file if name.startswith("photon_data")]
     if not found:
         raise ValueError("no photon_data")
-    yield from sorted(found, key=lambda name: int(name.removeprefix("photon_data") or 0))
+    return sorted(found, key=lambda name: int(name.removeprefix("photon_data") or 0))
 
 
-def _numbers(file: h5py.File, name: str) -> Ints:
-    data = file[name]
-    link = file.get(name, getlink=True)
-    if not isinstance(link, h5py.HardLink) or data.is_virtual or data.external:
-        raise ValueError(f"{name} is no array of this file")
-    if data.ndim != 1 or data.dtype.kind not in "iu" or data.nbytes > ARRAY_BYTES:
-        raise ValueError(f"{name} is {data.dtype} {data.shape}")
-    return np.asarray(data[...], np.int64)
+def _number_in(file: h5py.File, name: str) -> float:
+    return float(numbers_in(file, name, "fiu", 0))

@@ -26,8 +26,8 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.curve_file import curve_of, surface_of
+from megalopta.core.named_file import file_content, named_path
 from megalopta.sensor.effects.base import Effect, Stage
-from megalopta.sensor.input_files import file_content
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
 
 
@@ -110,7 +110,7 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
 
 
 def with_curve(
-    curve: Any, folder: Path, field: str = "efficiency", read: Callable[..., Any] = curve_of
+    curve: Any, folder: Path | None, field: str = "efficiency", read: Callable[..., Any] = curve_of
 ) -> Any:
     """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
@@ -121,11 +121,11 @@ def with_curve(
     if len(curve) > 1:
         others = ", ".join(str(name) for name in curve if name != "path")
         raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
-    path = folder / curve["path"]
+    path = named_path(curve["path"], folder)
     return read(file_content(path, field), f"{field}: {path}", "efficiency")
 
 
-def with_surface(bias: Any, folder: Path) -> Any:
+def with_surface(bias: Any, folder: Path | None) -> Any:
     """Return a bias with the surface from its file, as `with_curve`."""
     name = "efficiency_surface"
     if not isinstance(bias, Mapping) or name not in bias:
@@ -133,13 +133,13 @@ def with_surface(bias: Any, folder: Path) -> Any:
     return {**bias, name: with_curve(bias[name], folder, f"bias.{name}", surface_of)}
 
 
-def with_curves(part: str) -> Callable[[Any, Path], Any]:
+def with_curves(part: str) -> Callable[[Any, Path | None], Any]:
     """Return a function that gives a part of a sensor, such as its lens, the curves of its files.
 
     As `with_curve`.
     """
 
-    def resolved(values: Any, folder: Path) -> Any:
+    def resolved(values: Any, folder: Path | None) -> Any:
         if not isinstance(values, Mapping):
             return values
         return {name: with_curve(value, folder, f"{part}.{name}") for name, value in values.items()}

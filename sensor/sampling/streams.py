@@ -1,21 +1,32 @@
 """Random streams named by purpose.
 
-A stream is a function of its key alone, (seed, purpose, sequence, frame, …), so results never
+A stream is a function of its key alone, (seed, purpose, stream, frame, …), so results never
 depend on the order of draws, on chunks or on the number of workers. The key is hashed (BLAKE2b, 256
 bits) with the type and length of every part, so that (1, "1"), ("1", 1) and ("11",) are three
 streams. The hash is the entropy of a NumPy SeedSequence. Seed 0 is an ordinary seed.
+
+Noise drawn from one stream for two lights, or by two sensors, would be nearly the same. So
+exposures add to the name of their stream all settings of the sensor that change draws
+(`sensor_stream`), and to a frame's its light (`light_key`).
 """
 
 import hashlib
 import operator
+import re
 from itertools import product
+from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 from scipy.special import ndtri
 
 from megalopta.core.arrays import Floats
 
 _TILE = 64
+_AFTER_DRAWING: Any = {"name": True, "source": True, "jitter": True, "measured": {"stuck"},
+                       "counter": {"calibrated"}}  # fmt: skip
+"""Fields of a sensor that change what is made of a draw, not the draw"""
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 def generator(seed: int, *key: str | int) -> np.random.Generator:
@@ -33,6 +44,29 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
     entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
+
+
+def sensor_stream(stream: str | int, sensor: BaseModel, dark_counts_hz: Floats) -> str:
+    """Name of the draws of one sensor in a stream; those of other settings are unrelated.
+
+    Places of its files are not part of it. `dark_counts_hz` (rows, columns): its own.
+    Raises TypeError if the stream is neither a string nor an integer.
+    """
+    settings = sensor.model_dump_json(exclude=_AFTER_DRAWING)
+    placeless = re.sub(r'"path":"(?:[^"\\]|\\.)*",?', "", settings)
+    key = _encode(stream) + placeless.encode() + light_key(dark_counts_hz).encode()
+    return hashlib.blake2b(key, digest_size=16).hexdigest()
+
+
+def light_key(rates: Floats) -> str:
+    """Name of the rates of a frame, of any shape, by a weighted mean of them to six digits.
+
+    Rounding of their last digits, as on another processor, leaves it as it is.
+    """
+    total = np.asarray(rates, np.float64)
+    for side in reversed(total.shape):
+        total = total @ ((0.5 + _GOLDEN * np.arange(side)) % 1 + 0.5) / side
+    return f"{float(total):.6g}"
 
 
 def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:
@@ -63,7 +97,7 @@ def _encode(part: str | int) -> bytes:
     except TypeError:
         raise TypeError(
             f"{part!r} cannot name random numbers; give a whole number as seed and frame, a whole "
-            "number or text as sequence"
+            "number or text as stream"
         ) from None
     body = text.encode()
     return f"{'s' if isinstance(part, str) else 'i'}{len(body)}:".encode() + body

@@ -31,7 +31,8 @@ neglected.
 Source: dissertation §2.4.2; that the step changes linearly with the output is assumed.
 """
 
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,16 @@ class DigitalCounter(_Counter, frozen=True):
     def is_on(self) -> bool:
         """True if it can saturate."""
         return self.capacity < LARGEST_CAPACITY
+
+
+def without_bits(counter: Any) -> Any:
+    """Refuse a counter by its bits, with the capacity that they have; return any other."""
+    if isinstance(counter, Mapping) and isinstance(bits := counter.get("bits"), int):
+        capacity = 2 ** min(max(bits, 1), LARGEST_CAPACITY.bit_length()) - 1
+        raise ValueError(
+            f"bits {bits}: a counter has a capacity; give {{kind: digital, capacity: {capacity}}}"
+        )
+    return counter
 
 
 def read_digital(events: Ints, counter: DigitalCounter, out: tuple[Counts, Mask]) -> None:

@@ -3,7 +3,8 @@
     dead time alone                       closed form (`dead_time`)
     gate alone                            Poisson, in the time the gate is open
     crosstalk alone                       Poisson, then generation after generation (`crosstalk`)
-    anything else                         simulated avalanche by avalanche (`simulation`)
+    anything else                         simulated avalanche by avalanche (`simulation`), but from
+                                          mean and variance (`matched`) in bright light
 
 Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
 """
@@ -11,14 +12,23 @@ Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
+from megalopta.core.errors import UserError
 from megalopta.sensor.effects import crosstalk, dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.crosstalk import neighborhoods, of_pixels, places_fired
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction, part_weights
+from megalopta.sensor.spad.matched import draw_matched
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import open_rate, pixel_moments
 from megalopta.sensor.spad.simulation import simulate_frame
+
+SIMULATED_EVENTS = 5e3
+"""Events of a pixel without crosstalk above which only their mean and variance are used."""
+MOST_COUPLED = 1.1
+"""Largest rate times dead time at which moments with crosstalk are stated."""
+MOST_SIMULATED = 4e8
+"""Most events of a frame that are simulated one by one, in about half a minute."""
 
 
 def draw_frame(
@@ -29,6 +39,8 @@ def draw_frame(
     maps: AvalancheMaps | None = None,
 ) -> Ints:
     """Draw the counts of one exposure.
+
+    Raises UserError for light in which it takes too long.
 
     Parameters
     ----------
@@ -47,8 +59,65 @@ def draw_frame(
             return primaries
         return crosstalk.spread(rng, primaries, effects.crosstalk, _strength(maps))
     check_arrivals(rate_hz, exposure_s)
-    frame = simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False)
-    return frame.counts
+    load = _load(rate_hz, exposure_s, effects, maps)
+    is_bright = load > SIMULATED_EVENTS
+    if effects.crosstalk.is_on or not is_bright.any():
+        check_load(rate_hz, exposure_s, effects, maps)
+        return simulate_frame(
+            rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False
+        ).counts
+    counts = np.empty(load.shape, np.int64)
+    for chosen in (is_bright, ~is_bright):
+        # pixels of a frame with a single row, as they do not meet
+        some_hz = rate_hz[..., None, chosen]
+        own = None if maps is None else AvalancheMaps(*(factor[None, chosen] for factor in maps))
+        if chosen is is_bright:
+            try:
+                mean, variance = count_moments(some_hz, exposure_s, effects, own)
+            except UserError as error:
+                raise UserError(
+                    f"about {load.max():.2g} events in a pixel with these effects; up to "
+                    f"{SIMULATED_EVENTS:.0e} can be drawn, {SIMULATED_EVENTS / exposure_s:.2g} "
+                    "detections and dark counts per second: lower the light or exposure_s"
+                ) from error
+            counts[chosen] = draw_matched(rng, mean.ravel(), variance.ravel())
+        else:
+            frame = simulate_frame(rng, some_hz, exposure_s, effects, maps=own, keep_events=False)
+            counts[chosen] = frame.counts.ravel()
+    return counts
+
+
+def check_load(
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None,
+    most: float = MOST_SIMULATED,
+) -> None:
+    """Raise UserError for light in which a frame takes too long to simulate event by event."""
+    load = _load(rate_hz, exposure_s, effects, maps).sum()
+    if load > most:
+        brightest = float(rate_hz.max()) * min(1.0, most / float(load))
+        raise UserError(
+            f"about {load:.2g} events in a frame are to be simulated one by one with these "
+            f"effects, more than {most:.0e}; use light of at most {brightest:.2g} "
+            "detections and dark counts per second in a pixel, a shorter exposure_s, fewer pixels, "
+            "or switch crosstalk and free running off"
+        )
+
+
+def _load(
+    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
+) -> Floats:
+    """Number of events of each pixel that a simulation takes up (rows, columns)."""
+    mean_hz = mean_rate(rate_hz, exposure_s, effects) if rate_hz.ndim == 3 else rate_hz
+    arrivals = open_rate(mean_hz, exposure_s, effects) * exposure_s
+    if not effects.dead_time.is_on:
+        return arrivals / (1 - effects.afterpulsing.mean_carriers)
+    if effects.dead_time.kind == "paralyzable" or effects.crosstalk.is_on:
+        return arrivals
+    factor = 1.0 if maps is None else maps.dead_time
+    return np.minimum(arrivals, 1 + exposure_s / (effects.dead_time.dead_time_s * factor))
 
 
 def count_moments(
@@ -81,6 +150,13 @@ def count_moments(
         return (
             crosstalk.mean(primaries, effects.crosstalk, _strength(maps)),
             crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
+        )
+    dead_s = effects.dead_time.dead_time_s * (1.0 if maps is None else float(maps.dead_time.max()))
+    if float(rate_hz.max(initial=0)) * dead_s > MOST_COUPLED:
+        raise UserError(
+            "crosstalk with dead time: mean and variance are stated up to "
+            f"{MOST_COUPLED / dead_s:.3g} detections and dark counts per second in a pixel; the "
+            f"brightest has {rate_hz.max():.3g}: lower the light, or ask for no expectation"
         )
     return _coupled_moments(rate_hz, exposure_s, effects, maps)
 

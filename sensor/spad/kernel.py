@@ -9,6 +9,7 @@ probability below 1 while it recharges. It then counts, fills traps and lights i
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
@@ -18,10 +19,12 @@ from megalopta.sensor.effects.crosstalk import neighborhoods, places_fired
 from megalopta.sensor.effects.gating import is_open, open_time, wall_time
 from megalopta.sensor.spad.model import AvalancheEffects
 
-PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
-KINDS = 4
+CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2
+KINDS = 3
 # More than 32 carriers occur once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
+_AHEAD = 256
+"""Photons of all pixels that are drawn together."""
 
 
 class Parameters(NamedTuple):
@@ -49,16 +52,22 @@ class Tables(NamedTuple):
     rates: Floats
     """Arrivals per second, (S, N), in S equal parts of the exposure"""
     dead_times: Floats
-    """s, (N,)"""
+    """s, (N,); this and the next two (1,) where all pixels are alike"""
     carriers: Floats
-    """Mean number of carriers that an avalanche leaves in traps, (N,)"""
+    """Mean number of carriers that an avalanche leaves in traps"""
     strengths: Floats
-    """Factor on the crosstalk that a pixel sends, (N,)"""
+    """Factor on the crosstalk that a pixel sends"""
     delays_s: Floats
     cumulative: Floats
     taps: Floats
     """Down and right of every pixel that an avalanche may fire, and its probability by the place of
     the avalanche within the period"""
+    totals: Floats
+    """With crosstalk arrivals per second of all pixels together, (S, 1)"""
+    ranks: Floats
+    """Share of the arrivals in a pixel and those before it, (S, N)"""
+    guide: NDArray[np.int32]
+    """First pixel whose rank exceeds n/N, for n from 0, (S, N)"""
 
 
 class Before(NamedTuple):
@@ -86,6 +95,18 @@ def parameters_of(
     rows, columns = weights.shape[:2]
     places = places_fired(weights)
     chances = weights.reshape(rows * columns, *weights.shape[2:])[:, places[:, 0], places[:, 1]]
+    flat = np.ascontiguousarray(rates.reshape(len(rates), -1), np.float64)
+    totals, ranks, guide = (
+        flat.sum(1, keepdims=True),
+        flat[:, :0],
+        np.empty((len(flat), 0), np.int32),
+    )
+    if effects.crosstalk.is_on:
+        ranks = np.cumsum(flat, axis=1)
+        ranks /= np.maximum(ranks[:, -1:], 1e-300)
+        ranks[:, -1] = 1.0
+        steps = np.arange(flat.shape[1]) / flat.shape[1]
+        guide = np.array([np.searchsorted(row, steps, "right") for row in ranks], np.int32)
     parameters = Parameters(
         exposure_s=exposure_s,
         start_s=-forgotten_s if is_stationary else 0.0,
@@ -100,7 +121,7 @@ def parameters_of(
         gate=effects.gate.window,
     )
     tables = Tables(
-        rates=np.ascontiguousarray(rates.reshape(len(rates), -1), np.float64),
+        rates=flat,
         dead_times=dead_times,
         carriers=afterpulsing.mean_carriers * maps.afterpulsing.ravel(),
         strengths=maps.crosstalk.ravel(),
@@ -110,6 +131,9 @@ def parameters_of(
         taps=np.ascontiguousarray(
             np.column_stack((places - np.array(weights.shape[2:]) // 2, chances.T))
         ),
+        totals=totals,
+        ranks=np.ascontiguousarray(ranks),
+        guide=guide,
     )
     return parameters, tables
 
@@ -121,24 +145,24 @@ def run_frame(
     tables: Tables,
     keep_events: bool,
     before: Before,
-) -> tuple[Ints, Floats, tuple[Floats, Ints], tuple[Floats, Ints]]:
-    """Counts; tally; times and pixels of events; times and owners of the entries that remain.
+) -> tuple[Ints, tuple[Floats, Ints], tuple[Floats, Ints]]:
+    """Counts; times and pixels of events; times and owners of the entries that remain.
 
-    The tally (3, N) is the number of photons and dark carriers that met a live pixel, its mean
-    given the live time, and the number of trapped carriers. Pixels with crosstalk share a queue;
-    others are simulated one by one.
+    Pixels with crosstalk are simulated together, others one by one.
     """
-    pixels = tables.dead_times.size
-    counts, tally = np.zeros(pixels, np.int64), np.zeros((3, pixels))
+    pixels = tables.rates.shape[1]
+    counts = np.zeros(pixels, np.int64)
     stamps, places = np.empty(64), np.empty(64, np.int64)
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
     block = pixels if parameters.is_coupled else 1
     entries = _most_entries(tables.taps)
-    spare = block + entries
-    exposure, part_s = parameters.exposure_s, parameters.exposure_s / len(tables.rates)
+    spare = 1 + entries
     times, owners = np.empty(spare), np.empty(spare, np.int64)
     blind_until = before.blind_until
+    ahead_times, ahead_pixels = np.empty(_AHEAD), np.empty(_AHEAD, np.int64)
+    chances = np.empty(_AHEAD)
+    next_ahead = _AHEAD
     waiting = 0
     for first in range(0, pixels, block):
         size = 0
@@ -152,68 +176,83 @@ def run_frame(
         if not before.is_begun:
             for pixel in range(first, first + block):
                 blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
-        for pixel in range(first, first + block):
-            arrival = _first_photon(rng, pixel, parameters, tables, blind_until[pixel])
-            size = _push(times, owners, size, arrival, KINDS * pixel + PHOTON)
-        while size > 0 and times[0] < exposure:
+        if parameters.is_coupled:
+            photon = parameters.start_s
+            _look_ahead(
+                rng,
+                parameters,
+                tables,
+                photon,
+                ahead_times,
+                ahead_pixels,
+                chances,
+                blind_until,
+                counts,
+            )
+            next_ahead, photon = 0, ahead_times[0]
+        else:
+            photon = _first_photon(rng, first, parameters, tables, blind_until[first])
+        while photon < parameters.exposure_s or (size > 0 and times[0] < parameters.exposure_s):
             if size + entries > times.size:
                 times, owners = _longer(times, spare), _longer(owners, spare)
             if kept == stamps.size:
                 stamps, places = _longer(stamps, spare), _longer(places, spare)
-            size, kept = _run(
-                rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps,
-                places, kept,
+            size, kept, photon, next_ahead = _run(
+                rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
+                kept, first, photon, ahead_times, ahead_pixels, chances, next_ahead,
             )  # fmt: skip
-        for pixel in range(first, first + block):
-            tally[1, pixel] += _mean_photons(
-                tables.rates, pixel, blind_until[pixel], exposure, part_s, parameters.gate
-            )
         for entry in range(size):
-            # photons are memoryless, so the next exposure draws its own
-            if owners[entry] % KINDS != PHOTON:
-                if left == left_times.size:
-                    left_times, left_owners = (
-                        _longer(left_times, spare),
-                        _longer(left_owners, spare),
-                    )
-                left_times[left], left_owners[left] = times[entry], owners[entry]
-                left += 1
+            if left == left_times.size:
+                left_times, left_owners = _longer(left_times, spare), _longer(left_owners, spare)
+            left_times[left], left_owners[left] = times[entry], owners[entry]
+            left += 1
     events = stamps[: max(kept, 0)], places[: max(kept, 0)]
-    return counts, tally, events, (left_times[:left], left_owners[:left])
+    return counts, events, (left_times[:left], left_owners[:left])
 
 
 @compiled
 def _most_entries(taps: Floats) -> int:
-    """Entries that one avalanche may add: carriers, fired pixels, a photon and a twilight pulse."""
+    """Entries that one avalanche may add: carriers, fired pixels and a twilight pulse."""
     entries: int = _MOST_CARRIERS + 2 + taps.shape[0]
     return entries
 
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    rng, parameters, tables, counts, tally, blind_until, times, owners, size, stamps, places, kept
-):
-    """Run to the end of the exposure, or until an array is too short; return size and kept.
+    rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept, pixel,
+    photon, ahead_times, ahead_pixels, chances, next_ahead,
+):  # fmt: skip
+    """Run to the end of the exposure, or until an array is too short.
 
-    `kept` below 0 keeps no events. Arrays are extended outside and passed one by one: numba counts
-    references where arrays may change, and those in tuples.
+    Return size, kept, photon and next_ahead. `photon` is the time of the next photon, in `pixel`,
+    or with crosstalk the next of those drawn ahead. `kept` below 0 keeps no events.
+    Arrays are extended outside and passed one by one: numba counts references where arrays may
+    change, and those in tuples.
     """
     exposure, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
-    twilight, recharge = parameters.twilight_s, parameters.recharge_s
-    rates, dead_times, carriers, _, delays, cumulative, taps = tables
+    is_coupled, twilight, recharge = (
+        parameters.is_coupled, parameters.twilight_s, parameters.recharge_s,
+    )  # fmt: skip
+    rates, dead_times, carriers, strengths, delays, cumulative, taps = tables[:7]
+    own = 1 if dead_times.size > 1 else 0
+    most_fired = taps[:, 2:].sum(0).max() if is_coupled else 0.0
     entries = _most_entries(taps)
     gate = parameters.gate
     part_s = exposure / rates.shape[0]
-    while size > 0 and times[0] < exposure:
-        if size + entries > times.size or kept == stamps.size:
-            return size, kept
-        time, pixel, kind = times[0], owners[0] // KINDS, owners[0] % KINDS
-        size = _pop(times, owners, size)
-        tau, blind = dead_times[pixel], blind_until[pixel]
-        arrives = kind == PHOTON or is_open(time, *gate)
+    columns, period = parameters.columns, parameters.period
+    while True:
+        is_photon = size == 0 or photon <= times[0]
+        time = photon if is_photon else times[0]
+        if time >= exposure or size + entries > times.size or kept == stamps.size:
+            return size, kept, photon, next_ahead
+        if not is_photon:
+            pixel = owners[0] // KINDS
+            size = _pop(times, owners, size)
+        elif is_coupled:
+            pixel = ahead_pixels[next_ahead]
+        tau, blind = dead_times[own * pixel], blind_until[pixel]
+        arrives = is_photon or is_open(time, *gate)
         fires = arrives and time >= blind
-        if fires and kind == PHOTON and time >= 0:
-            tally[0, pixel] += 1
         if fires and recharge > 0:
             fires = rng.random() < -np.expm1(-(time - blind) / recharge)
         elif arrives and not fires:
@@ -222,55 +261,96 @@ def _run(  # type: ignore[no-untyped-def]
             elif time >= blind - twilight:
                 size = _push(times, owners, size, blind, KINDS * pixel + TWILIGHT)
         if fires:
-            tally[1, pixel] += _mean_photons(rates, pixel, blind, time, part_s, gate)
             blind_until[pixel] = time + tau
             if time >= 0:
                 counts[pixel] += 1
                 if kept >= 0:
                     stamps[kept], places[kept] = time, pixel
                     kept += 1
-            if carriers[pixel] > 0:
-                trapped = min(draw_carriers(rng, carriers[pixel]), _MOST_CARRIERS)
-                tally[2, pixel] += trapped * (time >= 0)
-                for _ in range(trapped):
+            if carriers[own * pixel] > 0:
+                for _ in range(min(draw_carriers(rng, carriers[own * pixel]), _MOST_CARRIERS)):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # an entry that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = _push(times, owners, size, release, KINDS * pixel + CARRIER)
-            if parameters.is_coupled:
-                avalanche = time, pixel, parameters.columns, parameters.period
-                size = _push_crosstalk(rng, tables, times, owners, size, avalanche)
-        if kind == PHOTON:
+            if is_coupled:
+                # one number tells the first pixel that is fired, most often none
+                chance, strength = rng.random(), strengths[own * pixel]
+                if chance < most_fired * strength:
+                    avalanche = time, pixel, columns, period, chance, strength
+                    size = _push_crosstalk(rng, taps, times, owners, size, avalanche, counts.size)
+        if is_photon and is_coupled:
+            next_ahead += 1
+            if next_ahead == ahead_times.size:
+                _look_ahead(
+                    rng,
+                    parameters,
+                    tables,
+                    time,
+                    ahead_times,
+                    ahead_pixels,
+                    chances,
+                    blind_until,
+                    counts,
+                )
+                next_ahead = 0
+            photon = ahead_times[next_ahead]
+        elif is_photon:
             # unless the dead time is extended, arrivals in it need not be drawn
             since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
-            arrival = _next_photon(rng, rates, pixel, since, part_s, gate)
-            # photons that only extend the dead time need not enter the heap
-            while is_paralyzable and arrival < min(blind_until[pixel], exposure):
-                blind_until[pixel] = arrival + tau
-                arrival = _next_photon(rng, rates, pixel, arrival, part_s, gate)
-            size = _push(times, owners, size, arrival, KINDS * pixel + PHOTON)
-    return size, kept
+            photon = _next_photon(rng, rates, pixel, since, part_s, gate)
+            # photons that only extend the dead time need not be met
+            while is_paralyzable and photon < min(blind_until[pixel], exposure):
+                blind_until[pixel] = photon + tau
+                photon = _next_photon(rng, rates, pixel, photon, part_s, gate)
 
 
 @compiled
-def _push_crosstalk(rng, tables, times, owners, size, avalanche):  # type: ignore[no-untyped-def]
-    """Let an avalanche light its neighbors, given its time, pixel, columns and the period."""
-    time, pixel, columns, period = avalanche
-    taps, strength = tables.taps, tables.strengths[pixel]
-    rows, row, column = tables.strengths.size // columns, pixel // columns, pixel % columns
+def _look_ahead(  # type: ignore[no-untyped-def]
+    rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts
+):
+    """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
+    totals, ranks, guide = tables.totals, tables.ranks, tables.guide
+    part_s, parts, pixels = parameters.exposure_s / len(totals), len(totals), guide.shape[1]
+    drawn = 0
+    while drawn < ahead_times.size and since < parameters.exposure_s:
+        since = _next_photon(rng, totals, 0, since, part_s, parameters.gate)
+        ahead_times[drawn], chances[drawn] = since, rng.random()
+        drawn += 1
+    # short loops, in which the processor waits for many places of memory at once
+    for k in range(drawn):
+        part = 0 if parts == 1 else min(max(int(ahead_times[k] / part_s), 0), parts - 1)
+        pixel = np.int64(guide[part, int(chances[k] * pixels)])
+        while ranks[part, pixel] <= chances[k]:
+            pixel += 1
+        ahead_pixels[k] = pixel
+    for k in range(drawn):
+        chances[k] = blind_until[ahead_pixels[k]] + counts[ahead_pixels[k]]
+
+
+@compiled
+def _push_crosstalk(rng, taps, times, owners, size, avalanche, pixels):  # type: ignore[no-untyped-def]
+    """Let an avalanche light its neighbors, given a random number for the first that is fired."""
+    time, pixel, columns, period, chance, strength = avalanche
+    rows, row, column = pixels // columns, pixel // columns, pixel % columns
     place = 2 + (row % period[0]) * period[1] + column % period[1]
+    none = 1.0
     for tap in range(taps.shape[0]):
+        none *= 1 - taps[tap, place] * strength
+        if chance >= 1 - none:
+            continue
         y, x = row + int(taps[tap, 0]), column + int(taps[tap, 1])
-        is_inside = 0 <= y < rows and 0 <= x < columns
-        if is_inside and rng.random() < taps[tap, place] * strength:
+        if 0 <= y < rows and 0 <= x < columns:
             size = _push(times, owners, size, time, KINDS * (y * columns + x) + CROSSTALK)
+        chance, none = rng.random(), 1.0
     return size
 
 
 @compiled
 def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
     """End of the dead time in which a pixel starts; far in the past if it is live and charged."""
-    start, tau, rate = parameters.start_s, tables.dead_times[pixel], tables.rates[0, pixel]
+    start, rate = parameters.start_s, tables.rates[0, pixel]
+    tau = tables.dead_times[pixel if tables.dead_times.size > 1 else 0]
     if not parameters.is_stationary or tau == 0 or rate == 0:
         return -np.inf
     if parameters.is_paralyzable:
@@ -283,8 +363,8 @@ def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyp
 def _first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
     """Time of the first photon that can act, in a pixel that is dead until a given time."""
     start, twilight = parameters.start_s, parameters.twilight_s
-    since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
     part_s = parameters.exposure_s / tables.rates.shape[0]
+    since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
     return _next_photon(rng, tables.rates, pixel, since, part_s, parameters.gate)
 
 
@@ -304,19 +384,6 @@ def _next_photon(rng, rates, pixel, since, part_s, gate):  # type: ignore[no-unt
     if rates[part, pixel] == 0:
         return np.inf
     return wall_time(open_time(since, *gate) + wait / rates[part, pixel], *gate)
-
-
-@compiled
-def _mean_photons(rates, pixel, since, until, part_s, gate):  # type: ignore[no-untyped-def]
-    """Mean number of photons and dark carriers between two times."""
-    total, since = 0.0, max(since, 0.0)
-    last = rates.shape[0] - 1
-    while since < until:
-        part = min(int(since / part_s), last)
-        end = until if part == last else min(until, (part + 1) * part_s)
-        total += rates[part, pixel] * (open_time(end, *gate) - open_time(since, *gate))
-        since = end
-    return total
 
 
 @compiled

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.core.arrays import Floats, plain_array
+from megalopta.core.named_file import file_content, named_path
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, PixelRates, Stage
-from megalopta.sensor.input_files import file_content
 from megalopta.sensor.spad.counters import AnalogPixels
 
 Fit = Literal["exact", "top_left", "center"]
@@ -186,7 +186,7 @@ def _pixels(shape: tuple[int, ...]) -> str:
     return f"{shape[0]} × {shape[1]}"
 
 
-def with_hashes(maps: Any, folder: Path) -> Any:
+def with_hashes(maps: Any, folder: Path | None) -> Any:
     """Make the paths of a `measured` mapping absolute and add the hashes of files without one."""
     if not isinstance(maps, Mapping):
         return maps
@@ -196,12 +196,12 @@ def with_hashes(maps: Any, folder: Path) -> Any:
     }
 
 
-def _with_hash(file: Any, folder: Path, field: str) -> Any:
+def _with_hash(file: Any, folder: Path | None, field: str) -> Any:
     if isinstance(file, str):
         file = {"path": file}
     if not isinstance(file, Mapping) or not isinstance(file.get("path"), str):
         return file
-    path = str((folder / file["path"]).absolute())
-    if file.get("sha256"):
-        return {**file, "path": path}
+    if file.get("sha256"):  # no other content will do, wherever it lies
+        return {**file, "path": str(Path(folder or "", file["path"]).absolute())}
+    path = str(named_path(file["path"], folder).absolute())
     return {**file, "path": path, "sha256": hashlib.sha256(file_content(path, field)).hexdigest()}

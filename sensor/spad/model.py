@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
@@ -23,7 +23,7 @@ from megalopta.sensor.effects.tcspc import Tcspc
 from megalopta.sensor.effects.telegraph import Telegraph
 from megalopta.sensor.effects.temperature import Temperature
 from megalopta.sensor.optics.pixels import PixelOptics
-from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter
+from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter, without_bits
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 MOST_OFFSPRING = 0.95
@@ -94,9 +94,9 @@ class Sensor(PixelOptics, frozen=True):
     """Scatter of the time stamps of events; none by default."""
     tcspc: Tcspc = Field(default=Tcspc(), exclude_if=lambda tcspc: not tcspc.is_on)
     """Pulsed light whose photons are counted by their time (histograms only); off by default."""
-    counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
-        DigitalCounter()
-    )
+    counter: Annotated[
+        DigitalCounter | AnalogCounter, Field(discriminator="kind"), BeforeValidator(without_bits)
+    ] = DigitalCounter()
     """Counter in the pixel; by default one that practically never saturates."""
     device_seed: int = 0
     """Device seed: fixes the pattern of its pixels (any integer, including 0). In two sensors with

@@ -1,69 +1,50 @@
 """Mean and variance of the counts of one pixel, without crosstalk.
 
     dead time alone, gate alone    closed forms (`dead_time`)
-    anything else                  simulated at fixed rates, interpolated
+    anything else                  computed without draws (`pixel_process`)
 
-Simulations run once, at 5 rates per decade, from fixed random streams: the moments of a rate do not
-depend on other requests. Interpolated is the logarithm of the ratio to the moments of dead time at
-the same arrivals, over the logarithm of the rate. Of an exposure much longer than a pixel's memory,
-only the beginning and one later piece are simulated; that piece is repeated.
+Of many rates, those of a few are computed: polynomials of degree 8 over the logarithm of the rate
+connect them, each over a decade or, where every second of its values is not told by the others,
+over half as much, and so on. In bright light the variance rises and falls with the number of dead
+times that fit into the exposure, and such pieces are short.
 
-Two control variates have known moments: the photons and dark carriers that meet a live pixel, less
-their mean given its live time, and the trapped carriers, less their mean. Both have mean 0 and
-Poisson variance. Only the rest has the error of a simulation: up to `MEAN_ERROR`, or 0.003 standard
-deviations, and `VARIANCE_ERROR`, with up to 0.2 carriers. Errors are twice as large with
-paralyzable dead time, and some percent there beyond r·τ = 2.
+Where pixels differ (`AvalancheMaps`), a polynomial over five factors between the smallest and the
+largest interpolates the ratios to the moments of dead time. It is refused where one over three
+differs.
 
-Where pixels differ (`AvalancheMaps`), a polynomial interpolates ratios at some factors between the
-smallest and the largest.
-
-Tables are cached in the user's cache folder under the hash of effects, exposure and code. A
-read-only folder or a damaged file costs only time.
+The mean is within `MEAN_ERROR`, the variance within `VARIANCE_ERROR` or `VARIANCE_FLOOR`.
 """
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import product
 from threading import Lock
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import BarycentricInterpolator
 
-from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.folders import cache_folder
-from megalopta.core.freshness import code_digest, digest
+from megalopta.core.errors import UserError
 from megalopta.sensor.effects import dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction
-from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.model import AvalancheEffects
-from megalopta.sensor.spad.simulation import SimulatedFrame, simulate_frame
+from megalopta.sensor.spad.pixel_process import counts_of_pixel
 
-MEAN_ERROR, VARIANCE_ERROR = 1e-3, 1e-2
-"""Relative errors of the interpolation."""
+MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR = 1e-3, 1e-2, 0.02
+"""Errors of mean and variance, relative, and of the variance in counts squared."""
 
-_NODES_PER_DECADE = 5
-_FEWEST_ARRIVALS = 0.1
-_FACTORS = 3
-_BUDGET_NS = 4e7
-_NS_PER_EXPOSURE, _NS_PER_ARRIVAL, _NS_PER_COUNT = 100, 4, 30
-_FEWEST_EXPOSURES, _FEWEST_CARRIERS = 16, 1000
-_ARRIVALS_OF_A_PIECE = 25
-_DEAD_TIMES_REMEMBERED = 20
-# of the memory for a part in e²⁰, which is more than a covariance needs
-_PART_OF_MEMORY = 0.25
-_MOST_BYTES = 10**8
-"""Size limit of all tables; one takes a few kB."""
-_CODE = tuple(
-    f"megalopta.sensor.{module}"
-    for module in ("spad.kernel", "spad.simulation", "spad.moments", "effects", "sampling")
-)
+_FEW_RATES = 8
+_FEWEST_ARRIVALS, _NO_COUNTS = 1e-4, 1e-7
+_NODES = (1 - np.cos(np.pi * np.arange(9) / 8)) / 2
+_MOST_WORK = 1e9
+"""Operations for all rates of a frame, about 20 s."""
+_FACTORS, _MOST_OFF = 5, 0.01
 _one_at_a_time = Lock()
 
 Moments = tuple[Floats, Floats]
-Table = dict[int, tuple[float, float]]
 
 
 def pixel_moments(
@@ -74,6 +55,8 @@ def pixel_moments(
 ) -> Moments:
     """Return mean and variance of the counts of one exposure, without crosstalk.
 
+    Raises UserError where they are not stated.
+
     Parameters
     ----------
     rate_hz : array of any shape
@@ -82,18 +65,24 @@ def pixel_moments(
         Differences between pixels, of the same shape; default: none.
     """
     check_arrivals(rate_hz, exposure_s)
-    scale = 1.0 if maps is None else maps.dead_time
-    open_hz = open_rate(rate_hz, exposure_s, effects)
-    mean, variance = dead_time.moments(open_hz, exposure_s, effects.dead_time, scale)
     on = effects.on - {"crosstalk"}
-    if len(on) < 2 and on <= {"dead_time", "gate"} and effects.dead_time.has_law:
+    is_closed_form = len(on) < 2 and on <= {"dead_time", "gate"} and effects.dead_time.has_law
+    if not is_closed_form and maps is None:
+        return _at_rates(rate_hz, exposure_s, effects.without_crosstalk)
+    open_hz = open_rate(rate_hz, exposure_s, effects)
+    scale = 1.0 if maps is None else maps.dead_time
+    mean, variance = dead_time.moments(open_hz, exposure_s, effects.dead_time, scale)
+    if is_closed_form:
         return mean, variance
-    ratio_of_means, ratio_of_variances = _over_factors(
-        lambda each: _ratios(rate_hz * exposure_s, exposure_s, each),
-        effects.without_crosstalk,
-        maps,
-    )
-    return mean * ratio_of_means, variance * ratio_of_variances
+
+    def ratios(of_pixel: AvalancheEffects, share: float) -> Floats:
+        moments = np.array(_at_rates(rate_hz, exposure_s, of_pixel, share))
+        alone = np.array(dead_time.moments(open_hz, exposure_s, of_pixel.dead_time))
+        return np.divide(moments, alone, np.ones_like(moments), where=alone > 0)
+
+    assert maps is not None
+    of_mean, of_variance = _over_factors(ratios, effects.without_crosstalk, maps)
+    return mean * of_mean, variance * of_variance
 
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
@@ -102,39 +91,56 @@ def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> 
 
 
 def _over_factors(
-    ratios: Callable[[AvalancheEffects], Floats],
+    ratios: Callable[[AvalancheEffects, float], Floats],
     effects: AvalancheEffects,
-    maps: AvalancheMaps | None,
+    maps: AvalancheMaps,
 ) -> Floats:
     """Ratios (2, ...) for pixels with their own dead time and number of carriers."""
-    if maps is None:
-        return ratios(effects)
-    total = np.zeros((2, *maps.dead_time.shape))
-    for dead_factor, of_dead in _factors(maps.dead_time, effects.dead_time.is_on):
-        for factor, of_traps in _factors(maps.afterpulsing, effects.afterpulsing.is_on):
-            each = effects.model_copy(
-                update={
-                    "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
-                    "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
-                }
-            )
-            total += of_dead * of_traps * ratios(each)
-    return total
+    fine, coarse = np.zeros((2, 2, *maps.dead_time.shape))
+    pairs = list(
+        product(
+            _factors(maps.dead_time, effects.dead_time.is_on),
+            _factors(maps.afterpulsing, effects.afterpulsing.is_on),
+        )
+    )
+    for (dead_factor, *of_dead), (factor, *of_traps) in pairs:
+        scaled = effects.model_copy(
+            update={
+                "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
+                "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
+            }
+        )
+        at_factors = ratios(scaled, 1 / len(pairs))
+        fine += of_dead[0] * of_traps[0] * at_factors
+        coarse += of_dead[1] * of_traps[1] * at_factors
+    if any(
+        np.any(np.abs(fine[row] - coarse[row]) > most * np.abs(fine[row]))
+        for row, most in enumerate((_MOST_OFF, 5 * _MOST_OFF))
+    ):
+        raise UserError(
+            "mismatch_sigma: in so bright light, mean and variance are not stated for pixels that "
+            "differ in dead time or carriers; lower the light, or ask for no expectation"
+        )
+    return np.asarray(fine)
 
 
 def _scaled(effect: Any, field: str, factor: float) -> Any:
     return effect.model_copy(update={field: getattr(effect, field) * factor})
 
 
-def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats]]:
-    """Nodes of a polynomial over a factor, and each pixel's weight of each node (Lagrange)."""
+def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats, Floats]]:
+    """Nodes over a factor, and each pixel's weight of each node in two polynomials (Lagrange).
+
+    The first is through all nodes, the second through every second one.
+    """
     low, high = float(factors.min(initial=np.inf)), float(factors.max(initial=0))
-    if not is_on or not factors.size:
-        return [(1.0, np.ones_like(factors))]
-    if high - low <= 1e-9 * high:
-        return [(high, np.ones_like(factors))]
+    if not is_on or not factors.size or high - low <= 1e-9 * high:
+        ones = np.ones_like(factors)
+        return [(high if is_on and factors.size else 1.0, ones, ones)]
     nodes = np.linspace(low, high, _FACTORS).tolist()
-    return list(zip(nodes, lagrange(factors, nodes), strict=True))
+    coarse = np.zeros((_FACTORS, *factors.shape))
+    coarse[::2] = lagrange(factors, nodes[::2])
+    return list(zip(nodes, lagrange(factors, nodes), coarse, strict=True))
 
 
 def lagrange(x: Floats, nodes: Sequence[float]) -> list[Floats]:
@@ -145,109 +151,66 @@ def lagrange(x: Floats, nodes: Sequence[float]) -> list[Floats]:
     ]
 
 
-def _ratios(arrivals: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Ratios (2, ...) of mean and variance to those of dead time at these arrivals."""
-    place = np.log10(np.maximum(arrivals, _FEWEST_ARRIVALS)) * _NODES_PER_DECADE
-    # a slope uses the adjacent nodes; those beyond change nothing
-    ends = int(np.floor(place.min(initial=0))) - 1, int(np.floor(place.max(initial=0))) + 3
-    nodes = np.arange(*ends)
-    table = _table(tuple(nodes.tolist()), exposure_s, effects)
-    return np.moveaxis(np.exp(PchipInterpolator(nodes, np.log(table))(place)), -1, 0)
-
-
-def _table(nodes: tuple[int, ...], exposure_s: float, effects: AvalancheEffects) -> Floats:
-    """Ratios (N, 2) at 10^(node/5) arrivals per exposure."""
-    # one thread fills the table: others would repeat its work
+def _at_rates(
+    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, share: float = 1.0
+) -> Moments:
+    """Mean and variance at rates of any shape, one by one or from polynomials over the rate."""
+    rates, place = np.unique(rate_hz, return_inverse=True)
+    # one thread computes: others would repeat its work
     with _one_at_a_time:
-        store, table = _stored(effects, exposure_s)
-        missing = [node for node in nodes if node not in table]
-        for node in missing:
-            table[node] = _simulated_ratios(node, exposure_s, effects)
-        if missing:
-            known = np.array(sorted(table))
-            store.write({"nodes": known, "ratios": np.array([table[node] for node in known])})
-    return np.array([table[node] for node in nodes])
-
-
-@lru_cache(maxsize=256)
-def _stored(effects: AvalancheEffects, exposure_s: float) -> tuple[ArrayStore, Table]:
-    key = digest(effects.model_dump_json(), repr(exposure_s), code_digest(*_CODE))
-    store = ArrayStore(cache_folder() / "moments", key, _MOST_BYTES)
-    kept = store.read(["nodes", "ratios"])
-    if kept is None:
-        return store, {}
-    rows = zip(kept["nodes"].tolist(), kept["ratios"].tolist(), strict=True)
-    return store, {node: (mean, variance) for node, (mean, variance) in rows}
-
-
-def _simulated_ratios(
-    node: int, exposure_s: float, effects: AvalancheEffects
-) -> tuple[float, float]:
-    rate_hz = np.array([10 ** (node / _NODES_PER_DECADE) / exposure_s])
-    open_hz = open_rate(rate_hz, exposure_s, effects)
-    laws = np.ravel(dead_time.moments(open_hz, exposure_s, effects.dead_time))
-    rng = generator(0, "moments", node)
-    found = _simulated_moments(rng, float(rate_hz[0]), exposure_s, effects, laws[0] / exposure_s)
-    # counts are 0 or constant only under overwhelming light
-    mean, variance = (
-        ours / law if min(ours, law) > 0 else 1.0 for ours, law in zip(found, laws, strict=True)
-    )
+        if rates.size <= _FEW_RATES:
+            found = [counts_of_pixel(rate, exposure_s, effects)[:2] for rate in rates.tolist()]
+            moments = np.array(found).reshape(-1, 2)
+        else:
+            arrivals = np.maximum(rates * exposure_s, _FEWEST_ARRIVALS)
+            moments = _in_pieces(np.log10(arrivals), exposure_s, effects, share)
+            moments *= (rates * exposure_s / arrivals)[:, None]
+    mean, variance = moments[place.ravel()].T.reshape(2, *np.shape(rate_hz))
     return mean, variance
 
 
-def _simulated_moments(
-    rng: np.random.Generator,
-    rate_hz: float,
-    exposure_s: float,
-    effects: AvalancheEffects,
-    counts_hz: float,
-) -> tuple[float, float]:
-    """Simulate the beginning and one later piece, which represents all further pieces.
+def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, share: float) -> Floats:
+    """Mean and variance (N, 2) at logarithms of arrivals, for a share of the longest time."""
+    moments, total = np.empty((place.size, 2)), 0.0
+    pieces = [(1.0, place // 1.0, np.arange(place.size))]
+    while pieces:
+        width, numbers, chosen = pieces.pop()
+        for number in np.unique(numbers):
+            some = chosen[numbers == number]
+            nodes = width * (number + _NODES)
+            of_nodes, work = _piece(width, float(number), exposure_s, effects)
+            total += work
+            if total > share * _MOST_WORK:
+                raise UserError(
+                    f"mean and variance at up to {10 ** place[-1] / exposure_s:.3g} detections and "
+                    "dark counts per second take too long to compute with these effects; lower the "
+                    "light or exposure_s, or ask for no expectation"
+                )
+            if of_nodes is None:
+                pieces.append((width / 2, place[some] // (width / 2), some))
+                continue
+            found = BarycentricInterpolator(nodes, of_nodes)(place[some])
+            mean = np.exp(found[:, 0])
+            moments[some] = np.column_stack([mean - _NO_COUNTS, found[:, 1] * mean])
+    return np.maximum(moments, 0.0)
 
-    A piece is long enough that only adjacent ones are correlated, and holds whole gate periods.
+
+@lru_cache(maxsize=4096)
+def _piece(
+    width: float, number: float, exposure_s: float, effects: AvalancheEffects
+) -> tuple[Floats | None, float]:
+    """Logarithm of the mean, and variance over mean, at the nodes (9, 2); operations taken.
+
+    None if a polynomial through every second does not tell the others.
     """
-    dead, gate, memory_s = effects.dead_time, effects.gate, effects.memory_s
-    remembered_s = _PART_OF_MEMORY * memory_s + _DEAD_TIMES_REMEMBERED * dead.dead_time_s
-    piece_s = max(_ARRIVALS_OF_A_PIECE / rate_hz, remembered_s)
-    if gate.period_s:
-        piece_s = float(np.ceil(piece_s / gate.period_s)) * gate.period_s
-    pieces = max(int(exposure_s / piece_s) - 1, 1)
-    beginning_s = exposure_s - pieces * piece_s
-    simulated_s = exposure_s if pieces == 1 else beginning_s + piece_s
-    ns_per_s = _NS_PER_ARRIVAL * rate_hz + _NS_PER_COUNT * counts_hz
-    ns_per_exposure = _NS_PER_EXPOSURE + ns_per_s * simulated_s  # excluding entries before a start
-    rates = np.full((max(int(_BUDGET_NS / ns_per_exposure), _FEWEST_EXPOSURES), 1), rate_hz)
-    carriers = effects.afterpulsing.mean_carriers
-    if pieces == 1:
-        whole = simulate_frame(rng, rates, exposure_s, effects, keep_events=False)
-        mean, covariance = _moments_of([whole], carriers)
-        return float(mean[0]), float(covariance[0, 0])
-    begun = simulate_frame(rng, rates, beginning_s, effects, keep_events=False)
-    if gate.period_s:
-        phase_s = (gate.phase_s - beginning_s) % gate.period_s
-        effects = effects.model_copy(update={"gate": gate.model_copy(update={"phase_s": phase_s})})
-    later = simulate_frame(rng, rates, piece_s, effects, state=begun.state, keep_events=False)
-    mean, covariance = _moments_of([begun, later], carriers)
-    variance = covariance[0, 0] + pieces * (covariance[1, 1] + 2 * covariance[0, 1])
-    return float(mean[0] + pieces * mean[1]), float(variance)
-
-
-def _moments_of(frames: list[SimulatedFrame], mean_carriers: float) -> tuple[Floats, Floats]:
-    """Mean (F,) and covariance (F, F) of the counts of consecutive exposures.
-
-    The part that is linear in both control variates has known moments.
-    """
-    counts = np.array([frame.counts.ravel() for frame in frames], np.float64)
-    met, expected, trapped = np.array([frame.tally for frame in frames]).swapaxes(0, 1)
-    surplus, variance = met - expected, expected.mean(1)
-    if trapped.sum() > _FEWEST_CARRIERS:
-        surplus = np.concatenate([surplus, trapped - mean_carriers * counts])
-        variance = np.concatenate([variance, mean_carriers * counts.mean(1)])
-    (shared, *_) = np.linalg.lstsq(_centered(surplus).T, _centered(counts).T, rcond=None)
-    rest = counts - shared.T @ surplus
-    known = shared.T @ np.diag(variance) @ shared
-    return rest.mean(1), np.asarray(np.cov(rest, ddof=0) + known)
-
-
-def _centered(values: Floats) -> Floats:
-    return np.asarray(values - values.mean(axis=1, keepdims=True))
+    arrivals = 10 ** (width * (number + _NODES))
+    mean, variance, work = np.array(
+        [counts_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
+    ).T
+    mean += _NO_COUNTS
+    values = np.column_stack([np.log(mean), variance / mean])
+    told = BarycentricInterpolator(_NODES[::2], values[::2])(_NODES[1::2])
+    off_mean, off_variance = np.abs(told - values[1::2]).T
+    allowed = np.maximum(0.02 * variance, 0.02)[1::2] / mean[1::2]
+    is_told = np.all(off_mean < 2e-3) and np.all(off_variance < allowed)
+    return values if is_told else None, work.sum()

@@ -139,8 +139,10 @@ def load_sensor(path: str | Path) -> Sensor:
         raise ValueError(f"{path}: {error}") from error
 
 
-def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def with_files(values: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
     """Make a sensor's fields independent of the folder to which their paths are relative.
+
+    It is that of the file with these fields; None: they are the user's (`named_path`).
 
     Maps get absolute paths and hashes; curves, a surface of efficiency and a kernel of crosstalk in
     files become numbers.

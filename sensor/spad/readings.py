@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
 from megalopta.core.arrays import Floats, Ints, Mask
-from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.spad.counter_moments import (
     Counter,
@@ -32,6 +31,7 @@ from megalopta.sensor.spad.counter_moments import (
 )
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.counts import count_moments
+from megalopta.sensor.spad.matched import fill_matched, reach_of_events
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import lagrange
 
@@ -186,17 +186,8 @@ def _laws(blocks: range, exposure_s: float, effects: AvalancheEffects) -> LawTab
     return LawTable.of(reach[0], law)
 
 
-_SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20
 # Branches fall as (r·τ·e^(−rτ)/(2πk))^(T/τ).
 _BRANCHES, _FEW_BRANCHES, _LONG = 8, 1, 20
-
-
-def reach_of_events(mean: Floats, variance: Floats) -> Floats:
-    """Smallest and largest likely number of events, (2, ...); probability of others 1e-12."""
-    sigma = np.sqrt(variance)
-    clump = np.maximum(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0), 1)
-    least = np.maximum(np.floor(mean - _SIGMAS * sigma), 0)
-    return np.array([least, np.ceil(mean + _SIGMAS * sigma + _EVENTS + _CLUMPS * (clump - 1))])
 
 
 def event_law(
@@ -213,12 +204,7 @@ def event_law(
         non-paralyzable dead time          exact (`effects.nonparalyzable`)
         paralyzable dead time              exact (`_paralyzable`), to 3e-5 in exposures of half a
                                            dead time, 1e-9 from three on
-        anything else                      matched in mean and variance
-
-    Matched distributions are of Panjer's family, P(n)/P(n−1) = α + β/n with 1 − α = mean/variance:
-    negative binomial if the variance exceeds the mean. Otherwise they are mixtures of two
-    binomials, or of a binomial and the two integers next to the mean, with exactly this mean and
-    variance.
+        anything else                      matched in mean and variance (`matched`)
 
     Parameters
     ----------
@@ -245,7 +231,7 @@ def event_law(
             least = int(reach[0, alike[0]])
             law[alike] = _paralyzable(bright, fraction, dead.start == "stationary", least, size)
     else:
-        _fill(mean, variance, np.ascontiguousarray(reach[0]), law)
+        fill_matched(mean, variance, np.ascontiguousarray(reach[0]), law)
     return law
 
 
@@ -292,61 +278,3 @@ def _paralyzable(
         total[1:] += start * np.exp(w / dead_fraction) / (1 + w)
     total[0] = 1
     return np.asarray(np.fft.irfft((total * z**-least).conj(), points)[:size])
-
-
-@compiled
-def _fill(mean, variance, least, law):  # type: ignore[no-untyped-def]
-    spare = np.empty(law.shape[1])
-    for at in range(mean.size):
-        m, v, row = mean[at], variance[at], law[at]
-        if m == 0:
-            row[0] = 1.0
-        elif v >= m:
-            _add_panjer(m, v, 1.0, least[at], row, spare)
-        else:
-            _fill_with_binomials(m, v, least[at], row, spare)
-
-
-@compiled
-def _fill_with_binomials(m, v, least, row, spare):  # type: ignore[no-untyped-def]
-    trials = np.floor(m * m / (m - v))
-    if trials >= m and trials * (m - v) > 0:
-        # the variance of both together lies between theirs
-        low, high = m - m * m / trials, m - m * m / (trials + 1)
-        share = (high - v) / (high - low)
-        _add_panjer(m, low, share, least, row, spare)
-        _add_panjer(m, high, 1 - share, least, row, spare)
-        return
-    fraction = m - np.floor(m)
-    lowest, trials = fraction * (1 - fraction), np.ceil(m)
-    binomial = m - m * m / trials
-    share = min(max((v - lowest) / max(binomial - lowest, 1e-300), 0.0), 1.0)
-    if share > 0:
-        _add_panjer(m, binomial, share, least, row, spare)
-    place = int(np.floor(m) - least)
-    row[place] += (1 - share) * (1 - fraction)
-    row[place + 1] += (1 - share) * fraction
-
-
-@compiled
-def _add_panjer(m, v, share, least, row, spare):  # type: ignore[no-untyped-def]
-    if v <= 1e-12 * m:  # as many events as trials
-        row[int(np.rint(m) - least)] += share
-        return
-    alpha = 1 - m / v
-    beta = m * m / v - alpha
-    mode = min(int(np.floor(m) - least), row.size - 1)
-    spare[mode] = total = 1.0
-    for place in range(mode, 0, -1):
-        events = least + place
-        ratio = alpha * events + beta
-        # the quotient does not wait for the previous probability
-        spare[place - 1] = spare[place] * (events / ratio) if ratio > 0 else 0.0
-        total += spare[place - 1]
-    for place in range(mode + 1, row.size):
-        # rounding leaves a little after the last trial
-        ratio = alpha + beta / (least + place)
-        spare[place] = spare[place - 1] * ratio if ratio > 1e-9 else 0.0
-        total += spare[place]
-    for place in range(row.size):
-        row[place] += share * spare[place] / total

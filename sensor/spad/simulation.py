@@ -39,9 +39,6 @@ class SimulatedFrame(NamedTuple):
 
     counts: Ints
     """(rows, columns)"""
-    tally: Floats
-    """Photons and dark carriers that met a live pixel, their mean given its live time, and trapped
-    carriers, (3, N)"""
     times_s: Floats
     """Times of the counted avalanches from the start of the exposure; empty unless requested"""
     pixels: Ints
@@ -75,18 +72,18 @@ def simulate_frame(
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
-    maps = maps or AvalancheMaps.alike((rows, columns))
+    maps = maps or AvalancheMaps.alike((1, 1))
     parameters, tables = parameters_of(rates, exposure_s, effects, maps)
     if state is None:
         before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
     else:
         parameters = parameters._replace(start_s=0.0)
         before = Before(True, state.blind_until_s.copy(), state.pending_s, state.owners)
-    counts, tally, events, left = run_frame(rng, parameters, tables, keep_events, before)
+    counts, events, left = run_frame(rng, parameters, tables, keep_events, before)
     order = np.argsort(left[1] // KINDS, kind="stable")
     after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
     times, pixels = events
-    return SimulatedFrame(counts.reshape(rows, columns), tally, times, pixels, after)
+    return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)
 
 
 @dataclass

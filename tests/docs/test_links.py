@@ -18,7 +18,10 @@ LINK = re.compile(
 ROLE = re.compile(r"\{py:\w+\}`~?([\w.]+)`")
 ENTRIES = re.compile(r"^```\{toctree\}\n(?::[^\n]*\n)*\n(?P<entries>.*?)^```", re.M | re.S)
 SCRIPT = re.compile(r"(?:sphx_glr_)?(plot_\w+?)(?:_\d{3}\.png)?$")
-MADE = {"generated/configuration", "generated/gallery/index", "generated/reference/index"}
+MADE = {
+    f"generated/{page}"
+    for page in ("configuration", "gallery/index", "dissertation/index", "reference/index")
+}
 ALL_PAGES = [*PAGES, *REPOSITORY_PAGES]
 
 

@@ -21,7 +21,7 @@ WARM = (
     "megalopta.benchmark.scores", "megalopta.benchmark.without_truth", "megalopta.camera.calibrating",
     "megalopta.camera.device_comparison", "megalopta.flow", "megalopta.generation.making", "megalopta.render",
     "megalopta.render.exporting", "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
-    "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.verification.capture_files",
+    "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.capture_files",
     "megalopta.verification.files", "megalopta.verification.truth",
 )  # fmt: skip
 

@@ -1,5 +1,7 @@
 """Exported scenes in plain Mitsuba, against this program's own frames."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import trimesh
@@ -23,6 +25,7 @@ from megalopta.scenes import (
     Meshes,
     MovingObject,
     PerspectiveCamera,
+    Plane,
     Trajectory,
     build_scene,
 )
@@ -102,3 +105,22 @@ def test_the_same_export_again_gives_the_same_files(own, tmp_path):
         export_scene(scene, CAMERA, SETTINGS, PATH.poses()[0], out)
         found.append({each: each.read_bytes() for each in out.rglob("*") if each.is_file()})
     assert found[0] == found[1] and len(found[0]) > 5
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_variant_is_as_it_was_also_after_an_error(tmp_path, fails):
+    activate(choose_variant("auto"))
+    before = mi.variant()
+    if fails:
+        (tmp_path / "meshes").write_text("in the way")
+    scene = build_scene(Plane(), Light(), CAMERA, PATH)
+    with pytest.raises(OSError) if fails else nullcontext():
+        export_scene(scene, CAMERA, SETTINGS, PATH.poses()[0], tmp_path)
+    assert mi.variant() == before
+
+
+def test_warnings_of_mitsuba_do_not_reach_the_terminal(capfd):
+    for variant in "scalar_spectral", choose_variant().name:
+        mi.set_variant(variant)
+        assert mi.load_dict({"type": "multijitter", "sample_count": 37}).sample_count() == 42
+    assert capfd.readouterr() == ("", "")

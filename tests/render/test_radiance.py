@@ -8,7 +8,7 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, frame_seed
 from megalopta.render.sensors.film import pass_seed
-from megalopta.render.settings import bake_seed
+from megalopta.render.settings import bake_seed, part_seed
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting
@@ -110,6 +110,13 @@ def test_no_two_random_seeds_of_sequences_are_equal():
         assert len(set(seeds)) == len(seeds)
     assert pass_seed(12, 0) == 12
     assert len({pass_seed(*each) for each in np.ndindex(20, 50)}) == 1000
+
+
+def test_no_pass_has_the_seed_of_a_part_of_another_or_of_a_frame():
+    parts = {part_seed(9, what, n) for what in ("light path", "fixed error") for n in range(5)}
+    passes = {pass_seed(9, number) for number in range(1, 50)}
+    frames = {frame_seed(9, number) for number in range(50)}
+    assert len(parts | passes | frames) == 10 + 49 + 50
 
 
 LEVEL = 2e-9

@@ -37,3 +37,16 @@ def test_parts_and_sensors_that_integrate_change_alike():
 def test_impossible_and_unknown_fields_are_refused(fields, named):
     with pytest.raises(ValueError, match=named):
         changed(preset("spadcam"), **fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"exposur_s": 1}, "exposur_s: unknown key; did you mean 'exposure_s'?"),
+        ({"exposure_s": -1}, "exposure_s: input should be greater than 0, got -1"),
+    ],
+)
+def test_a_mistake_is_one_sentence(fields, said):
+    with pytest.raises(ValueError) as refusal:
+        changed(preset("spadcam"), **fields)
+    assert str(refusal.value) == said

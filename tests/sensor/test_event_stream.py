@@ -2,7 +2,7 @@ import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
 from megalopta.sensor.event_stream import histogram
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.spad.simulation import simulate_frame
 
 IDEAL = preset("ideal")
@@ -10,7 +10,7 @@ RATE = np.random.default_rng(0).uniform(0, 300, (6, 5, 7))
 
 
 def draw(rate=RATE, sensor=IDEAL, **place):
-    return expose_events(rate, sensor, **({"seed": 0, "sequence": "s"} | place))
+    return expose_events(rate, sensor, **({"seed": 0, "stream": "s"} | place))
 
 
 def test_events_lie_in_the_exposure_and_are_sorted_by_frame_and_time():
@@ -57,7 +57,8 @@ def test_events_of_the_same_time_stay_in_the_order_of_the_simulation():
     # crosstalk fires neighbors at the very time of an avalanche, which comes first
     sensor = changed(IDEAL, crosstalk=Crosstalk(mean_fired_neighbors=0.3))
     rate = np.full((8, 8), 100.0)
-    rng = generator(0, "events", "s", 0)
+    named = sensor_stream("s", sensor, np.zeros_like(rate)), light_key(rate)
+    rng = generator(0, "events", *named, 0)
     frame = simulate_frame(rng, rate, sensor.exposure_s, sensor.avalanche_effects)
     times, pixels = frame.times_s, frame.pixels
     order = np.argsort(times, kind="stable")

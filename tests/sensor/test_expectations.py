@@ -129,7 +129,7 @@ def test_matched_laws_are_good_to_two_percent_of_a_standard_deviation(effects):
     """Beside a capacity that cuts the law in two; the error of drawing is a third of that."""
     sensor = changed(IDEAL, counter=DigitalCounter(capacity=15), **effects)
     rate = np.full((1, 200, 200), 15.0 if "gate" not in effects else 30.0)
-    counts = expose_rate(rate, sensor, seed=0, sequence="matched").counts
+    counts = expose_rate(rate, sensor, seed=0, stream="matched").counts
     mean, variance = (each.mean() for each in reading_moments(rate, sensor))
     assert counts.mean() == pytest.approx(mean, abs=0.045 * variance**0.5)
     assert counts.var() == pytest.approx(variance, rel=0.06)

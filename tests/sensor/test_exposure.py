@@ -13,6 +13,7 @@ from megalopta.sensor import (
     event_moments,
     expectation,
     expose,
+    expose_binary,
     expose_rate,
     photon_rate,
     preset,
@@ -35,7 +36,7 @@ SENSORS = {
 
 
 def expose_frames(sensor, radiance=RADIANCE, **place):
-    return expose(radiance, BANDS, sensor, **({"seed": 0, "sequence": "forest"} | place))
+    return expose(radiance, BANDS, sensor, **({"seed": 0, "stream": "forest"} | place))
 
 
 def signal_to_noise(sensor, radiance=RADIANCE):
@@ -63,8 +64,47 @@ def test_same_seed_same_bytes_and_any_other_name_other_counts():
     sensor = SENSORS["ideal"]
     reference = expose_frames(sensor)
     assert same(reference, expose_frames(sensor))
-    for other in ({"seed": 1}, {"sequence": "grating"}, {"first_frame": 1}):
+    for other in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
         assert np.mean(expose_frames(sensor, **other).counts != reference.counts) > 0.5
+
+
+PIXELS = (4, 80, 80)
+CHANGES = [
+    ({}, 2.0), ({}, 1.001), ({"exposure_s": 2e-3}, 1), ({"dark_counts": {"bulk_mean_hz_um2": 1e-4}}, 1),
+    ({"dead_time": {"kind": "nonparalyzable", "dead_time_s": 1e-7}}, 1), ({"device_seed": 5}, 1),
+    ({"crosstalk": {"mean_fired_neighbors": 0.01}}, 1), ({"counter": {"capacity": 4000}}, 1),
+    ({"pitch_m": 2e-5}, 1), ({"temperature": {"celsius": 31.0}}, 1),
+]  # fmt: skip
+
+
+def drawn(sensor, factor, how):
+    rate = np.full(PIXELS, 20.0 * factor) / preset("ideal").exposure_s
+    read = how(rate, sensor, seed=0, stream="one")
+    counts = np.unpackbits(read) if read.__class__ is np.ndarray else read.counts
+    return counts.ravel().astype(float)
+
+
+@pytest.mark.parametrize("how", [expose_rate, expose_binary])
+@pytest.mark.parametrize(("change", "factor"), CHANGES)
+def test_exposures_that_differ_in_anything_are_independent(change, factor, how):
+    if how is expose_binary and "crosstalk" in change:
+        pytest.skip("binary frames have none")
+    dim = 0.02 if how is expose_binary else 1.0
+    one = drawn(preset("ideal"), dim, how)
+    other = drawn(changed(preset("ideal"), **change), dim * factor, how)
+    # 25,600 pixels or bits: |r|·√n > 5 by chance once in 1.7 million
+    assert abs(np.corrcoef(one, other)[0, 1]) < 5 / np.sqrt(one.size)
+    np.testing.assert_array_equal(one, drawn(preset("ideal"), dim, how))
+
+
+def test_patterns_of_one_mean_are_independent():
+    rate = np.random.default_rng(0).uniform(1e4, 3e4, (1, 160, 160))
+    sensor = changed(preset("ideal"), exposure_s=1e-3)
+    one, other = (
+        (expose_rate(light, sensor, seed=0, stream="one").counts[0] - 1e-3 * light).ravel()
+        for light in (rate, rate[:, ::-1])
+    )
+    assert abs(np.corrcoef(one, other)[0, 1]) < 5 / np.sqrt(one.size)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -162,7 +202,7 @@ def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
         function("spadcam")
 
 
-@pytest.mark.parametrize("place", [{"seed": 0.5}, {"sequence": None}])
+@pytest.mark.parametrize("place", [{"seed": 0.5}, {"stream": None}])
 def test_seed_and_sequence_that_name_nothing_are_refused(place):
     with pytest.raises(TypeError, match=r"(0\.5|None) cannot name random numbers; give a whole"):
         expose_frames(SENSORS["ideal"], **place)
@@ -201,4 +241,14 @@ def test_impossible_radiance_is_refused(radiance, message):
 )
 def test_impossible_rates_are_refused(rate_hz, message):
     with pytest.raises(ValueError, match=message):
-        expose_rate(rate_hz, SENSORS["ideal"], seed=0, sequence="x")
+        expose_rate(rate_hz, SENSORS["ideal"], seed=0, stream="x")
+
+
+def test_a_sensor_by_its_name():
+    light, bands, draws = np.full((1, 4, 4, 1), 1e-9), [(500, 600)], {"seed": 0, "stream": "a"}
+    named = expose(light, bands, "spadcam", **draws)
+    np.testing.assert_array_equal(
+        named.counts, expose(light, bands, preset("spadcam"), **draws).counts
+    )
+    with pytest.raises(ValueError, match="'spadca' is unknown: use one of ideal, spadcam"):
+        expose(light, bands, "spadca", **draws)

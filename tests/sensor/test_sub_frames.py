@@ -54,11 +54,11 @@ def test_shapes_that_do_not_match_are_refused(flow):
 def test_events_come_when_the_light_does():
     rate = np.zeros((1, 4, 8, 8))
     rate[0, 2] = 400.0  # in the third quarter only
-    events = expose_events(rate, IDEAL, seed=0, sequence="s")
+    events = expose_events(rate, IDEAL, seed=0, stream="s")
     assert ((events.time_s >= 0.5) & (events.time_s < 0.75)).all()
     expected = 64 * 100.0
     assert abs(events.time_s.size - expected) < 5 * np.sqrt(expected)
-    counts = expose_rate(rate, IDEAL, seed=0, sequence="s").counts
+    counts = expose_rate(rate, IDEAL, seed=0, stream="s").counts
     assert counts.shape == (1, 8, 8)
     assert abs(counts.sum() - expected) < 5 * np.sqrt(expected)
 
@@ -68,10 +68,10 @@ def test_a_free_running_array_is_one_long_exposure():
     sensor = changed(IDEAL, dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1.0))
     rate = np.full((10, 30, 30), 5.0)
     reset, running = (
-        histogram(expose_events(rate, sensor, seed=1, sequence="s", free_running=runs)).sum(axis=0)
+        histogram(expose_events(rate, sensor, seed=1, stream="s", free_running=runs)).sum(axis=0)
         for runs in (False, True)
     )
-    long = expose_rate(rate[:1], changed(sensor, exposure_s=10.0), seed=2, sequence="s").counts[0]
+    long = expose_rate(rate[:1], changed(sensor, exposure_s=10.0), seed=2, stream="s").counts[0]
     scatter = np.sqrt((running.var() + long.var()) / running.size)
     assert abs(running.mean() - long.mean()) < 5 * scatter
     assert reset.mean() > running.mean() + 1

@@ -84,7 +84,7 @@ def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     frames = np.stack([moved(light, each) for each in lattice])
     means = reading_moments(frames, sensor)[0].reshape(len(lattice), -1)
     variance = reading_moments(light[np.newaxis], sensor)[1].ravel()
-    drawn = expose_rate(np.broadcast_to(light, (2 * PAIRS, SIDE, SIDE)), sensor, seed=0, sequence=0)
+    drawn = expose_rate(np.broadcast_to(light, (2 * PAIRS, SIDE, SIDE)), sensor, seed=0, stream=0)
     counts = drawn.counts.reshape(2 * PAIRS, -1).astype(float)
     first, second = estimates(counts, means, 1 / variance, lattice).reshape(2, PAIRS, 2)
     measured = np.cov((second - first).T)

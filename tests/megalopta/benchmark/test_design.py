@@ -102,7 +102,7 @@ def test_yaw_estimated_from_drawn_counts_scatters_as_predicted():
     ]
     moved = np.array([map_coordinates(light, each, mode="nearest") for each in coordinates])
     means = reading_moments(moved, sensor)[0].reshape(len(turns), -1)
-    drawn = expose_rate(np.broadcast_to(light, (4000, 36, 48)), sensor, seed=0, sequence=0)
+    drawn = expose_rate(np.broadcast_to(light, (4000, 36, 48)), sensor, seed=0, stream=0)
     counts = drawn.counts.reshape(4000, -1).astype(float)
     likelihood = counts @ np.log(means).T - means.sum(axis=1)
     square, linear, _ = np.polyfit(turns, likelihood.T, 2)

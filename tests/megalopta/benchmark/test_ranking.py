@@ -1,6 +1,5 @@
 """The benchmark of rendered sequences, through the command line."""
 
-import csv
 import json
 
 import numpy as np
@@ -11,8 +10,7 @@ from megalopta.benchmark.ranking import RATIO, Ranking
 from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
-from megalopta.benchmark.sequence_errors import BOUND, STILL, TEXTURE
-from megalopta.benchmark.transfer import AXES, curves, misfits
+from megalopta.benchmark.sequence_errors import BOUND, STILL
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.core.array_store import ArrayStore
@@ -75,32 +73,6 @@ def test_the_bound_falls_with_the_root_of_the_photons(ranked):
     few, many = (error(ranked, BOUND, flux) for flux in (1e3, 1e8))
     assert few <= many * np.sqrt(1e5) * (1 + 1e-9)
     assert few > 10 * many
-
-
-def test_the_bound_falls_on_one_curve_on_its_own_axis(grating, tmp_path):
-    """With enough photons that the motion itself is nowhere less; to the blocks' differences."""
-    few = {**FEW, "methods": "[BM]", "fluxes": "[1e7, 1e8, 1e9]", "frames_pooled": "[1, 2]"}
-    run_ranking(grating, tmp_path, few)
-    found = misfits(curves(read_ranking(tmp_path), BOUND))
-    values = {AXES[name]: each.value for name, each in found.items()}
-    assert values[2] < 0.03 < 0.1 < values[0] < values[-1]
-    assert "One axis for all lights" in (tmp_path / "ranking.html").read_text("utf-8")
-
-
-def test_photons_per_motion_period_are_in_the_table(ranked):
-    """Texture scale, motion and photons as the other rows state them."""
-    with (ranked / "ranking.csv").open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["group"] == "all"]
-    here = [row for row in rows if (row["pixels_pooled"], row["frames_pooled"]) == ("1", "2")]
-    texture, still = (
-        next(float(row["value"]) for row in here if row[key] == name)
-        for key, name in (("metric", TEXTURE), ("method", STILL))
-    )
-    found = [row for row in here if row["method"] == "DIS" and row["metric"] == "epe_px"]
-    for row in found:
-        expected = float(row["photons_per_frame"]) / 60**2 * texture / still
-        assert float(row["photons_per_px_and_period"]) == pytest.approx(expected, rel=1e-4)
-    assert len(found) == 2
 
 
 def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch):

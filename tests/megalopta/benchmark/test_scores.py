@@ -173,7 +173,7 @@ def test_mistakes_get_one_sentence(tree, tmp_path, told):
     assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
     path.write_bytes(whole)
     assert "no such folder" in told(truth, tmp_path / "none")
-    assert "the truth lacks pictures" in told(truth, "DIS")
+    assert "its two pictures are not there" in told(truth, "DIS")
     assert "gives no dense flow" in told(truth, "BM")
     (tmp_path / "empty").mkdir()
     assert "no true flow" in told(tmp_path / "empty", submitted)

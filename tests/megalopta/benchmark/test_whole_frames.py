@@ -10,17 +10,15 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle, panorama_clips
-from megalopta.benchmark.methods import block_detector, methods_and_baselines
+from megalopta.benchmark.methods import TUNED, block_detector, methods_and_baselines, tuned
 from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS, frame_errors
 from megalopta.cli import main as cli
-from megalopta.flow.detectors.gray_detector import detector_from
+from megalopta.flow import METHODS, optical_flow
+from megalopta.flow.detectors.gray_detector import GrayDetector, detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
-from megalopta.reproduction import comparison_frames as whole_frames
-from megalopta.reproduction.drawing import Run
-
-from ..figures import canvas_of
 
 BASIC = MEDIAN, MEAN, FAR
+GRAY = [name for name, each in METHODS.items() if isinstance(each, GrayDetector)]
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +113,22 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
     assert (denoised.name, denoised.stretch) == ("DIS NLM", "denoised")
 
 
+@pytest.mark.parametrize("name", TUNED)
+def test_a_tuned_method_has_the_settings_for_the_nearest_light(name):
+    scene = leaves_clip(7, (96, 120))
+    for flux, nearest in ((0.4, 1.0), (12.0, 10.0), (1e5, 1000.0)):
+        first, second = scene.counts(flux, 0)[3:5]
+        settings = {key: value for key, value in TUNED[name][nearest].items() if key != "error_px"}
+        np.testing.assert_array_equal(
+            optical_flow(first, second, tuned(name)), optical_flow(first, second, name, **settings)
+        )
+
+
+def test_methods_without_tuned_settings_are_refused():
+    with pytest.raises(ValueError, match="settings exist for DIS, .*; or give .* √"):
+        block_detector(f"{next(each for each in GRAY if each not in TUNED)} tuned")
+
+
 def test_shipped_scenes_move_as_their_flow_says():
     """Nine pixels in ten are found again where the flow leads; the others are hidden, or edges."""
     noise = gaussian_filter(np.random.default_rng(1).random((251, 600)), 2, mode="wrap")
@@ -126,24 +140,6 @@ def test_shipped_scenes_move_as_their_flow_says():
         places = y + scene.flow[..., 1], x + scene.flow[..., 0]
         moved = map_coordinates(second, places, order=1, mode="nearest")
         assert np.quantile(np.abs(moved - first)[8:-8, 8:-8], 0.9) < 0.1 * first.std(), scene.name
-
-
-def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch):
-    monkeypatch.setattr(whole_frames, "leaves_clips", lambda count: [clip] * count)
-    monkeypatch.setattr(whole_frames, "panorama_clips", lambda _, headings: [clip] * 4)
-    figure = whole_frames.whole_frames(Run(is_quick=True), ["BM", "PPM"])
-    canvas_of(figure)
-    assert len(figure.rows) == 2 * 2 * 3
-    ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
-    for low, mean, high in zip(*ends, strict=True):
-        # a mean of zero has no interval
-        assert low <= mean <= high if mean else np.isnan([low, high]).all()
-    (least,) = (
-        each
-        for each in figure.details["least_median_error"]
-        if tuple(each.values())[1:3] == ("eight frames", 1) and "leaves" in each["scenes"]
-    )
-    assert least["method"] == "PPM"
 
 
 def write_pictures(folder, names, clip):
@@ -209,7 +205,7 @@ def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused):
     small = tmp_path / "small.png"
     Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
     assert "give pictures and flow of one size" in run(picture, small, truth)
-    assert "cannot be read as a picture" in run(truth, small, truth)
+    assert "not a supported picture" in run(truth, small, truth)
     assert "no such folder" in run(tmp_path / "elsewhere")
     words = run(picture, picture, tmp_path / "none.flo")
     assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words

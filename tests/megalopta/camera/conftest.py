@@ -111,7 +111,7 @@ def expected_adc(settings: Settings, number: int, plugged_in: int = 0):
     together = min(max(64_000 // settings.period_us, 1), 64)
     place = number % together
     rate = STIMULUS.rates_hz(np.zeros(place + 1), sensor)
-    drawn = {"seed": 0, "sequence": plugged_in, "together": together}
+    drawn = {"seed": 0, "stream": plugged_in, "together": together}
     return expose_adc(rate, sensor, first_frame=number - place, **drawn)[place]
 
 

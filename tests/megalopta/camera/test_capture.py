@@ -45,7 +45,7 @@ def test_what_arrives_is_what_the_sensor_model_reads(emulated, tmp_path):
     # Frames of 64 ms share a stream, named by the first of them.
     place = int(np.flatnonzero(recording.sequence_number % 12 == 0)[0])
     first = int(recording.sequence_number[place])
-    direct = expose_rate(rate, nominal, seed=0, sequence=0, first_frame=first)
+    direct = expose_rate(rate, nominal, seed=0, stream=0, first_frame=first)
     np.testing.assert_array_equal(recording.counts[place], direct.counts[0])
     np.testing.assert_allclose(np.diff(recording.times_s), 0.005, rtol=2e-3)
 

@@ -39,7 +39,7 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     sensor = load_sensor(path)
     # frames that begin anywhere in the dataset, at its rate
     rates = brighter * Rendered(forest, LUX).rates_hz((3.4 + np.arange(240)) / rate_hz, sensor)
-    counts = expose_rate(rates, sensor, seed=4, sequence="seen").counts
+    counts = expose_rate(rates, sensor, seed=4, stream="seen").counts
     with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
         write(counts.astype(np.uint16))
     page = tmp_path / "page.html"

@@ -46,7 +46,7 @@ def exposed(folder, sensor, frames, shape, light, suffix="npy"):
     """Dark frames and lit ones, written as a sensor counts them."""
     for name, hz in (("dark", 0.0), ("flat", light)):
         rate = np.full((frames, *shape), EFFICIENCY * hz)
-        counts = expose_rate(rate, sensor, seed=1, sequence=name).counts
+        counts = expose_rate(rate, sensor, seed=1, stream=name).counts
         save(folder / f"{name}.{suffix}", counts)
 
 
@@ -68,7 +68,7 @@ def test_counts_give_a_device_that_sense_can_use(tmp_path):
     )
     assert "192 pixels, 0 bad, 0 hot" in sentence
     assert "dead time: needs counts under two lights" in sentence
-    counts = expose_rate(np.zeros((300, *SHAPE)), device, seed=1, sequence="dark").counts
+    counts = expose_rate(np.zeros((300, *SHAPE)), device, seed=1, stream="dark").counts
     # 2.3 million dark counts of a device calibrated with 0.6 million, 0.15 %: six errors
     assert counts.mean() / device.exposure_s == pytest.approx(DARK_HZ, rel=0.009)
     assert "efficiency (%)" in page
@@ -165,7 +165,7 @@ def test_intervals_cover_as_stated_with_crosstalk():
         for seconds, light in ((2e-3, 0.0), (2e-4, 0.0), (2e-4, 2e5)):
             rate = np.broadcast_to(light * efficiency, (300, *shape))
             own, name = changed(true, exposure_s=seconds), f"{seconds} {light}"
-            counts = expose_rate(rate, own, seed=seed, sequence=name).counts
+            counts = expose_rate(rate, own, seed=seed, stream=name).counts
             levels.append(summed(counts, seconds, light, is_binary=False))
         found = calibrate_counts(levels)
         own = draw_fixed_pattern(true, shape).dark_counts_hz
@@ -189,7 +189,7 @@ def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
     listed = "path: dark.npy, exposure_s: 0.01", "path: flat.npy, exposure_s: 0.01, light: 2.0e+4"
     device, _, page = calibrated(tmp_path, *listed)
     found = changed(device, exposure_s=0.01)
-    again = expose_rate(np.zeros((2000, 24, 24)), found, seed=2, sequence="again").counts
+    again = expose_rate(np.zeros((2000, 24, 24)), found, seed=2, stream="again").counts
     np.testing.assert_array_equal(again[:, 3, 4], 0)
     np.testing.assert_array_equal(again[:, 5, 6], 70)
     before, after = (
@@ -207,7 +207,7 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
     for name, mean, number in zip(("dark", "flat"), (0.02, 0.42), frames, strict=True):
         sums = rng.binomial(n, -np.expm1(-mean), (number, *SHAPE)).astype(np.uint16)
         np.save(tmp_path / f"{name}.npy", np.packbits(sums > 0, axis=-1) if n == 1 else sums)
-    how = "frames: [0, 1500]" if n == 1 else "sums: 255"
+    how = "frames: [0, 1500], format: packed_npy" if n == 1 else "sums: 255"
     device, sentence, _ = calibrated(
         tmp_path,
         f"path: dark.npy, exposure_s: 0.0001, {how}",

@@ -37,7 +37,7 @@ def recorded(folder, exposure_s, light_hz, frames=100, seed=0):
     sensor = changed(SENSOR, exposure_s=exposure_s)
     pattern, counter = draw_fixed_pattern(sensor, SHAPE), sensor.counter
     rates = np.broadcast_to(light_hz * EFFICIENCY * pattern.efficiency_factor, (frames, *SHAPE))
-    counts = expose_rate(rates, sensor, seed=seed, sequence=folder.name).counts
+    counts = expose_rate(rates, sensor, seed=seed, stream=folder.name).counts
     volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
     noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
     codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
@@ -82,7 +82,7 @@ def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(cali
     found = changed(load_sensor(path), exposure_s=0.05)
     assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
     assert found.crosstalk.diagonal == pytest.approx(0.2)
-    counts = expose_rate(np.zeros((150, *SHAPE)), found, seed=1, sequence="dark").counts
+    counts = expose_rate(np.zeros((150, *SHAPE)), found, seed=1, stream="dark").counts
     # 150 000 events, of a variance a quarter above Poisson's: 5 standard errors are 1.5 %; dead
     # time hides 0.03 %, and of afterpulses, a second time, below 0.1 %
     expected = device.dark_counts_hz.value.mean()

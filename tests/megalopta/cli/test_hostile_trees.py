@@ -1,6 +1,7 @@
 """Datasets of strangers under every verb that reads them: one sentence, no hang, nothing outside."""
 
 import json
+import shutil
 
 import pytest
 
@@ -22,6 +23,16 @@ def table_elsewhere(root, outside):
     for part in described["distribution"]:
         part["contentUrl"] = "/dev/zero"
     text("croissant.json", json.dumps(described))(root, outside)
+
+
+def flipped(name):
+    """One bit in a word of a description."""
+
+    def put(root, outside):
+        words = (root / name).read_text("utf-8").replace("optical", "optica\x6d")
+        text(name, words)(root, outside)
+
+    return put
 
 
 DEEP = "[" * 200_000
@@ -49,7 +60,12 @@ SPOILED = {
     "card elsewhere": link("card", "{home}"),
     "page elsewhere": link("index.html", "{home}"),
     "split elsewhere": link("splits/x", "{home}"),
-}
+    "flipped description": flipped("croissant.json"),
+    "removed split": lambda root, _: shutil.rmtree(root / "splits/train/Sintel"),
+    "removed folder of a split": lambda root, _: (root / "splits/sample/Sintel/training/flow/000000").unlink(),
+    "removed list": lambda root, _: (root / "splits/train.txt").unlink(),
+    "shortened list": text("splits/train.txt", ""),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,8 @@ import pytest
 import trimesh
 
 from megalopta.cli import main as cli
-from megalopta.cli.stages import quick
 from megalopta.config.model import load
 from megalopta.render import read_radiance, read_truth
-from megalopta.verification import GROUPS, physics
-from megalopta.verification.physics import CASES
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [
@@ -64,7 +61,7 @@ def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
     assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
 
 
-@pytest.mark.parametrize("verb", ["", "gallery", "check", "dataset"])
+@pytest.mark.parametrize("verb", ["", "report", "check", "dataset"])
 def test_verbs_without_settings_answer_to_help_all_as_to_help(run, verb):
     asked = run(*verb.split(), "--help-all")
     assert (asked.returncode, asked.stdout) == (0, run(*verb.split(), "--help").stdout)
@@ -108,33 +105,10 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     assert "seed: 0 → 1" in changed.stderr
 
 
-def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
-    seen = []
-    monkeypatch.setattr(physics, "run_check_physics", lambda *given: seen.append(given) or True)
-    cli.main(["check", "physics", "crosstalk", "dead-time"])
-    assert seen == [(["crosstalk", "dead-time"],)]
-    assert tuple(CASES) == GROUPS
-    with pytest.raises(SystemExit):
-        cli.main(["check", "--help"])
-    printed = capsys.readouterr().out.replace("-\n", "-")
-    assert all(group in printed for group in CASES)
-
-
-def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
-    cli.main(["reproduce", "fig-3.2", "--out", str(tmp_path)])
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "fig-3.2.csv",
-        "fig-3.2.json",
-        "fig-3.2.png",
-        "fig-3.2.svg",
-    ]
-    assert len(capsys.readouterr().out.splitlines()) == 4
-
-
 def test_a_quick_demo_of_another_scene_has_no_settings_of_a_forest(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     own = {"scene.kind": "meshes", "scene.files": str(tmp_path / "box.stl")}
     for given in own, {"scene": f"{{kind: meshes, files: {tmp_path / 'box.stl'}}}"}:
-        made = load("demo", quick({**given, "camera.width": "40"}))
+        made = load("quick", {**given, "camera.width": "40"})
         assert (made.scene.kind, made.camera.width, made.camera.height) == ("meshes", 40, 48)
-    assert load("demo", quick({"scene.trees": "40"})).scene.trees == 40
+    assert load("quick", {"scene.trees": "40"}).scene.trees == 40

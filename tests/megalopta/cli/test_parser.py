@@ -1,12 +1,11 @@
 import pytest
 
 from megalopta.cli.main import program, split_overrides
-from megalopta.config.model import Configuration
-from megalopta.config.settings import VerbSettings
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings, description
 
 OWN = ("--out", "--redo")
-DEMO = VerbSettings(Configuration).takes
+DEMO = VerbSettings().takes
 
 
 def test_settings_are_told_from_own_options():
@@ -17,8 +16,10 @@ def test_settings_are_told_from_own_options():
 
 
 def test_several_words_make_a_list_and_negative_numbers_are_values():
-    _, overrides = split_overrides(["--light-levels", "starlight", "0.5", "--a", "-3"], OWN, DEMO)
-    assert overrides == {"light_levels": "[starlight, 0.5]", "a": "-3"}
+    _, overrides = split_overrides(
+        ["--light-levels", "starlight", "0.5", "--seed", "-3"], OWN, DEMO
+    )
+    assert overrides == {"light_levels": "[starlight, 0.5]", "seed": "-3"}
 
 
 @pytest.mark.parametrize(
@@ -87,9 +88,11 @@ def test_a_mistyped_option_is_told_the_one_that_was_meant(typed):
 
 def test_no_setting_is_taken_for_a_mistyped_option():
     for name, command in program().verbs.items():
-        for field in command.settings().model.model_fields if command.settings else ():
+        for field in (
+            description()["models"][command.settings.models[0]] if command.settings else ()
+        ):
             words = [name, f"--{field.replace('_', '-')}=1"]
-            assert split_overrides(words, command.options, DEMO)[0] == [name]
+            assert split_overrides(words, command.options, command.takes)[0] == [name]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from megalopta.config import built_in_names
-from megalopta.config.model import differences, load, parse
+from megalopta.config.drawing import configuration_of
+from megalopta.config.model import Configuration, differences, load, parse
 from megalopta.config.recipe import load_plan
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
@@ -143,11 +144,13 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
-        ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
+        ("sensors: [{preset: spadcam, counter: {bits: 10}}]", r"bits 10: a counter has a capacity; give \{kind: digital, capacity: 1023\}"),
+        ("sensors: [{preset: ideal, counter: {kind: digital, bits: 1}}]", "digital, capacity: 1\\}"),
+        ("scene: {trees: 5}", "missing key 'kind'; add it, one of forest, grating"),
+        ("light_levels: [noon]", "'noon' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
-        ("trajectory: {frames: 1}", "at least 2 frames"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("scene: {trees: 5}", "scene: missing key 'kind'; add it"),
         ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
@@ -186,3 +189,20 @@ def test_differences_name_every_changed_leaf():
     new = yaml.safe_load("a: {b: 2, c: [1, 3]}\nd: [{e: 1}, {e: 2}]")
     assert differences(old, new) == ["a.b: 1 → 2", "a.c: [1, 2] → [1, 3]", "d.1.e: absent → 2"]
     assert differences(old, old) == []
+
+
+def test_paths_of_light_are_as_long_as_the_kind_of_scene_needs(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n")
+    meshes = {"scene.kind": "meshes", "scene.files": str(tmp_path / "a.obj")}
+    text = f"scene: {{kind: meshes, files: {tmp_path / 'a.obj'}}}\n"
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("scenes: [{preset: demo, scene: {kind: meshes, files: a.obj}}]")
+    assert [
+        load("demo").render.max_depth,
+        load("demo", meshes).render.max_depth,
+        load("demo", meshes | {"render.max_depth": "7"}).render.max_depth,
+        parse(text, "test", {"camera.width": "9"}).render.max_depth,
+        parse(f"{text}render: {{max_depth: 5}}", "test", {"camera.width": "9"}).render.max_depth,
+        configuration_of(load_plan(plan), 0).render.max_depth,
+        Configuration().render.max_depth,
+    ] == [4, 64, 7, 64, 5, 64, 16]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.config.measuring import FlowSettings
-from megalopta.config.model import Configuration, load, parse
-from megalopta.config.settings import VerbSettings
+from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
+from megalopta.settings.verb_settings import VerbSettings
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_a_path_that_leads_nowhere_is_refused(path):
 
 
 def test_help_lists_every_setting_with_a_meaning():
-    text = VerbSettings(Configuration).help()
+    text = VerbSettings().help()
     entries = [line for line in text.splitlines() if line.startswith("  --")]
     meanings = [line for line in text.splitlines() if line.startswith("      ")]
     assert len(entries) > 50

@@ -54,6 +54,12 @@ def test_a_line_shows_share_and_time_left():
     assert progress_line(0, 60, "pair", 130) == "0 % of 60 pairs · 2:10 so far"
 
 
+@pytest.mark.parametrize("since_s", [0, 5, 10, 60, 1e4])
+def test_a_long_step_does_not_lengthen_the_time_left(since_s):
+    left = progress_line(3, 10, "figure", 30, since_s).partition("· ")[2]
+    assert left == {0: "1:10 left", 5: "1:05 left"}.get(since_s, "1:00 left")
+
+
 def test_a_line_begins_with_the_number_of_its_stage(capsys):
     with progress.numbered_stage(2, 5), progress.progress("Exposing sensors", 300, "frame"):
         time.sleep(0.2)

@@ -1,33 +1,24 @@
-"""What is told of a sequence from a probe, and that nothing is left of a probe."""
+"""What a dry run measures and multiplies, and that it leaves nothing."""
 
 import numpy as np
 import pytest
 
 from megalopta.config.model import load
-from megalopta.generation.dry_run import Probe, Scale, foresee, may_bake, probe
-
-SMALL = Probe(
-    scale=Scale(60, 700.0, 1100, 1100.0, 2, 3, 0),
-    setup=np.array([7.0, 7.0, 0.0]),
-    compiling=np.array([5.0, 5.0, 0.0]),
-    once=np.array([2.0, 2.0, 0.0]),
-    radiance=np.array([1.2, 1.2, 0.0]),
-    rest=np.array([0.1, 0.1, 12000.0]),
-)
-"""A probe of one sample a pixel, of 10 triangles a thing and 100 more."""
-LARGE = Scale(1000, 10_500.0, 2200, 2200.0, 10, 11, 550)
+from megalopta.generation import dry_run as module
+from megalopta.generation.dry_run import cost_of, may_bake, measured
+from megalopta.stages.pipeline import run_stage
 
 
-def test_a_sequence_takes_in_proportion_to_a_probe():
-    *times_s, bytes_ = foresee(LARGE, SMALL)
-    # 15 times the triangles, twice the pixels, half of 1100 paths, 11 passes, a kernel
-    np.testing.assert_allclose(times_s, 15 * 7 + 2 * 2 + 0.6 + 11 * 2.4 + 10 * 0.2 + 5)
-    assert bytes_ == pytest.approx(10 * 24_000)
-
-
-def test_only_the_first_compiles():
-    first, later = (foresee(LARGE, SMALL, is_first) for is_first in (True, False))
-    np.testing.assert_allclose(first - later, [5, 5, 0])
+def test_frames_and_pixels_multiply_and_at_most_three_sequences_are_measured(monkeypatch):
+    seen = []
+    cost = np.array([5.0, 5, 0]), np.array([7.0, 7, 0]), np.array([1e-3, 1e-3, 8])
+    monkeypatch.setattr(module, "measured", lambda settings, finish: seen.append(settings) or cost)
+    sizes = {"camera.width": "10", "camera.height": "10", "trajectory.frames": "3"}
+    *times_s, bytes_ = cost_of([load("grating", sizes)] * 9, lambda _dataset: None)
+    assert len(seen) == 3
+    # three compilations, nine scenes, nine sequences of 300 pixels
+    np.testing.assert_allclose(times_s, 3 * 5 + 9 * 7 + 9 * 0.3)
+    assert bytes_ == pytest.approx(9 * 300 * 8)
 
 
 def test_where_auto_may_bake_the_time_told_is_the_most():
@@ -37,23 +28,26 @@ def test_where_auto_may_bake_the_time_told_is_the_most():
     assert not may_bake(few)
 
 
-def test_a_probe_renders_a_strip_of_few_frames_and_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    sizes = {"camera.width": "64", "camera.height": "2000", "render.samples_per_pixel": "4"}
-    found = probe(load("grating", sizes), 0, lambda _dataset: None, True)
-    assert found.scale.frames == 2
-    assert found.scale.pixels < 64 * 300
-    assert found.radiance[0] > 0
-    assert found.rest[2] > 64 * 8 * 72
-    assert not list(tmp_path.iterdir())
+@pytest.mark.slow
+def test_the_stated_size_is_that_of_the_files_within_a_factor_of_two(tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    sizes = {"camera.width": "128", "camera.height": "128", "render.samples_per_pixel": "4"}
+    settings = load("grating", {**sizes, "trajectory.frames": "4"})
+    bytes_ = cost_of([settings], lambda _dataset: None)[2]
+    assert not list(temporary.iterdir())
+    dataset = run_stage(tmp_path / "data", settings, "render")
+    made = sum(path.stat().st_size for path in dataset.root.rglob("*") if path.is_file())
+    assert made / 2 < bytes_ < 2 * made
 
 
 @pytest.mark.slow
-def test_a_probe_bakes_light_that_is_on_disk_already(tmp_path, monkeypatch):
-    """The next probe would find its light there, and foresee no time for it."""
+def test_light_that_is_on_disk_already_is_baked_again(tmp_path, monkeypatch):
+    """The next dry run would find its light there, and foresee no time for it."""
     monkeypatch.setattr("megalopta.stages.render.cache_folder", lambda: tmp_path)
     few = {"scene.trees": "5", "scene.undergrowth": "0", "render.integrator": "baked"}
     sizes = {"camera.width": "16", "camera.height": "16", "render.samples_per_pixel": "1"}
-    found = probe(load("demo", few | sizes), 5, lambda _dataset: None, True)
-    assert found.once[0] > 0
+    _, scene, _ = measured(load("demo", few | sizes), lambda _dataset: None)
+    assert scene[0] > 0
     assert not list(tmp_path.iterdir())

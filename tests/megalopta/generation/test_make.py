@@ -3,7 +3,6 @@
 import json
 import shutil
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -15,10 +14,8 @@ from megalopta.config.drawing import configuration_of
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.store import files_in
 from megalopta.flow.formats import read_flo
 from megalopta.generation import making
-from megalopta.generation.dry_run import costs_of, finish_of_plan
 from megalopta.generation.making import make, parse_indices, write_flow_files
 from megalopta.sensor import open_counts
 from megalopta.verification.files import check_files
@@ -179,7 +176,7 @@ def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, refused
 
 
 def test_every_kind_of_range_is_drawn_within_its_limits():
-    from megalopta.config.drawing import configuration_of, split_of
+    from megalopta.config.drawing import split_of
 
     plan = Plan(
         scenes=({"preset": "grating", "trajectory": {"rotation_deg_s": {"uniform": [5, 20]}}},),
@@ -211,16 +208,3 @@ def test_numbers_of_sequences():
     for text, told in (("3-x", "'3-x'"), ("12", "0 to 9"), ("5-3", "0 to 9")):
         with pytest.raises(UserError, match=told):
             parse_indices(text, 10)
-
-
-@pytest.mark.slow
-def test_the_size_told_is_within_30_percent_of_what_is_made(small_plan, small_dataset):
-    drawn = [configuration_of(small_plan, index) for index in range(small_plan.sequences)]
-    told = sum(bytes_ for *_, bytes_ in costs_of(drawn, partial(finish_of_plan, small_plan)))
-    books = ("index", "splits", "sequences")
-    made = sum(
-        path.stat().st_size
-        for path in files_in([small_dataset])
-        if path.relative_to(small_dataset).parts[0] not in books
-    )
-    assert told == pytest.approx(made, rel=0.3)

@@ -38,7 +38,7 @@ def bits():
 @pytest.fixture(scope="module")
 def cube(bits, tmp_path_factory):
     """The same as a file of packed bits."""
-    path = tmp_path_factory.mktemp("cube") / "cube.npy"
+    path = tmp_path_factory.mktemp("cube") / "cube.binary.npy"
     np.save(path, np.packbits(bits, axis=-1))
     return path
 
@@ -100,7 +100,7 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     rate_hz, frames = 12_000.0, (300, 16, 16)
     dark = without(preset("spadcam"), "dark_counts")
     sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
-    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, sequence="flat").counts
+    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, stream="flat").counts
     full = np.zeros(frames, bool)
     full[:, 15] = True
     adc = np.ones(frames, np.uint16)
@@ -119,7 +119,7 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     ("write", "name"), [(write_events_hdf5, "e.h5"), (write_events_npz, "e.npz")]
 )
 def test_events_are_counted_in_every_frame(tmp_path, write, name):
-    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, sequence="e")
+    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, stream="e")
     origin = EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
     write(tmp_path / name, events, origin)
     readings = readings_of(tmp_path / name)
@@ -190,7 +190,7 @@ def test_a_mask_is_of_bool_and_leaves_good_pixels(tmp_path, values):
 
 def test_a_mask_that_is_no_array_is_told(tmp_path):
     (tmp_path / "m.npy").write_text("mask")
-    with pytest.raises(UserError, match=r"m\.npy is no array of \.npy"):
+    with pytest.raises(UserError, match=r"m\.npy is no mask"):
         read_mask(tmp_path / "m.npy")
     with pytest.raises(UserError, match="--bad-pixels: .*none.npy cannot be read"):
         read_mask(tmp_path / "none.npy")

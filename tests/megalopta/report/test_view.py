@@ -160,7 +160,17 @@ def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
 def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     bits = np.random.default_rng(0).random((40, 16, 24)) < 0.3
     np.save(tmp_path / "burst.npy", np.packbits(bits, axis=-1))
-    words = ["--out", str(tmp_path / "out"), "--sum", "4", "--invert", "--fps", "5"]
+    words = [
+        "--format",
+        "packed_npy",
+        "--out",
+        str(tmp_path / "out"),
+        "--sum",
+        "4",
+        "--invert",
+        "--fps",
+        "5",
+    ]
     main.main(["view", str(tmp_path / "burst.npy"), *words])
     assert str(tmp_path / "out" / "view.html") in capsys.readouterr().out.splitlines()
     text = (tmp_path / "out" / "view.html").read_text("utf-8")

@@ -1,4 +1,4 @@
-"""Chapter 4: the figures' trials, the table, the scenes, and the claim about denominators."""
+"""Chapter 4: the figures' trials and the table."""
 
 import csv
 import json
@@ -14,20 +14,11 @@ from megalopta.benchmark.runner import run_trials
 from megalopta.benchmark.trial import measure_trial
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
-from megalopta.flow.stimuli.statistics import image_statistics
-from megalopta.reproduction import chapter4_scenes, drawing as module
-from megalopta.reproduction.chapter4_conventions import FLOORS, floored_errors
+from megalopta.reproduction import drawing as module
 from megalopta.reproduction.chapter4_curves import MOTION, PHOTOGRAPHED, SWEEPS, beside_printed
-from megalopta.reproduction.chapter4_scenes import (
-    implied_information,
-    information_per_photon,
-    needed_of,
-)
-from megalopta.reproduction.chapter4_table import PRINTED, least
-from megalopta.reproduction.drawing import Run, find, reproduce
+from megalopta.reproduction.chapter4_table import PRINTED, least, table_trials
+from megalopta.reproduction.drawing import reproduce
 from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve
-
-from ..figures import canvas_of, check_words, made
 
 
 def crossing(flux):
@@ -75,8 +66,7 @@ def test_fixed_parameters_are_those_of_the_text(name):
 
 
 def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
-    (recipe,) = find("table-4.1")
-    found = results(recipe.trials(False))
+    found = results(table_trials(False))
     synthetic = least(found, "synthetic", "BM", "literal")
     assert (synthetic.threshold.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
     natural = least(found, "natural", "EMD", "ratio")
@@ -88,17 +78,6 @@ def pictures(of_templates, cache=None):
     """Two pixels for each template: of contrast 1 in light, ½ in gray values."""
     pixels = {"linear": np.array([[0.0, 2.0]]), "srgb": np.array([[1.0, 3.0]])}
     return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
-
-
-def drawn(name, is_quick=False, pixels=pictures):
-    (recipe,) = find(name)
-    trials = recipe.trials(is_quick)
-    return recipe.make(Run(is_quick, results(trials), pixels(trial.template for trial in trials)))
-
-
-def textured(of_templates):
-    rng = np.random.default_rng(0)
-    return {each: rng.uniform(1, 2, (251, 502)) for each in set(of_templates)}
 
 
 def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
@@ -134,16 +113,6 @@ def test_numbers_below_a_figure_are_those_of_its_curves(name, quantity, power, v
     assert ours == value
 
 
-def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zero():
-    # Δ = 1 and R uniform in (−1, 1): the mean of 1/max(|R|, ε) is 1 − ln ε, 7.9 at ε = 1e-3. Its
-    # standard error is 0.045 (the variance of 1/R is 2/ε): five are 2.8 %.
-    ideal = np.random.default_rng(0).uniform(-1, 1, 1_000_000)
-    errors = floored_errors(ideal, ideal + 1)
-    floors = FLOORS * np.abs(ideal).mean()
-    large = floors > 1e-3
-    np.testing.assert_allclose(errors[large], 1 - np.log(floors[large]), rtol=0.03)
-
-
 @pytest.mark.slow
 def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
     asked = []
@@ -172,13 +141,6 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
     assert "quick form" in record["title"]
     with (tmp_path / "quick" / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) == len(record["rows"])
-
-
-@pytest.mark.parametrize(
-    "name", [*SWEEPS, "table-4.1", "denominators", "natural-information", "normalizations"]
-)
-def test_words_name_the_figure_and_are_few(name):
-    check_words(drawn(name, True, textured))
 
 
 @pytest.mark.parametrize(
@@ -217,61 +179,3 @@ def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     }
     assert all(1 / 4 < ratio[method] < 4 for method in ("BM", "NDM", "NDS"))
     assert 1 / 10 < ratio["EMD"] < 10
-    # the rest is explained by one number of each picture, to about a factor of two
-    seen = {}
-    for method in ("BM", "IIA", "NDM", "NDS"):
-        for picture in PHOTOGRAPHED.templates:
-            of_picture = [trial for trial in trials if trial.template == picture]
-            seen.setdefault(method, []).append(needed_of(method, of_picture, found, pixels))
-        products = [each.information * each.photons for each in seen[method]]
-        assert max(products) / min(products) < 2.2  # while photons vary by a factor of 2.3 to 3.3
-    implied = {each: implied_information(seen[each], PRINTED[each][1]) for each in seen}
-    same = [implied[method] for method in ("BM", "NDM", "NDS")]
-    assert max(same) / min(same) < 1.7
-    assert max(same) / implied["IIA"] < 4
-
-
-def test_information_of_a_grating_meets_the_closed_form():
-    # λ = 1 + C sin kx: the mean of λ'²/λ is k²·(1 − √(1 − C²)). A spline through six samples of a
-    # period has 0.992 of the slope, so 1.5 % is missing.
-    k, contrast = 2 * np.pi / 6, 0.3
-    columns = np.arange(480) / 4  # every fourth is sampled
-    template = np.tile(1 + contrast * np.sin(k * columns), (240, 1))
-    expected = k**2 * (1 - np.sqrt(1 - contrast**2))
-    assert information_per_photon(template) == pytest.approx(expected, rel=0.025)
-
-
-def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps():
-    figure = made("fig-4.2")
-    row, column, brightness = np.array(figure.rows)[:, :3].T
-    # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
-    y, x = (((2 * index + 1) * 251 // 120 + 0.5) / 251 for index in (row, column))
-    along, across = ((x + y) / 2**0.5, (y - x) / 2**0.5)
-    expected = 1 + np.sin(8 * np.pi * along) * np.sin(8 * np.pi * across)
-    np.testing.assert_allclose(brightness, expected, atol=1e-12)
-
-
-@pytest.fixture
-def forests(monkeypatch):
-    grown = {
-        name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (120, 400))
-        for name, recipe in NATURAL_PANORAMAS.items()
-    }
-    monkeypatch.setattr(chapter4_scenes, "natural_templates", lambda cache=None: grown)
-    return grown
-
-
-@pytest.mark.slow
-def test_forests_are_drawn_with_their_statistics(forests):
-    figure = made("fig-4.3")
-    canvas_of(figure)
-    rows = {
-        name: dict(zip(figure.columns[1:], values, strict=True)) for name, *values in figure.rows
-    }
-    assert set(rows) == {*forests, "dead leaves"}
-    for name, template in forests.items():
-        # Gamma noise of shape 2 has contrast 1/√2, known from 48 000 pixels to 0.6 % (σ); five σ
-        assert rows[name]["contrast"] == pytest.approx(2**-0.5, rel=0.03)
-        assert rows[name] == vars(image_statistics(template))
-    # Dead leaves have the scale-free spectrum that noise has not.
-    assert rows["dead leaves"]["spectrum_slope"] < -1.5 < rows["open"]["spectrum_slope"]

@@ -308,3 +308,12 @@ def test_frames_show_the_picture_of_their_time(here):
     light = np.asarray(open_dataset("out")[0].radiance)
     changes = np.abs(np.diff(light, axis=0)).max(axis=(1, 2, 3)) > 0
     assert (np.flatnonzero(changes) + 1).tolist() == [2, 7, 15, 17, 20]
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "told"),
+    [(24.999999999999996, 25), (29.999999999999, 30), (30000 / 1001, 29.97002997), (0.1 + 0.2, 0.3),
+     (12.5, 12.5), (23.976, 23.976), (1 / 3, 0.333333333), (1e-3, 1e-3), (119999.99999999999, 120000)],
+)  # fmt: skip
+def test_a_frame_rate_is_the_shortest_number_that_the_times_allow(rate_hz, told):
+    assert importing.shortest(rate_hz) == told

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from megalopta.cli import main as cli
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
+from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.reprojection import motions_of
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
@@ -115,3 +117,71 @@ def test_without_an_animation_nothing_can_move(tmp_path, name):
     scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / name}, animate: true}}}}"
     with pytest.raises(UserError, match=r"omit (it|animate)"):
         run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")
+
+
+@pytest.fixture
+def box(tmp_path):
+    """Configuration of a box, with a vertex far away that no triangle has, seen along a path."""
+    vertices = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv 0 0 1\nv 1e5 0 0\n"
+    (tmp_path / "box.obj").write_text(vertices + "f 1 2 3 4\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n")
+    scene = f"scene: {{kind: meshes, files: {tmp_path / 'box.obj'}}}"
+    rendering = small(32, 24, 2, sensors="ideal", levels="starlight")
+    return lambda **path: parse(
+        scene,
+        "test",
+        rendering | {f"trajectory.{name}": str(value) for name, value in path.items()},
+    )
+
+
+@pytest.mark.parametrize("integrator", ["auto", "baked"])
+def test_a_camera_that_sees_nothing_is_refused_with_bounds_and_a_path_that_sees_all(
+    tmp_path, box, integrator
+):
+    away = box(position_m=[50, 0, 0], look_at_m=[60, 0, 0])
+    rendering = away.render.model_copy(update={"integrator": integrator})
+    with pytest.raises(
+        UserError, match=r"sees no surface.* from \(-1, -1, -1\) to \(1, 1, 1\) m"
+    ) as no:
+        run_stage(tmp_path / "data", away.model_copy(update={"render": rendering}), "render")
+    assert not (tmp_path / "data").exists()
+    words = str(no.value).partition("--trajectory.")[2].split("--trajectory.")
+    path = {name: values for name, *values in map(str.split, words)}
+    given = {name: f"[{', '.join(v)}]" if len(v) > 1 else v[0] for name, v in path.items()}
+    truth = read_truth(run_stage(tmp_path / "data", box(**given), "render").truth(0))
+    assert 0.05 < (truth.object_id > 0).mean() < 0.9
+    assert not truth.object_id[0].any() and not truth.object_id[:, 0].any()
+
+
+def test_a_fitted_path_is_the_circle_that_a_refusal_proposes_and_is_kept(tmp_path, box):
+    settings = box(kind="fit", frames=3)
+    assert settings.trajectory.kind == "orbit"
+    assert 2 < settings.trajectory.radius_m < 9 and settings.trajectory.frames == 3
+    assert parse(f"scene: {settings.scene.model_dump_json()}\ntrajectory: {{kind: fit, frames: 3}}",
+                 "test", {"camera.width": "32", "camera.height": "24"}
+                 ).trajectory == settings.trajectory  # fmt: skip
+    with pytest.raises(UserError, match="'fit': a scene of kind 'forest' is made for its camera"):
+        parse("trajectory: {kind: fit}", "test")
+
+
+def test_a_view_of_one_frame_is_a_sequence(tmp_path, box, capsys):
+    settings = box(kind="fit", frames=1)
+    for stage in "render", "sense":
+        dataset = run_stage(tmp_path / "data", settings, stage)
+    assert not list(dataset.root.glob("training/flow/**/*.flo"))
+    (sequence,) = open_dataset(dataset.root)
+    assert len(sequence) == 1 and np.isfinite(sequence.depth[0]).any()
+    assert sequence.counts("ideal-starlight").shape == (1, 24, 32)
+    cli.main(["report", str(dataset.root)])
+    cli.main(["view", str(dataset.root), "--out", str(tmp_path / "seen")])
+    assert "A single frame has no motion" in (dataset.root / "report.html").read_text()
+    with pytest.raises(UserError, match="trajectory.frames 1 leaves fewer than two"):
+        run_stage(dataset.root, settings, "flow")
+
+
+def test_what_has_no_effect_is_in_the_record(tmp_path, capsys):
+    (tmp_path / "pin.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\nl 1 2\n")
+    scene = f"scene: {{kind: meshes, files: {tmp_path / 'pin.obj'}}}\ntrajectory: {{kind: fit}}"
+    dataset = run_stage(tmp_path / "data", parse(scene, "test", small(8, 6, 1)), "render")
+    (note,) = json.loads(dataset.scene_record.read_text())["notes"]
+    assert note.endswith("these have no effect: statements (l)")
+    assert capsys.readouterr().err.count(note) == 1

@@ -5,10 +5,11 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.sensor import Crosstalk, ctia_preset, preset
+from megalopta.sensor import Crosstalk, changed, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.shot import Shot
+from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.sense import open_exposure
 
@@ -90,7 +91,21 @@ def test_products_are_checked_with_the_settings(products, message):
 def test_more_events_than_memory_holds_are_refused_in_one_sentence():
     shot = Shot(
         radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
-        sequence="s", first_frame=0, frame_period_s=1.0,
+        stream="s", first_frame=0, frame_period_s=1.0,
     )  # fmt: skip
     with pytest.raises(ValueError, match="events in a frame, more than"):
         next(shot.events())
+
+
+def test_light_is_not_known_beyond_the_next_frame():
+    following = NextFrames(
+        radiance=np.ones((1, 2, 2, 1)),
+        flow=np.zeros((1, 2, 2, 2)),
+        hidden=np.zeros((1, 2, 2), bool),
+    )
+    sensor = changed(preset("ideal"), exposure_s=0.02)
+    with pytest.raises(ValueError, match="exposure_s: 0.02 is longer than a frame, 0.01 s"):
+        Shot(
+            radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=sensor, seed=0,
+            stream="s", first_frame=0, frame_period_s=0.01, following=following,
+        )  # fmt: skip

@@ -9,6 +9,7 @@ from PIL import Image
 from megalopta.core.errors import UserError
 from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
+from megalopta.stages.importing import PictureOptions, timing_of as timing
 
 LEVELS = np.array([0, 60, 120, 180], np.uint8)
 
@@ -60,11 +61,19 @@ def test_transparency_stands_before_black(tmp_path, suffix):
 def test_frames_of_no_time_last_a_tenth_of_a_second_as_in_browsers(tmp_path):
     with open_footage(write(tmp_path / "a.gif", 0)) as footage:
         np.testing.assert_allclose(footage.times_s, [0, 0.1, 0.2, 0.3])
+        assert footage.last_s == 0.1 and "no duration" in footage.notes[0]
+
+
+def test_the_last_frame_has_a_duration_too(tmp_path):
+    path = write(tmp_path / "a.gif", [20, 20, 400, 600])
+    with open_footage(path) as footage:
+        assert footage.last_s == pytest.approx(0.6)
+        assert timing(footage, PictureOptions(frame_rate_hz=50.0))["frames"] == 52
 
 
 def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):
     with open_footage(write(tmp_path / "a.png", default_image=True)) as footage:
-        assert len(footage) == 3
+        assert len(footage) == 3 and "no part of its animation" in footage.notes[0]
         np.testing.assert_allclose(
             footage.frame(0)[5, 8, 0], decode_srgb(LEVELS[1:2])[0], rtol=1e-6
         )
@@ -74,7 +83,7 @@ def test_an_animation_has_no_other_unit_and_stands_alone(tmp_path):
     path = write(tmp_path / "a.gif")
     with pytest.raises(UserError, match="omit the unit linear"):
         open_footage(path, "linear")
-    with pytest.raises(UserError, match="is animated; give it alone"):
+    with pytest.raises(UserError, match="holds 4 pictures; give it alone"):
         open_footage(tmp_path)
 
 

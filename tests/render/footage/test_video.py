@@ -61,10 +61,10 @@ def test_light_of_a_gray_of_10_bits_by_closed_form(film, number):
 
 
 def test_known_points_of_the_curves_of_hdr():
-    from megalopta.render.footage.transfer import TRANSFERS as CURVES
+    from megalopta.render.footage.transfer import light_of
 
-    assert CURVES["PQ"](np.array(0.5081)) * 203 == pytest.approx(100, rel=1e-3)
-    assert CURVES["HLG"](np.array([0.5, 1.0])) == pytest.approx([1 / 12, 1])
+    assert light_of("PQ", np.array(0.5081)) * 203 == pytest.approx(100, rel=1e-3)
+    assert light_of("HLG", np.array([0.5, 1.0])) == pytest.approx([1 / 12, 1])
 
 
 @pytest.mark.parametrize(

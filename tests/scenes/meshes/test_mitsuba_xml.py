@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from megalopta.render import mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.meshes import mitsuba_xml, pictures
 from megalopta.scenes.meshes.mesh_file import MeshFile
@@ -284,3 +285,103 @@ def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write
         ValueError, match=rf"scene\.xml: .* emitter of type '{kind}' is not rendered"
     ):
         scene_of(path, lights="file")
+
+
+@pytest.mark.parametrize(
+    ("spectrum", "at_500_nm"),
+    [
+        ('type="uniform"><float name="value" value="0.4"/>', 0.4),
+        (
+            'type="irregular"><string name="wavelengths" value="400, 600"/>'
+            '<string name="values" value="0.1, 0.5"/>',
+            0.3,
+        ),
+        (
+            'type="regular"><float name="wavelength_min" value="400"/>'
+            '<float name="wavelength_max" value="700"/><string name="values" value="0, 0.3, 0.6"/>',
+            0.2,
+        ),
+    ],
+)
+def test_spectra_of_mitsubas_types_are_those_of_surfaces_and_lamps(write, spectrum, at_500_nm):
+    element = f'<spectrum name="NAME" {spectrum}</spectrum>'
+    surface = f'<bsdf type="diffuse">{element.replace("NAME", "reflectance")}</bsdf>'
+    lamp = f'<emitter type="area">{element.replace("NAME", "radiance")}</emitter>'
+    assert material_of(write(square(surface))).reflectance(500) == pytest.approx(at_500_nm)
+    shining = material_of(write(square(lamp)), lights="file").emission.radiance
+    assert shining(500) == pytest.approx(at_500_nm)
+
+
+def test_light_of_a_temperature_and_daylight_are_those_of_mitsuba(write):
+    """Against `mitsuba.load_string`, which interpolates Planck's law more finely."""
+    d65 = '<spectrum name="radiance" type="d65"><float name="scale" value="2"/></spectrum>'
+    hot = '<spectrum name="radiance" type="blackbody"><float name="temperature" value="2800"/>'
+    for radiance in (d65, f"{hot}</spectrum>", '<float name="radiance" value="3"/>', ""):
+        path = write(square(f'<emitter type="area">{radiance}</emitter>'))
+        mi.set_variant("scalar_spectral")
+        hit = mi.SurfaceInteraction3f()
+        hit.wavelengths, hit.wi = [450.0, 555.0, 612.0, 690.0], [0, 0, 1]
+        theirs = np.array(mi.load_file(path).emitters()[0].eval(hit))
+        ours = material_of(path, lights="file").emission.radiance([450, 555, 612, 690])
+        np.testing.assert_allclose(ours, theirs, rtol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("lamp", "reason"),
+    [
+        ('<emitter type="area"><texture type="bitmap" name="radiance"/></emitter>', "a texture"),
+        ('<emitter type="area"><spectrum type="d66" name="radiance"/></emitter>', "type 'd66'"),
+        ('<emitter type="projector"/>', "of type projector"),
+    ],
+)
+def test_lamps_are_refused_by_name_only_where_they_shall_shine(write, lamp, reason):
+    path = write(square(lamp))
+    assert scene_of(path)
+    with pytest.raises(ValueError, match=rf"object 'table' is a lamp .*{reason}.*lights 'own'"):
+        scene_of(path, lights="file")
+
+
+def test_an_unknown_spectrum_of_a_surface_is_refused_with_its_type_and_material(write):
+    path = write(square('<bsdf type="diffuse" id="Wax"><spectrum type="x" name="reflectance"/>'
+                        "</bsdf>"))  # fmt: skip
+    with pytest.raises(ValueError, match="material 'Wax' is with a spectrum of type 'x'"):
+        scene_of(path)
+    assert scene_of(path, materials={"Wax": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("shape", "reason"),
+    [
+        ('type="sphere"><float name="radius" value="-1"/>', "shape 'it' has radius -1"),
+        ('type="sphere"><float name="radius" value="nan"/>', "shape 'it' has radius nan"),
+        ('type="cylinder"><float name="radius" value="0"/>', "shape 'it' has radius 0"),
+        ('type="cylinder"><point name="p1" x="0"/>', "shape 'it' has p0 .* no length"),
+        *(
+            (f'type="cube"><transform name="to_world"><{step}/></transform>', reason)
+            for step, reason in (
+                ('translate x="1e300"', "shape 'it': translate .*1e300.*beyond 1e\\+12"),
+                ('translate value="nan, 0, 0"', "shape 'it': translate .*nan.* is not finite"),
+                ('scale value="0"', "shape 'it': scale .*'0'.* leaves no volume"),
+                ('scale x="0"', "shape 'it': scale .* leaves no volume"),
+                ('rotate angle="30"', "shape 'it': rotate .* is not finite"),
+                ('matrix value="1 2 3  2 4 6  0 0 1"', "shape 'it': matrix .* leaves no volume"),
+                (f'matrix value="{"1 0 0 0 0 " * 3} .5"', "matrix .* is a perspective map"),
+                ('lookat origin="1 1 1" target="1 1 1"', "shape 'it': lookat .* is not finite"),
+            )
+        ),
+    ],
+)
+def test_shapes_and_places_that_cannot_be_are_refused_with_element_and_value(write, shape, reason):
+    path = write(f'<shape id="it" {shape}</shape>')
+    with pytest.raises(ValueError, match=rf"scene\.xml.*{reason}"):
+        scene_of(path)
+
+
+def test_what_else_a_scene_holds_is_told(write):
+    lamp = square('<emitter type="area"/>')
+    path = write(
+        f'<sensor type="perspective"/><integrator type="path"/><emitter type="point"/>{lamp}'
+    )
+    (told,) = scene_of(path).notes
+    for what in "sensors (perspective)", "integrators (path)", "emitters (point)", "'own' (table)":
+        assert what in told

@@ -48,7 +48,7 @@ def frames_of(sensor, exposure_s, light_hz, frames, spoil=None):
     rate = light_hz * sensitivity(sensor.device_seed)
     name = f"{sensor.device_seed} {exposure_s} {light_hz}"
     seen = np.broadcast_to(rate, (frames, *SHAPE))
-    counts = expose_rate(seen, own, seed=6, sequence=name).counts
+    counts = expose_rate(seen, own, seed=6, stream=name).counts
     return counts if spoil is None else spoil(counts.copy())
 
 

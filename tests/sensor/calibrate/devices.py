@@ -41,7 +41,7 @@ def recorded(sensor, exposure_s, light_hz, frames, seed=1, shape=SHAPE):
     rate = np.broadcast_to(light_hz * efficiency * pattern.efficiency_factor, (frames, *shape))
     name = f"{sensor.device_seed} {exposure_s} {light_hz}"
     events = changed(sensor, counter=DigitalCounter())
-    counts = expose_rate(rate, events, seed=seed, sequence=name).counts
+    counts = expose_rate(rate, events, seed=seed, stream=name).counts
     pixels = pattern.counters
     fall = np.minimum(counts * pixels.step_v + pixels.leaked_v, counter.swing_v)
     rng = np.random.default_rng([seed, sensor.device_seed, round(1e6 * exposure_s), int(light_hz)])

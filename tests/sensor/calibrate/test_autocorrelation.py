@@ -1,8 +1,11 @@
 """Afterpulses from pairs of events against the afterpulsing of simulated events."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from megalopta.camera.capture_files import read_measurement
 from megalopta.sensor import Afterpulsing
 from megalopta.sensor.calibrate.autocorrelation import (
     Autocorrelation,
@@ -50,3 +53,20 @@ def test_a_dead_time_alone_is_refused(found):
     even[:, :4] = 0  # a dead time
     with pytest.raises(ValueError, match="give lags at which some are seen"):
         fit_table(found._replace(pairs=even))
+
+
+@pytest.mark.parametrize("array", [1, 2])
+def test_a_table_holds_the_tail_of_a_real_array_that_an_exponential_misses(array):
+    arrays = Path(__file__).parents[3] / "docs/public_arrays"
+    pulses = read_measurement(arrays / f"autocorrelation-{array}.csv").of(slice(None), 8e-6)
+    fitted, tested = pulses.of(slice(0, None, 2)), pulses.of(slice(1, None, 2))
+    lags = np.array([400e-9, 800e-9])
+    sums = np.cumsum(tested.afterpulses * np.diff(tested.edges_s), axis=1)
+    of_pixels = np.array([np.diff(np.interp(lags, tested.edges_s[1:], row))[0] for row in sums])
+    error = of_pixels.std(ddof=1) * np.sqrt(2 / of_pixels.size)
+    exponential, table = (
+        (of_pixels.mean() - afterpulses_between(fit(fitted), lags)[0]) / error
+        for fit in (fit_exponential, fit_table)
+    )
+    assert exponential > 3
+    assert abs(table) < 1

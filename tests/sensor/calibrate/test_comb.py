@@ -25,7 +25,7 @@ def levels_of(sensor, lights_hz=(2e8, 1e9), frames=120):
         rate = light_hz * share * draw_fixed_pattern(own, SHAPE).efficiency_factor
         rates = np.broadcast_to(rate, (frames, *SHAPE))
         name = f"{exposure_s} {light_hz}"
-        codes = expose_adc(rates, own, seed=1, sequence=name)
+        codes = expose_adc(rates, own, seed=1, stream=name)
         found.append(Level(codes, exposure_s, light_hz))
     return found
 

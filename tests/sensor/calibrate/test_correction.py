@@ -43,7 +43,7 @@ def exposed(sensor, share, curve):
     scene = np.broadcast_to(brightest * np.linspace(0.2, 1, SHAPE[1]), SHAPE)
     factor = draw_fixed_pattern(sensor, SHAPE).efficiency_factor
     rate = np.broadcast_to(scene * factor / sensor.exposure_s, (FRAMES, *SHAPE))
-    return scene, expose_rate(rate, sensor, seed=1, sequence="ramp")
+    return scene, expose_rate(rate, sensor, seed=1, stream="ramp")
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
@@ -149,7 +149,7 @@ def test_frames_near_capacity_are_as_much_too_dark_as_documented(capacity, share
     calibration = simulated_calibration(sensor, SHAPE, frames=1000)
     mean = share * capacity
     rate = np.full((FRAMES, *SHAPE), mean / sensor.exposure_s)
-    exposure = expose_rate(rate, sensor, seed=1, sequence="even")
+    exposure = expose_rate(rate, sensor, seed=1, stream="even")
     found = correct(exposure.counts, exposure.saturated, calibration).detections.mean() / mean
     error = np.sqrt((1 / FRAMES + 2 / 1000) / (mean * np.prod(SHAPE)))
     assert found == pytest.approx(1 - darker, abs=0.002 + 5 * error)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from megalopta.camera.calibration import primary
 from megalopta.sensor import changed
 from megalopta.sensor.calibrate.counting import calibrate_counts
 from megalopta.sensor.calibrate.sums import summed, summed_bits
@@ -35,6 +36,33 @@ def test_dead_time_next_to_crosstalk():
     # busy neighbors fire fewer: without that it would be 4 % too long, 20 standard errors
     assert found.dead_time.seconds == pytest.approx(1e-6, abs=5 * found.dead_time.error)
     assert found.dead_time.error < 0.004 * 1e-6
+
+
+DIM = {"dark": (2e-3, 1e-2), "lights": (5e4, 5e5, 2e6, 3e6)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
+@pytest.mark.parametrize("delay_s", [1e-6, 2e-6, 1e-5])
+def test_dead_time_next_to_afterpulses(kind, delay_s):
+    traps = {"mean_carriers": 0.04, "delay_s": delay_s}
+    sensor = changed(camera(1, dead_time_s=1e-6, kind=kind), afterpulsing=traps)
+    found = calibrate_counts(levels_of(sensor, **DIM))
+    assert found.dead_time.kind == kind and found.dead_time.is_kind_clear
+    # without the afterpulses it is a percent too long, 12 of the errors then stated
+    assert found.dead_time.seconds == pytest.approx(1e-6, abs=5 * found.dead_time.error)
+    assert found.dead_time.error < 0.02 * 1e-6
+    own = primary(found.efficiency, found.kernel)
+    # 576 pixels of which 95 % are covered or more: 5 binomial errors
+    assert covered(own, sensitivity(1)) > 0.95 - 5 * (0.95 * 0.05 / 576) ** 0.5
+
+
+def test_a_dead_time_that_does_not_fit_is_told_without_interval():
+    slow = {"kind": "nonparalyzable", "dead_time_s": 1e-6, "recharge_s": 1e-6}
+    sensor = changed(camera(1), dead_time=slow)
+    found = calibrate_counts(levels_of(sensor, frames=100, **DIM))
+    assert found.dead_time is None and found.efficiency is None
+    assert "differ from its curve" in found.refused["dead time"]
 
 
 def test_without_dead_time_none_is_found():

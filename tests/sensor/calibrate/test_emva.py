@@ -39,11 +39,25 @@ def test_figures_of_an_ideal_counter():
     assert found.snr_db == pytest.approx(10 * np.log10(found.saturation_electrons), rel=1e-12)
 
 
+def test_dark_noise_below_a_reading_is_that_of_the_standards_lower_limit():
+    counter = {"kind": "digital", "capacity": 255}
+    quiet = changed(
+        DEVICE, dark_counts={"bulk_mean_hz_um2": 0.0, "bulk_sigma_hz_um2": 0.0}, counter=counter
+    )
+    dark, steps = device_steps(quiet, (2, 2), 550.0)
+    found = emva(dark, steps)
+    assert dark.noise == 0
+    assert found.threshold_photons == pytest.approx((np.sqrt(0.24) + 0.5) / EFFICIENCY, rel=1e-6)
+    coded = emva(dark, steps, quantization=1 / 12)
+    assert coded.dark_noise == pytest.approx(np.sqrt(0.24 - 1 / 12), rel=1e-6)
+    assert coded.threshold_photons == pytest.approx(found.threshold_photons, rel=1e-6)
+
+
 def _recorded(device, dark, steps, frames):
     seen = []
     for at, level in enumerate([dark, *steps]):
         rate = np.full((frames, *SHAPE), EFFICIENCY * level.photons / device.exposure_s)
-        counts = expose_rate(rate, device, seed=at, sequence="emva").counts
+        counts = expose_rate(rate, device, seed=at, stream="emva").counts
         seen.append(Step.of(level.photons, counts))
     return seen
 

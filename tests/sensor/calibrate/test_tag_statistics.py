@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from megalopta.camera.capture_files import read_measurement
 from megalopta.cli import main as cli
 from megalopta.sensor import Afterpulsing, Crosstalk
 from megalopta.sensor.calibrate.autocorrelation import fit_exponential
@@ -12,7 +13,6 @@ from megalopta.sensor.calibrate.tag_statistics import autocorrelation_of, coinci
 from megalopta.sensor.formats.time_tags import TimeTags
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.simulation import simulate_frame
-from megalopta.verification.capture_files import read_measurement
 
 ROWS, COLUMNS, RATE_HZ, DURATION_S = 4, 12, 2000.0, 20.0
 LIGHT = Crosstalk(mean_fired_neighbors=0.01, diagonal=0.2)
@@ -49,7 +49,7 @@ def test_afterpulses_are_those_of_the_simulation(tags):
     assert fit.delay_s == pytest.approx(TRAPS.delay_s, rel=0.08)
 
 
-def test_the_command_writes_what_check_captures_reads(tags, tmp_path, capsys):
+def test_the_command_writes_tables_that_can_be_read(tags, tmp_path, capsys):
     with h5py.File(tmp_path / "dark.hdf5", "w") as file:
         group = file.create_group("photon_data")
         group["timestamps"] = np.rint(tags.time_s / 1e-10).astype(np.int64)

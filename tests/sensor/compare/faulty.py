@@ -111,9 +111,9 @@ def recorded(camera, seed, light=None, extra=None, spoil=None, sensor=None):
             rates = rates + extra(times, camera.shape, rng)
         name = f"faulty {exposure_s} {light_hz}"
         if camera.has_codes:
-            readings = expose_adc(rates, own, seed=seed, sequence=name, together=64)
+            readings = expose_adc(rates, own, seed=seed, stream=name, together=64)
         else:
-            readings = np.array(expose_rate(rates, own, seed=seed, sequence=name).counts)
+            readings = np.array(expose_rate(rates, own, seed=seed, stream=name).counts)
         if spoil is not None:
             readings, times = spoil(readings.copy(), times)
         if camera.has_codes:

@@ -113,3 +113,38 @@ def test_rates_over_seeds():
     total = len(seeds) * len(CODES)
     assert named.total() >= 0.9 * total, {k: v for k, v in named.items() if v < len(seeds)}
     assert wrong.total() <= 0.02 * total, {k: v for k, v in wrong.items() if v}
+
+
+def running_mean(readings, _):
+    both = np.add(readings[1:], readings[:-1], dtype=np.int64)
+    return np.concatenate((readings[:1], (both + 1) // 2))
+
+
+def lagging(readings, _):
+    """A twentieth of the counts of every frame appear in the next."""
+    late = np.random.default_rng(3).binomial(readings[:-1], 0.05)
+    return np.concatenate((readings[:1], readings[1:] + late))
+
+
+@pytest.mark.parametrize("camera", ["codes", "counts", "bits"])
+@pytest.mark.parametrize("spoil", [running_mean, lagging])
+def test_frames_that_depend_on_those_before_quieten_tests_that_assume_none(camera, spoil):
+    if spoil is lagging and camera != "counts":
+        pytest.skip("made of counts")
+    camera = CAMERAS[camera]._replace(shape=(16, 16))
+    found = compared(1, camera, spoil=of_readings(spoil))
+    assert said(found) == {"dependent frames"}
+    assert len(found.alarms) == 1 and "correlated by" in found.sentence
+
+
+@pytest.mark.parametrize("value", [0, 1, 100])
+def test_an_array_without_a_working_pixel_is_compared(value):
+    camera = CAMERAS["counts"]._replace(shape=(8, 8))
+    found = compared(1, camera, spoil=of_readings(lambda readings, _: 0 * readings + value))
+    assert found.alarms and not found.causes
+
+
+def test_frames_all_at_the_counters_end_are_no_repetition():
+    camera = CAMERAS["counts"]._replace(shape=(8, 8))
+    found = compared(1, camera, spoil=of_readings(lambda readings, _: np.minimum(readings, 3)))
+    assert "repeated frames" not in said(found)

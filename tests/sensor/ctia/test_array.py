@@ -37,7 +37,7 @@ def night(frames=2, rows=6, columns=8):
 
 def test_every_photon_of_an_ideal_pixel_becomes_an_electron():
     radiance = 2e-8
-    reading = expose(np.full((1, 1, 1, 1), radiance), [[1000, 1010]], IDEAL, seed=0, sequence="")
+    reading = expose(np.full((1, 1, 1, 1), radiance), [[1000, 1010]], IDEAL, seed=0, stream="")
     irradiance = np.pi * radiance * 10 / (4 * 1.4**2 + 1)
     photons = irradiance * 1e-8 * 1005e-9 / PLANCK_TIMES_LIGHT_SPEED * 0.1
     assert reading.counts[0, 0, 0] == pytest.approx(photons, rel=1e-7)
@@ -45,17 +45,17 @@ def test_every_photon_of_an_ideal_pixel_becomes_an_electron():
 
 def test_frame_is_the_same_alone_and_among_others():
     light = photocurrent(night(5), BANDS, QUIET)
-    whole = expose_photocurrent(light, QUIET, seed=0, sequence="s")
-    alone = expose_photocurrent(light[3:4], QUIET, seed=0, sequence="s", first_frame=3)
+    whole = expose_photocurrent(light, QUIET, seed=0, stream="s")
+    alone = expose_photocurrent(light[3:4], QUIET, seed=0, stream="s", first_frame=3)
     np.testing.assert_array_equal(alone.volts[0], whole.volts[3])
 
 
 def test_noise_differs_between_frames_seeds_and_sequences():
     light = photocurrent(night(2), BANDS, QUIET)
-    first = expose_photocurrent(light, QUIET, seed=0, sequence="a").volts
+    first = expose_photocurrent(light, QUIET, seed=0, stream="a").volts
     assert not np.any(first[0] == first[1])
     for seed, sequence in ((1, "a"), (0, "b")):
-        other = expose_photocurrent(light, QUIET, seed=seed, sequence=sequence).volts
+        other = expose_photocurrent(light, QUIET, seed=seed, stream=sequence).volts
         assert not np.any(first == other)
 
 
@@ -90,7 +90,7 @@ def test_a_longer_frame_period_ages_the_gate_faster():
 
 def test_saturated_readings_are_flagged_and_hold_the_swing():
     light = np.array([[[1e-12, 1e-9]]])
-    reading = expose_photocurrent(light, IDEAL, seed=0, sequence="")
+    reading = expose_photocurrent(light, IDEAL, seed=0, stream="")
     np.testing.assert_array_equal(reading.saturated, [[[False, True]]])
     assert reading.volts[0, 0, 1] == IDEAL.swing_v
 
@@ -106,9 +106,9 @@ def test_impossible_requests_are_refused():
         ctia_preset("nothing")
     for light in (np.zeros((2, 2)), np.full((1, 1, 1), -1e-12), np.full((1, 1, 1), np.nan)):
         with pytest.raises(ValueError, match="photocurrent_a"):
-            expose_photocurrent(light, IDEAL, seed=0, sequence="")
+            expose_photocurrent(light, IDEAL, seed=0, stream="")
     with pytest.raises(ValueError, match="reaches outside"):
-        expose(night(), [[300, 500], [500, 900]], QUIET, seed=0, sequence="")
+        expose(night(), [[300, 500], [500, 900]], QUIET, seed=0, stream="")
     with pytest.raises(ValueError, match="gain_db"):
         CtiaSensor.model_validate({**IDEAL.model_dump(), "gain_db": -3})
 
@@ -117,7 +117,7 @@ def test_readings_near_the_rail_scatter_as_stated_and_electrons_go_on():
     noisy = IDEAL.model_copy(update={"noise": SILENT.model_copy(update={"read_noise_v": 0.05})})
     full = IDEAL.swing_v * IDEAL.capacitance_f / IDEAL.exposure_s
     light = np.full((1, 200, 200), full) * np.linspace(0.96, 1.02, 200)
-    volts = expose_photocurrent(light, noisy, seed=5, sequence="").volts
+    volts = expose_photocurrent(light, noisy, seed=5, stream="").volts
     mean, variance = volt_moments(light, noisy)
     assert mean.max() <= IDEAL.swing_v
     # |z| < 5, false alarm 6e-7 each

@@ -1,4 +1,4 @@
-"""Dead time against renewal theory and generating functions; `verification` has brute force.
+"""Dead time against renewal theory and generating functions; `test_physics.py` has brute force.
 
 Sampling tests draw 10⁵ exposures with a fixed seed; each compares one number at |z| < 5, which a
 correct sampler fails with probability 6e-7.

@@ -67,7 +67,7 @@ def test_a_pulse_without_width_falls_into_the_bin_of_its_delay():
     sensor = changed(TCSPC, tcspc=bare, jitter=Jitter())
     later = np.array([[[0.05e-9, 0.25e-9, 19.99e-9, 20.3e-9]]])  # bins of 0.2 ns
     drawn = expose_histograms(
-        rate_of(0.5, shape=later.shape), sensor, seed=1, sequence="a", later_s=later
+        rate_of(0.5, shape=later.shape), sensor, seed=1, stream="a", later_s=later
     )
     assert drawn[0, 0].argmax(axis=-1).tolist() == [0, 1, 99, 1]
     assert (np.sort(drawn[0, 0], axis=-1)[:, :-1] == 0).all()
@@ -117,7 +117,7 @@ def test_first_photons_of_simulated_pulses_have_the_same_histogram():
 
 def test_drawn_histograms_have_the_stated_mean_and_variance():
     shape = (3, 40, 50)
-    drawn = expose_histograms(rate_of(0.5, shape=shape), TCSPC, seed=1, sequence="a")
+    drawn = expose_histograms(rate_of(0.5, shape=shape), TCSPC, seed=1, stream="a")
     mean = mean_histograms(rate_of(0.5), TCSPC)[0, 0, 0]
     variance = mean * (1 - mean / periods(TCSPC))
     seen, many = drawn.reshape(-1, 100), 6000
@@ -125,14 +125,14 @@ def test_drawn_histograms_have_the_stated_mean_and_variance():
     assert (np.abs(seen.mean(axis=0) - mean) < 6 * np.sqrt(variance / many)).all()
     assert (np.abs(seen.var(axis=0) / variance - 1) < 6 * np.sqrt(2 / many)).all()
     again = expose_histograms(
-        rate_of(0.5, shape=shape)[1:2], TCSPC, seed=1, sequence="a", first_frame=1
+        rate_of(0.5, shape=shape)[1:2], TCSPC, seed=1, stream="a", first_frame=1
     )
     np.testing.assert_array_equal(again[0], drawn[1])
 
 
 def test_bins_of_faint_light_add_up_to_its_counts():
-    drawn = expose_histograms(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, sequence="a")
-    counts = expose_rate(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, sequence="a").counts
+    drawn = expose_histograms(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, stream="a")
+    counts = expose_rate(rate_of(1e-4, shape=(50, 20, 20)), TCSPC, seed=1, stream="a").counts
     # 100 000 photons each, of which pile-up takes 5: six standard errors of the difference
     assert abs(int(drawn.sum()) - int(counts.sum())) < 6 * np.sqrt(2e5)
 
@@ -151,7 +151,7 @@ def test_bins_of_faint_light_add_up_to_its_counts():
 )
 def test_sensors_without_histograms_are_refused(words, change):
     with pytest.raises(ValueError, match=words):
-        expose_histograms(rate_of(1.0), changed(TCSPC, **change), seed=1, sequence="a")
+        expose_histograms(rate_of(1.0), changed(TCSPC, **change), seed=1, stream="a")
 
 
 def test_a_delay_of_many_periods_is_that_within_one():

@@ -74,7 +74,7 @@ def test_traps_are_active_for_their_share_of_the_time_in_their_share_of_pixels()
 def test_frames_are_the_same_drawn_alone_or_among_others(draw):
     sensor = changed(DARK, telegraph=SLOW.model_dump(), exposure_s=1e-3)
     rate = np.full((9, 12, 15), 50.0)
-    named = {"seed": 3, "sequence": "s", "frame_period_s": 0.5}
+    named = {"seed": 3, "stream": "s", "frame_period_s": 0.5}
     whole = draw(rate, sensor, **named)
     alone = draw(rate[5:6], sensor, first_frame=5, **named)
     if draw is expose_rate:
@@ -93,7 +93,7 @@ def test_counts_have_the_mean_and_variance_that_are_stated(capacity):
         DARK, telegraph=SLOW.model_dump(), counter={"kind": "digital", "capacity": capacity}
     )
     rate = np.full((2000, 6, 6), 10.0)
-    counts = expose_rate(rate, sensor, seed=1, sequence="s", frame_period_s=50.0).counts
+    counts = expose_rate(rate, sensor, seed=1, stream="s", frame_period_s=50.0).counts
     mean, variance = (each[0] for each in reading_moments(rate[:1], sensor))
     error = np.sqrt(variance / len(counts))
     assert (np.abs(counts.mean(0) - mean) < 6 * error).all()  # 36 pixels: false alarm 7e-8

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
 from megalopta.sensor import Jitter, changed, expose_events, preset
 from megalopta.sensor.formats.events import (
     EventOrigin,
@@ -28,7 +29,7 @@ WRITERS = {
 
 def draw(part=slice(None)):
     first = 2 + range(6)[part][0]
-    return expose_events(RATE[part], SENSOR, seed=0, sequence="s", first_frame=first)
+    return expose_events(RATE[part], SENSOR, seed=0, stream="s", first_frame=first)
 
 
 @pytest.fixture(params=WRITERS)
@@ -144,7 +145,7 @@ def test_array_that_claims_more_than_the_file_holds_is_not_read(tmp_path):
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         for name in "txy":
             file[f"events/{name}"].resize((2**40,))
-    with pytest.raises(ValueError, match="in a file of"):
+    with pytest.raises(UserError, match="takes 7.04e\\+04 GB of memory"):
         read_events(tmp_path / "a.h5")
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
 from megalopta.sensor.formats.packed import (
     PackedLayout,
     npy_writer,
@@ -29,9 +30,9 @@ def test_npy_has_the_layout_of_visionsim(npy):
     array = np.load(npy)
     assert array.shape == (40, 240, 40)
     np.testing.assert_array_equal(np.unpackbits(array, axis=2), SPAD512[:, :240, :320])
-    found = read_frames(npy)
+    found = read_frames(npy, "packed_npy")
     np.testing.assert_array_equal(found.counts, SPAD512[:, :240, :320])
-    assert (found.bit_depth, found.exposure_s, found.source) == (1, None, "npy")
+    assert (found.bit_depth, found.exposure_s, found.source) == (1, None, "packed_npy")
 
 
 def test_npy_of_a_width_that_is_no_multiple_of_eight(tmp_path):
@@ -44,7 +45,7 @@ def test_npy_of_a_width_that_is_no_multiple_of_eight(tmp_path):
 def test_npy_in_color(tmp_path):
     colored = np.stack([SPAD512[:, :, :64], SPAD512[:, :, 64:128], SPAD512[:, :, 128:192]], -1)
     np.save(tmp_path / "a.npy", np.packbits(colored, axis=2))
-    np.testing.assert_array_equal(read_frames(tmp_path / "a.npy").counts, colored)
+    np.testing.assert_array_equal(read_frames(tmp_path / "a.npy", "packed_npy").counts, colored)
 
 
 def test_npy_of_counts_comes_as_it_is(tmp_path):
@@ -126,4 +127,39 @@ def test_what_is_written_has_the_camera_s_size(tmp_path):
 
 def test_frames_that_are_not_there_are_refused(npy):
     with pytest.raises(ValueError, match="frames 30 to 49 are requested; it has 40"):
-        read_frames(npy, frames=slice(30, 50))
+        read_frames(npy, "packed_npy", frames=slice(30, 50))
+
+
+@pytest.mark.parametrize(
+    ("most", "how", "shape", "depth"),
+    [
+        (1, {}, (4, 6, 16), 1),
+        (9, {"kind": "npy"}, (4, 6, 16), 8),
+        (9, {"shape": (6, 16)}, (4, 6, 16), 8),
+        (9, {"kind": "packed_npy"}, (4, 6, 128), 1),
+        (9, {"shape": (6, 123)}, (4, 6, 123), 1),
+        (9, {"layout": PackedLayout()}, (4, 6, 128), 1),
+        (9, {}, None, None),
+    ],
+)
+def test_npy_of_8_bits_is_read_as_it_says_and_never_guessed(tmp_path, most, how, shape, depth):
+    numbers = np.random.default_rng(0).integers(0, most + 1, (4, 6, 16), np.uint8)
+    np.save(tmp_path / "a.npy", numbers)
+    if shape is None:
+        with pytest.raises(ValueError, match="state the format, packed_npy or npy"):
+            read_frames(tmp_path / "a.npy", **how)
+        return
+    found = read_frames(tmp_path / "a.npy", **how)
+    assert (found.counts.shape, found.bit_depth) == (shape, depth)
+    if shape == numbers.shape:
+        np.testing.assert_array_equal(found.counts, numbers)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.uint8])
+def test_frames_beyond_the_budget_are_refused_before_they_are_read(tmp_path, dtype):
+    with (tmp_path / "a.binary.npy").open("wb") as file:
+        header = {"descr": np.dtype(dtype).str, "fortran_order": False, "shape": (9, 20000, 20000)}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.truncate(file.tell() + 9 * 20000**2 * np.dtype(dtype).itemsize)  # sparse
+    with pytest.raises(UserError, match="GB of memory"):
+        read_frames(tmp_path / "a.binary.npy")

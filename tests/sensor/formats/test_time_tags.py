@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
 from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
 UNIT_S = 12.5e-9
@@ -23,7 +24,7 @@ def photon_hdf5(path, groups):
                 file[f"{name}/detectors"] = detectors.astype(np.uint8)
 
 
-def ptu_of_mode_t2(path, ticks, channels):
+def ptu_of_mode_t2(path, ticks, channels, inputs=0, stopped_ms=0):
     """PTU of a HydraHarp in mode T2, as PicoQuant's page of the layout describes it."""
 
     def tag(name, kind, value):
@@ -45,6 +46,8 @@ def ptu_of_mode_t2(path, ticks, channels):
     content += integer("TTResult_NumberOfRecords", len(records))
     content += integer("TTResultFormat_BitsPerRecord", 32)
     content += tag("MeasDesc_GlobalResolution", 0x20000008, struct.pack("<d", UNIT_S))
+    if inputs:
+        content += integer("HW_InpChannels", inputs) + integer("TTResult_StopAfter", stopped_ms)
     content += tag("Header_End", 0xFFFF0008, bytes(8))
     path.write_bytes(content + np.array(records, "<u4").tobytes())
 
@@ -135,8 +138,7 @@ def linospad2(path, cycles):
 @pytest.mark.parametrize(
     ("firmware", "channels"), [("2212b", [11, 2, 255]), ("2212s", [194, 128, 255])]
 )
-def test_linospad2_is_read_by_daplis(tmp_path, firmware, channels):
-    pytest.importorskip("daplis")
+def test_linospad2_has_times_and_pixels_of_every_cycle(tmp_path, firmware, channels):
     first, later = 2**33 + 5, 2**33 + 5 + 10**6
     path = tmp_path / "dark.dat"
     linospad2(path, [(first, [(2, 0, 3, 140), (63, 7, 3, 2**28 - 1)]), (later, [(0, 1, 2, 0)])])
@@ -146,16 +148,6 @@ def test_linospad2_is_read_by_daplis(tmp_path, firmware, channels):
     np.testing.assert_allclose(tags.time_s, np.array(expected), rtol=1e-12)
     np.testing.assert_array_equal(tags.channel, np.array(channels)[order])
     assert tags.channels == 256
-
-
-def test_daplis_leaves_the_style_of_figures_alone(tmp_path):
-    pytest.importorskip("daplis")
-    import matplotlib as mpl
-
-    before = dict(mpl.rcParams)
-    linospad2(tmp_path / "dark.dat", [(1, [(2, 0, 3, 140), (2, 1, 3, 150)])])
-    read_linospad2(tmp_path / "dark.dat", "2212b", 8)
-    assert dict(mpl.rcParams) == before
 
 
 def test_linospad2_of_another_cycle_is_refused(tmp_path):
@@ -178,5 +170,80 @@ def test_times_in_another_file_are_not_followed(tmp_path):
     with h5py.File(tmp_path / "link.hdf5", "w") as file:
         file["photon_data/timestamps_specs/timestamps_unit"] = UNIT_S
         file["photon_data/timestamps"] = h5py.ExternalLink("secret.hdf5", "photon_data/timestamps")
-    with pytest.raises(ValueError, match="no array of this file"):
+    with pytest.raises(ValueError, match="timestamps is missing, or a link"):
         read_time_tags(tmp_path / "link.hdf5")
+
+
+def rewritten(path, **stated):
+    with h5py.File(path, "r+") as file:
+        for name, value in stated.items():
+            file[name.replace("__", "/")] = value
+
+
+@pytest.mark.parametrize(
+    ("stated", "channels"),
+    [
+        ({"setup__num_pixels": 6}, 6),
+        ({"setup__detectors__id": np.arange(5, dtype="u1")}, 5),
+        ({"acquisition_duration": 7.5}, 3),
+    ],
+)
+def test_pixels_and_duration_are_those_that_photon_hdf5_states(tmp_path, stated, channels):
+    path = tmp_path / "dark.hdf5"
+    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
+    rewritten(path, **stated)
+    tags = read_time_tags(path)
+    assert tags.channels == channels
+    np.testing.assert_array_equal(tags.channel, CHANNELS)
+    expected = stated.get("acquisition_duration", (TICKS[-1] - TICKS[0]) * UNIT_S)
+    assert tags.duration_s == pytest.approx(expected)
+
+
+def test_detectors_that_never_fired_keep_their_places(tmp_path):
+    path = tmp_path / "dark.hdf5"
+    photon_hdf5(path, [(f"photon_data{spot}", TICKS, 2 * CHANNELS) for spot in (0, 1)])
+    assert set(read_time_tags(path).channel) == {0, 2, 4, 5, 7, 9}
+    rewritten(path, setup__num_pixels=16)
+    tags = read_time_tags(path)
+    assert (tags.channels, set(tags.channel)) == (16, {0, 2, 4, 8, 10, 12})
+
+
+def test_ptu_states_its_inputs_and_its_duration(tmp_path):
+    pytest.importorskip("ptufile")
+    ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS, inputs=8, stopped_ms=1500)
+    tags = read_time_tags(tmp_path / "dark.ptu")
+    assert (tags.channels, tags.duration_s) == (8, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"setup__num_pixels": 2}, "channel 2 of 2"),
+        ({"setup__num_pixels": 10**9}, "1,000,000,000 channels"),
+        ({"setup__detectors__id": np.array([0, 1], "u1")}, "not in setup/detectors/id"),
+        ({"acquisition_duration": 0.5}, "duration of 0.5 s, but its events last 1.12"),
+        ({"acquisition_duration": np.nan}, "duration of nan s"),
+    ],
+)
+def test_what_photon_hdf5_states_must_fit_its_events(tmp_path, stated, said):
+    path = tmp_path / "dark.hdf5"
+    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
+    rewritten(path, **stated)
+    with pytest.raises(UserError, match=said):
+        read_time_tags(path)
+
+
+@pytest.mark.parametrize("size", [0, 3, 4 * 522 + 1, 4 * 522 - 2])
+def test_linospad2_of_any_size_is_one_sentence(tmp_path, size):
+    (tmp_path / "dark.dat").write_bytes(bytes(size))
+    with pytest.raises(ValueError, match=r"dark\.dat: (the file is empty|.* words are not cycles)"):
+        read_linospad2(tmp_path / "dark.dat", "2212b", 8)
+
+
+def test_few_bytes_that_claim_many_events_are_refused(tmp_path):
+    photon_hdf5(tmp_path / "a.hdf5", [("photon_data", TICKS, None)])
+    with h5py.File(tmp_path / "a.hdf5", "r+") as file:
+        del file["photon_data/timestamps"]
+        file.create_dataset("photon_data/timestamps", (5 * 10**8,), "i8", chunks=(2**20,))
+    with pytest.raises(UserError, match=r"takes 32 GB of memory"):
+        read_time_tags(tmp_path / "a.hdf5")

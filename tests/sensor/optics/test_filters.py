@@ -90,7 +90,7 @@ def test_counts_of_a_flat_field_give_its_colors():
     sensor = changed(IDEAL, filters=BAYER)
     light = np.full((1, 64, 64, 2), 1e-3)
     rate = detection_rate(light, BANDS, sensor)[0] * sensor.exposure_s
-    counts = expose(light, BANDS, sensor, seed=3, sequence="flat").counts
+    counts = expose(light, BANDS, sensor, seed=3, stream="flat").counts
     means = demosaiced(counts, BAYER)[0, 1:-1, 1:-1].mean(axis=(0, 1))
     letters = BAYER.places((64, 64))
     for letter, mean in zip("RGB", means, strict=True):

@@ -76,16 +76,16 @@ def test_impossible_lens_is_refused(wrong):
         Lens(**wrong)
 
 
-def test_blur_spreads_a_point_by_its_standard_deviation_and_keeps_its_light():
-    image = np.zeros((2, 61, 81))
-    image[:, 30, 40] = 1.0
-    spread = blurred(image, 2.0)
+@pytest.mark.parametrize("blur_px", [0.5, 0.6, 2.0, 7.0])
+def test_blur_spreads_a_point_by_its_standard_deviation_and_keeps_its_light(blur_px):
+    image = np.zeros((2, 81, 101))
+    image[:, 40, 50] = 1.0
+    spread = blurred(image, blur_px)
     assert spread.sum(axis=(1, 2)) == pytest.approx(1.0, rel=1e-12)
-    for axis, middle in ((1, 30), (2, 40)):
+    for axis, middle in ((1, 40), (2, 50)):
         places = np.arange(image.shape[axis]) - middle
         profile = spread[0].sum(axis=2 - axis)
-        # tails beyond 4 σ, with a thousandth of the variance, are left out
-        assert profile @ places**2 == pytest.approx(4.0, rel=2e-3)
+        assert profile @ places**2 == pytest.approx(blur_px**2, rel=1e-6)
 
 
 def test_blur_of_pixels_is_that_of_the_finer_image_within_what_is_stated():

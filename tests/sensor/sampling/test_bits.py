@@ -67,8 +67,8 @@ def test_bits_agree_with_a_counter_of_one_bit():
         dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-3),
     )
     rate = np.full((40, 50, 50), 8.0)
-    bits = unpack(expose_binary(rate, sensor, seed=1, sequence="a"), 50)
-    counts = expose_rate(rate, sensor, seed=1, sequence="a").counts
+    bits = unpack(expose_binary(rate, sensor, seed=1, stream="a"), 50)
+    counts = expose_rate(rate, sensor, seed=1, stream="a").counts
     error = np.sqrt((bits.var() + counts.var()) / bits.size)
     assert abs(bits.mean() - counts.mean()) < 5 * error  # false alarm 6e-7
 
@@ -76,15 +76,15 @@ def test_bits_agree_with_a_counter_of_one_bit():
 def test_bits_are_ones_as_often_as_the_open_gate_lets_them():
     gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=5e-3)
     sensor = changed(IDEAL, gate=gate)
-    bits = unpack(expose_binary(np.full((40, 50, 50), 30.0), sensor, seed=1, sequence="a"), 50)
+    bits = unpack(expose_binary(np.full((40, 50, 50), 30.0), sensor, seed=1, stream="a"), 50)
     p = 1 - np.exp(-30.0 * 10 * 2e-3)  # ten openings in 0.1 s
     assert abs(bits.mean() - p) < 5 * np.sqrt(p * (1 - p) / bits.size)  # false alarm 6e-7
 
 
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others():
     rate = np.random.default_rng(0).uniform(0, 20, (30, 9, 13))
-    whole = expose_binary(rate, IDEAL, seed=0, sequence="s")
-    alone = expose_binary(rate[11:12], IDEAL, seed=0, sequence="s", first_frame=11)
+    whole = expose_binary(rate, IDEAL, seed=0, stream="s")
+    alone = expose_binary(rate[11:12], IDEAL, seed=0, stream="s", first_frame=11)
     assert whole[11].tobytes() == alone[0].tobytes()
 
 
@@ -100,4 +100,4 @@ def test_frames_have_the_same_bytes_drawn_alone_or_among_others():
 )
 def test_bits_that_depend_on_more_than_the_rate_are_refused(update, message):
     with pytest.raises(ValueError, match=message):
-        expose_binary(np.ones((1, 2, 2)), changed(IDEAL, **update), seed=0, sequence="s")
+        expose_binary(np.ones((1, 2, 2)), changed(IDEAL, **update), seed=0, stream="s")

@@ -1,6 +1,7 @@
 import numpy as np
 
-from megalopta.sensor.sampling.streams import generator, pixel_uniforms
+from megalopta.sensor import changed, preset
+from megalopta.sensor.sampling.streams import generator, light_key, pixel_uniforms, sensor_stream
 
 
 def test_same_key_gives_same_stream_and_seed_zero_is_a_seed():
@@ -39,3 +40,20 @@ def test_pixels_are_uniform_and_distinct():
     distance = np.abs(values - (np.arange(values.size) + 0.5) / values.size).max()
     assert distance < 2.75 / np.sqrt(values.size)
     assert np.unique(values).size == values.size
+
+
+def test_light_has_a_name_that_rounding_does_not_change():
+    light = np.random.default_rng(1).random((3, 40, 50))
+    assert light_key(light) == light_key(light * (1 + 1e-12))
+    others = light[::-1], light[:, ::-1], light[..., ::-1], light * (1 + 1e-4), light[:1]
+    assert len({light_key(light), *map(light_key, others)}) == 6
+
+
+def test_the_place_of_a_map_does_not_name_draws(tmp_path):
+    names = []
+    for folder in (tmp_path, tmp_path / 'a "quoted", place'):
+        folder.mkdir(exist_ok=True)
+        np.save(folder / "dark.npy", np.ones((2, 2)))
+        sensor = changed(preset("ideal"), measured={"dark_counts": str(folder / "dark.npy")})
+        names.append(sensor_stream("s", sensor, np.ones((2, 2))))
+    assert names[0] == names[1] != sensor_stream("s", preset("ideal"), np.ones((2, 2)))

@@ -20,8 +20,8 @@ RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
 def test_codes_become_the_counts_that_the_same_draws_make(calibrated):
     counter = {"step_sigma_v": 3e-4, "offset_sigma_v": 5e-3, "calibrated": calibrated}
     sensor = changed(preset("spadcam"), counter=counter)
-    codes = expose_adc(RATE, sensor, seed=1, sequence="a")
-    exposure = expose_rate(RATE, sensor, seed=1, sequence="a")
+    codes = expose_adc(RATE, sensor, seed=1, stream="a")
+    exposure = expose_rate(RATE, sensor, seed=1, stream="a")
     assert isinstance(sensor.counter, AnalogCounter)
     known = nominal_pixels(sensor.counter, sensor.exposure_s)
     if calibrated:
@@ -43,7 +43,7 @@ def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
         sensor = changed(sensor, dead_time={"kind": "ideal", "dead_time_s": 0})
     rate = np.broadcast_to(RATE[0], (4000, 16, 16))
     single, together = (
-        expose_adc(rate[:n], sensor, seed=1, sequence="a", together=count)
+        expose_adc(rate[:n], sensor, seed=1, stream="a", together=count)
         for n, count in ((8, 1), (4000, 1000))
     )
     np.testing.assert_array_equal(together[0], single[0])
@@ -69,4 +69,4 @@ def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
 )
 def test_counters_without_codes_of_16_bits_are_refused(sensor, message):
     with pytest.raises(ValueError, match=message):
-        expose_adc(RATE, sensor, seed=1, sequence="a")
+        expose_adc(RATE, sensor, seed=1, stream="a")

@@ -1,4 +1,4 @@
-"""Crosstalk that meets dead time: a law of two pixels, and moments; `verification` has brute force."""
+"""Crosstalk that meets dead time: a law of two pixels, and moments; `test_physics.py` has brute force."""
 
 import numpy as np
 import pytest

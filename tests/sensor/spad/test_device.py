@@ -177,7 +177,7 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
         ({"preset": "spadcam", "measured": {"dark_counts": 5}}, "5 is not a file; give the path"),
         ({"preset": "spadcam", "measured": {"dark_counts": {}}}, "dark_counts.path: missing"),
         ({"preset": "spadcam", "measured": {"dark_counts": ".", "fit": "exact"}}, "cannot be read"),
-        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is not a path"),
+        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is not in the folder"),
         ({"preset": "spadcam", "measured": {"fit": "stretch"}}, "measured.fit: .*'center'"),
         ({"preset": "spadcam", "efficiency": {"path": "none.csv"}}, "efficiency: .*no such file"),
     ],
@@ -279,12 +279,12 @@ def with_stuck(folder, capacity=255):
 def test_stuck_pixels_read_the_same_in_every_frame(folder):
     sensor = with_stuck(folder)
     rate = np.full((5, *SHAPE), 1e3)
-    counts = expose_rate(rate, sensor, seed=1, sequence="stuck").counts
+    counts = expose_rate(rate, sensor, seed=1, stream="stuck").counts
     np.testing.assert_array_equal(counts[:, 1, 2], 0)
     np.testing.assert_array_equal(counts[:, 3, 8], 100)
     mean, variance = reading_moments(rate, sensor)
     assert (mean[0, 3, 8], variance[0, 3, 8]) == (100, 0)
-    whole = expose_rate(rate, changed(sensor, measured={"stuck": None}), seed=1, sequence="stuck")
+    whole = expose_rate(rate, changed(sensor, measured={"stuck": None}), seed=1, stream="stuck")
     works = np.delete(np.arange(counts[0].size), [1 * 9 + 2, 3 * 9 + 8])
     np.testing.assert_array_equal(
         counts.reshape(5, -1)[:, works], whole.counts.reshape(5, -1)[:, works]
@@ -293,7 +293,7 @@ def test_stuck_pixels_read_the_same_in_every_frame(folder):
 
 def test_stuck_bits_are_those_of_every_binary_frame(folder):
     sensor = with_stuck(folder, capacity=1)
-    packed = expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, sequence="stuck")
+    packed = expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, stream="stuck")
     bits = np.unpackbits(packed, axis=-1)
     assert bits[:, 1, 2].max() == 0
     assert bits[:, 3, 8].min() == 1
@@ -306,7 +306,7 @@ def test_readings_that_a_counter_cannot_have_are_refused(folder, reading):
     np.save(folder / "stuck.npy", np.full(SHAPE, reading))
     unchecked = changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
     with pytest.raises(ValueError, match=r"measured\.stuck: .* no reading of this counter; give"):
-        expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, sequence="stuck")
+        expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, stream="stuck")
 
 
 def test_steps_of_telegraph_noise_that_cannot_be_drawn_are_refused(folder):
@@ -318,7 +318,7 @@ def test_steps_of_telegraph_noise_that_cannot_be_drawn_are_refused(folder):
         measured={"telegraph": str(folder / "steps.npy")},
     )
     with pytest.raises(ValueError, match=r"telegraph\.step: .* Hz of dark counts in the worst"):
-        expose_rate(np.full((1, *SHAPE), 1e3), sensor, seed=1, sequence="steps")
+        expose_rate(np.full((1, *SHAPE), 1e3), sensor, seed=1, stream="steps")
 
 
 def test_readings_of_analog_counters_are_not_given_by_counts(folder):

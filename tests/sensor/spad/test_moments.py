@@ -1,6 +1,4 @@
-"""Mean and variance of the counts of a pixel: closed forms, and tables on disk."""
-
-import importlib
+"""Mean and variance of the counts of a pixel against closed forms."""
 
 import numpy as np
 import pytest
@@ -8,21 +6,20 @@ from scipy.linalg import expm
 
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
-from megalopta.sensor.spad import moments as own
 from megalopta.sensor.spad.model import AvalancheEffects
-from megalopta.sensor.spad.moments import pixel_moments
+from megalopta.sensor.spad.moments import (
+    MEAN_ERROR,
+    VARIANCE_ERROR,
+    VARIANCE_FLOOR,
+    pixel_moments,
+)
 
 TAU_S = 1e-6
-AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
 
 
 def effects_of(kind, start, afterpulsing):
     dead_time = DeadTime(kind=kind, dead_time_s=TAU_S * (kind != "ideal"), start=start)
     return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing)
-
-
-def slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def hawkes(rate, exposure_s, traps, is_stationary):
@@ -52,18 +49,14 @@ def hawkes(rate, exposure_s, traps, is_stationary):
     return rate * mean, rate * variance
 
 
-def check(found, exact, times=1):
-    """Mean within .1 % or .003 standard deviations, variance within 1 %; the streams are fixed."""
+def check(found, exact):
     (mean, variance), (exact_mean, exact_variance) = found, exact
-    off = np.abs(mean - exact_mean)
-    assert np.all(
-        (off < times * own.MEAN_ERROR * exact_mean) | (off < times * 3e-3 * np.sqrt(exact_variance))
-    )
-    np.testing.assert_allclose(variance, exact_variance, rtol=times * own.VARIANCE_ERROR)
+    np.testing.assert_allclose(mean, exact_mean, rtol=MEAN_ERROR, atol=1e-6)
+    np.testing.assert_allclose(variance, exact_variance, rtol=VARIANCE_ERROR, atol=VARIANCE_FLOOR)
 
 
-@pytest.mark.parametrize("start", ["live", slow("stationary")])
-@pytest.mark.parametrize("exposure_s", [3e-6, slow(1e-4), slow(1e-3)])
+@pytest.mark.parametrize("start", ["live", "stationary"])
+@pytest.mark.parametrize("exposure_s", [3e-6, 1e-4])
 @pytest.mark.parametrize("carriers", [0.05, 0.2])
 def test_afterpulsing_has_the_moments_of_a_hawkes_process(carriers, exposure_s, start):
     rates = np.geomspace(0.1, min(1e5, 5e6 * exposure_s), 31) / exposure_s  # most between nodes
@@ -74,51 +67,9 @@ def test_afterpulsing_has_the_moments_of_a_hawkes_process(carriers, exposure_s, 
 
 @pytest.mark.parametrize("start", ["live", "stationary"])
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
-@pytest.mark.parametrize("exposure_s", [3e-6, slow(1e-4), slow(1e-3)])
+@pytest.mark.parametrize("exposure_s", [3e-6, 1e-4])
 def test_hardly_any_carriers_leave_the_moments_of_dead_time(kind, exposure_s, start):
-    rates = np.geomspace(0.1 / exposure_s, 2 / TAU_S, 21)
+    rates = np.geomspace(0.1 / exposure_s, 100 / TAU_S, 21)
     effects = effects_of(kind, start, Afterpulsing(mean_carriers=1e-9, delay_s=2e-6))
     found = pixel_moments(rates, exposure_s, effects)
-    times = 2 if kind == "paralyzable" else 1
-    check(found, moments(rates, exposure_s, effects.dead_time), times)
-
-
-@pytest.fixture
-def after_a_start(tmp_path, monkeypatch):
-    """Moments as a program finds them that has just started, and how many it simulated."""
-    monkeypatch.setattr("megalopta.core.folders.user_cache_path", lambda *_, **__: tmp_path)
-    effects = effects_of("nonparalyzable", "live", AFTERPULSING)
-
-    def start():
-        fresh, simulated = importlib.reload(own), []  # nothing in memory
-        monkeypatch.setattr(fresh, "_BUDGET_NS", 1e5)
-        simulate = fresh.simulate_frame
-        monkeypatch.setattr(
-            fresh, "simulate_frame", lambda *a, **k: simulated.append(a) or simulate(*a, **k)
-        )
-        return np.array(fresh.pixel_moments(np.array([1e5]), 1e-4, effects)), len(simulated)
-
-    return start
-
-
-def test_a_table_is_made_once_and_again_when_damaged(tmp_path, after_a_start):
-    made, simulated = after_a_start()
-    assert simulated > 0
-    read, simulated = after_a_start()
-    assert simulated == 0
-    np.testing.assert_array_equal(read, made)
-    (file,) = (tmp_path / "moments").glob("*.npz")
-    whole = file.read_bytes()
-    for damaged in (whole[: len(whole) // 2], whole[:-300] + bytes(300), b""):
-        file.write_bytes(damaged)
-        again, simulated = after_a_start()
-        assert simulated > 0
-        np.testing.assert_array_equal(again, made)
-
-
-def test_without_a_folder_to_write_to_the_numbers_are_the_same(tmp_path, after_a_start):
-    (tmp_path / "moments").write_text("a file is in the way")
-    nowhere, simulated = after_a_start()
-    assert simulated > 0
-    (tmp_path / "moments").unlink()
-    np.testing.assert_array_equal(after_a_start()[0], nowhere)
+    check(found, moments(rates, exposure_s, effects.dead_time))

@@ -84,7 +84,7 @@ def test_sensor_runs_with_any_effect_off_and_counts_scatter_about_their_mean(all
     sensor = without(all_on, field)
     radiance = np.full((10, *SHAPE, 1), 1e-9)
     radiance *= 500 / detection_rate(radiance, BANDS, sensor).mean()
-    exposed = expose(radiance, BANDS, sensor, seed=0, sequence="s", expectation=True)
+    exposed = expose(radiance, BANDS, sensor, seed=0, stream="s", expectation=True)
     means = exposed.expectation.mean_reading.mean()
     # 1000 counts; the mean of simulated laws is good to 0.5 %, the rest is 5 standard errors
     error = exposed.counts.std() / np.sqrt(exposed.counts.size)

@@ -38,7 +38,7 @@ def test_stated_moments_hold_in_the_strongest_change(kind, parts, of_every, carr
     dead = {"kind": kind, "dead_time_s": TAU_S}
     sensor = changed(IDEAL, dead_time=dead, afterpulsing=traps)
     rate = all_at_once(parts, 1 / TAU_S, of_every)
-    counts = expose_rate(rate, sensor, seed=3, sequence="parts").counts.astype(float)
+    counts = expose_rate(rate, sensor, seed=3, stream="parts").counts.astype(float)
     mean, variance = (each[0, 0, 0] for each in event_moments(rate[..., :1, :1], sensor))
     # dead for less than 1 − 1/e of the time, and fewer than 0.2 carriers wait; |z| < 5
     off_by = parts * (0.64 + 0.2 * (carriers > 0)) / (1 - carriers)
@@ -59,7 +59,7 @@ def test_without_memory_stated_moments_are_those_of_poisson_counts():
     expected = rate[:, :2].sum(axis=1) * EXPOSURE_S / 8
     for moments in event_moments(rate, sensor):
         np.testing.assert_allclose(moments, expected, rtol=1e-12)
-    drawn = expose_rate(np.repeat(rate[:1], 2000, 0), sensor, seed=0, sequence="gate").counts
+    drawn = expose_rate(np.repeat(rate[:1], 2000, 0), sensor, seed=0, stream="gate").counts
     z = (drawn.mean(axis=0) - expected[0]) / np.sqrt(expected[0] / 2000)
     assert np.abs(z).max() < 6  # 48 pixels: false alarm 1e-7
 
@@ -68,7 +68,7 @@ def test_a_trap_alone_is_stated_from_the_parts():
     traps = Afterpulsing(mean_carriers=0.3, delay_s=TAU_S)
     sensor = changed(IDEAL, afterpulsing=traps.model_dump())
     rate = all_at_once(4, 2e6, 2)
-    counts = expose_rate(rate, sensor, seed=0, sequence="traps").counts.astype(float)
+    counts = expose_rate(rate, sensor, seed=0, stream="traps").counts.astype(float)
     mean, variance = (each[0, 0, 0] for each in event_moments(rate[..., :1, :1], sensor))
     # linear: 2 MHz · 0.3/0.7 · 1 µs carriers wait at most at a border
     assert abs(counts.mean() - mean) < 4 * 1.3 + 5 * counts.std() / 100

@@ -1,4 +1,4 @@
-"""Closed forms of the simulation; `tests/megalopta/verification` holds it against the plainest one."""
+"""Closed forms of the simulation; `test_physics.py` holds it against the plainest one."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,53 @@
+"""Draw camera-motion.png: errors of camera motion in a forest with parallax, over the light.
+
+Likelihood: the most likely motion; fitted: the motion that best fits the flow of blocks; summed:
+weighted responses, learned from the noise-free first half. The number of flights is an argument.
+"""
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from forest_flight import CAMERA, FRAMES, flight
+
+from megalopta.flow import METHODS, draw_counts, fit_wide_field, likely_camera_motion
+from megalopta.flow.detectors.registry import velocity_method
+from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
+from megalopta.flow.metrics.endpoint_error import angles_deg
+
+FLUXES, WARM_UP, HALF = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0), 16, 47
+MIDDLES = np.arange(HALF, FRAMES - 4, 8)
+CENTERS = velocity_method("PPF").grid((CAMERA.height, CAMERA.width)).centers
+yaw_errors: Any = defaultdict(list)
+angles: Any = defaultdict(list)
+for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
+    light, yaw_deg, steps = flight(5 + seed)
+    for flux in FLUXES:
+        counts = draw_counts(light * flux, seed, "camera motion", f"{flux:g}")
+        for name in ("BM", "EMD", "PM", "DIS"):
+            first = int(METHODS[name].gives != "velocity")
+            learned = METHODS[name].respond(light[: HALF + 1])[first + WARM_UP :]
+            field = fit_wide_field(learned, yaw_deg[WARM_UP:HALF])
+            rates = np.nan_to_num(field.rates(METHODS[name].respond(counts, 1 / flux)[first:]))
+            means = np.array([rates[at - 3 : at + 4].mean() for at in MIDDLES])
+            yaw_errors[f"{name}, summed", flux] += [*(means - yaw_deg[MIDDLES])]
+        for at in MIDDLES:
+            flow = np.nan_to_num(METHODS["PPF"].respond(counts[at - 3 : at + 5])[-1])
+            found = {"PPF, fitted": motion_of_flow(CAMERA, CENTERS, flow)}
+            found["likelihood, 2 frames"] = likely_camera_motion(counts[at : at + 2], CAMERA)
+            found["likelihood, 8 frames"] = likely_camera_motion(counts[at - 3 : at + 5], CAMERA)
+            for name, motion in found.items():
+                yaw_errors[name, flux].append(motion.rotation_deg[1] - yaw_deg[at])
+                angles[name, flux].append(angles_deg(np.array(motion.heading), steps[at]))
+figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
+for name in dict.fromkeys(name for name, _ in yaw_errors):
+    rms = [np.sqrt(np.mean(np.square(yaw_errors[name, flux]))) for flux in FLUXES]
+    left.loglog(FLUXES, 100 * np.array(rms) / np.sqrt(np.mean(yaw_deg[HALF:] ** 2)), label=name)
+    right.loglog(FLUXES, [np.median(angles[name, flux] or np.nan) for flux in FLUXES])
+left.set(xlabel="photons per pixel", ylabel="RMS error of the yaw rate (%)")
+right.set(xlabel="photons per pixel", ylabel="median error of the heading (°)")
+left.legend()
+figure.savefig(Path(__file__).parent.parent / "camera-motion.png", dpi=150)

@@ -1,0 +1,42 @@
+"""A rendered view for gallery.py and views.py, denoised for display, with the counts of a sensor.
+
+Intel Open Image Denoise (`pip install pyoidn`) estimates the light, guided by the albedo, which is
+known without noise. The estimate is biased, so it is never data: counts come from the light as
+rendered.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from pyoidn import denoise
+from skimage.measure import block_reduce
+
+from megalopta.config.model import Configuration
+from megalopta.render import SceneRenderer, frame_seed
+from megalopta.scenes import preview
+from megalopta.sensor import expose
+from megalopta.stages.render import build
+
+
+def seen(settings: Configuration) -> tuple[Image.Image, NDArray[Any], float]:
+    """Return the first view, the counts (H, W) of the first sensor, and its exposure, s."""
+    scene, pose = build(settings), settings.trajectory.poses()[:1]
+    camera, bands_nm, sensor = settings.camera, settings.render.bands_nm, settings.sensors[0]
+    renderer = SceneRenderer(scene, camera, settings.render, pose)
+    radiance = renderer.radiance(pose[0], frame_seed(settings.seed, 0))
+    light = radiance
+    if scene.lighting and not scene.environment:
+        size = {"width": 2 * camera.width, "height": 2 * camera.height}
+        finer = SceneRenderer(scene, camera.model_copy(update=size), settings.render)
+        albedo = block_reduce(finer.albedo(pose[0]), (2, 2, 1), np.mean).astype(np.float32)
+        light, mean = np.empty_like(radiance), radiance.mean()
+        for first in range(0, len(bands_nm), 3):  # three at a time, as those of a color
+            three = np.arange(first, first + 3) % len(bands_nm)
+            scaled = np.ascontiguousarray(radiance[..., three] / mean)
+            clean = denoise(scaled, albedo[..., three], hdr=True, clean_aux=True)
+            light[..., three] = mean * clean
+    view = Image.fromarray(preview(light, bands_nm, settings.scene.white(settings.light)))
+    counts = expose(radiance[None], bands_nm, sensor, seed=settings.seed, sequence="view").counts
+    return view, counts[0], sensor.exposure_s

@@ -1,0 +1,44 @@
+"""
+Figures 2.18 and 2.19: peak responses to an edge over its velocity
+==================================================================
+
+Mean and standard deviation of the largest response of one detector while an edge crosses, over 16
+crossings of ten detectors in each of 16 rows. The SNR is 20·log10(mean/σ), averaged over the speeds
+but 0; the dissertation does not define its own. The theoretical curve is the mean response to a
+sinusoid of half a cycle along the row, scaled to the same height.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.camera.motion_bench import (
+    PIXELS,
+    SENSORS,
+    SPEEDS_MM_S,
+    UNITS,
+    filter_step,
+    peaks,
+    pixels_per_frame,
+)
+from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
+
+velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
+fine, phase = np.linspace(0, velocity[-1], 201), np.pi / PIXELS
+figure, panels = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
+methods = {"NDM": (ndm_mean, 12.6), "NDS": (nds_mean, 15.7)}
+for axes, (method, (mean_response, printed_db)) in zip(panels, methods.items(), strict=True):
+    for shift, (name, sensor) in zip((-0.1, 0.1), SENSORS.items(), strict=True):
+        measured = [peaks(speed, sensor)[method] for speed in SPEEDS_MM_S]
+        snr_db = np.mean([peak.snr_db for peak in measured[1:]])
+        means, sigmas = zip(*((peak.mean, peak.deviation) for peak in measured), strict=True)
+        label = f"{name}, mean SNR {snr_db:.1f} dB"
+        axes.errorbar(velocity + shift, means, sigmas, fmt="o", capsize=3, label=label)
+        print(f"{method}, {name}: SNR {snr_db:.1f} dB; printed, one row: {printed_db} dB")
+    ideal = np.array([peak.ideal.mean() for peak in measured])
+    curve = mean_response(filter_step(method), phase * fine, phase, 1.0)
+    axes.plot(velocity, ideal, "C2", label="edge without noise")
+    axes.plot(fine, ideal.max() * curve / curve.max(), "k--", label="theoretical, sinusoid")
+    axes.set(title=method, xlabel="image velocity (px/frame)")
+    axes.set_ylabel(f"peak response ({UNITS[method]})")
+    axes.legend()
+plt.show()

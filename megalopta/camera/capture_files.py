@@ -1,0 +1,127 @@
+"""Tables of rates, crosstalk and afterpulses of real arrays, recognized by their content.
+
+    pix1,pix2,distance,crosstalk,error     pairs of pixels, numbered along rows; distance in pixels
+    events,duration_s,100-137.5,…          events of a pixel, and pairs of them by lag (ns)
+    numbers without a head, or .npy        map of dark counts, per second or frame
+
+`docs/public_arrays` has those of two arrays of 12 × 4 pixels.
+"""
+
+import csv
+import io
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from megalopta.core.arrays import Floats, plain_array
+from megalopta.core.bounded import TEXT_BYTES, check_count, printable, read_bytes
+from megalopta.core.errors import DamagedFileError
+from megalopta.core.files import write_text
+from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
+from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
+from megalopta.sensor.calibrate.tag_statistics import (
+    Coincidences,
+    autocorrelation_of,
+    coincidences,
+    events_of,
+)
+from megalopta.sensor.formats.time_tags import TimeTags
+
+_FEWEST, _MOST_NUMBERS = 12, 10**7
+_PAIR = ("pix1", "pix2", "distance", "crosstalk", "error")
+_EDGES_NS = np.concatenate((np.arange(0, 100, 12.5), np.geomspace(100, 25600, 33)))
+_KINDS = "give crosstalk of pairs, an autocorrelation or a map of dark counts"
+
+Measurement = PairCrosstalk | Autocorrelation | Floats
+
+
+def read_measurement(path: Path) -> Measurement:
+    """Read a measurement. Raises DamagedFileError for other content, OSError if unreadable."""
+    content = read_bytes(path, TEXT_BYTES)
+    try:
+        if path.suffix == ".npy":
+            return _map(plain_array(content))
+        rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8"))) if row]
+        check_count(path, "numbers", content.count(b",") + len(rows), _MOST_NUMBERS)
+        if len({len(row) for row in rows}) != 1:
+            raise ValueError("lines of different numbers of columns" if rows else "empty")
+        if set(_PAIR) <= set(rows[0]):
+            return _pairs(rows)
+        if rows[0][0] == "events":
+            return _autocorrelation(rows)
+        return _map(np.array([[float(each) for each in row] for row in rows]))
+    except (ValueError, csv.Error) as problem:
+        raise DamagedFileError(f"{path}: {printable(str(problem))}; {_KINDS}") from None
+
+
+def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: float) -> list[Path]:
+    """Write what time tags in the dark show as files that `read_measurement` reads.
+
+    Channels are pixels, numbered along rows of so many columns. Raises ValueError if they do not
+    fill the rows.
+    """
+    if tags.channels % columns:
+        raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
+    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
+    written = {
+        "dark-counts.csv": [",".join(f"{each:.5g}" for each in row) for row in rates],
+        "autocorrelation.csv": _lags_text(tags),
+    }
+    if tags.channels > columns > 1:
+        written["crosstalk.csv"] = _pairs_text(coincidences(tags, window_s), columns)
+    for name, lines in written.items():
+        write_text(folder / name, "\n".join(lines) + "\n")
+    return [folder / name for name in written]
+
+
+def _lags_text(tags: TimeTags) -> list[str]:
+    lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
+    head = ",".join(f"{a:g}-{b:g}" for a, b in pairwise(_EDGES_NS))
+    rows = (
+        ",".join([f"{events:.0f}", f"{tags.duration_s:.5g}", *(f"{each:.0f}" for each in pairs)])
+        for events, pairs in zip(lags.events, lags.pairs, strict=True)
+    )
+    return [f"events,duration_s,{head}", *rows]
+
+
+def _pairs_text(found: Coincidences, columns: int) -> list[str]:
+    down = found.second // columns - found.first // columns
+    distance = np.hypot(down, found.second % columns - found.first % columns)
+    table = zip(found.first, found.second, distance, found.probability, found.error, strict=True)
+    return [",".join(_PAIR), *(f"{a},{b},{d:.4g},{p:.4g},{e:.3g}" for a, b, d, p, e in table)]
+
+
+def _map(rates: Floats | None) -> Floats:
+    if rates is None or rates.ndim != 2:
+        raise ValueError("no array (rows, columns) of plain numbers")
+    rates = rates.astype(np.float64)
+    known = rates[np.isfinite(rates)]
+    if known.size < 2 * _FEWEST or known.min() < 0:
+        raise ValueError(f"{known.size} rates, of which {2 * _FEWEST} are needed, none negative")
+    return rates
+
+
+def _pairs(rows: Sequence[Sequence[str]]) -> PairCrosstalk:
+    places = [rows[0].index(name) for name in _PAIR]
+    table = np.array([[float(row[at] or "nan") for at in places] for row in rows[1:]])
+    table = table[np.isfinite(table).all(axis=1)]
+    first, second = table[:, :2].astype(np.int64).T
+    below = (np.abs(table[:, 2] - 1) < 0.01) & (np.abs(second - first) > 1)
+    if len(table) < _FEWEST or not below.any() or first.min() < 0:
+        raise ValueError(f"{len(table)} pairs, without two pixels of a column at a distance of 1")
+    columns = int(np.abs(second - first)[below].min())
+    (row, column), (other_row, other_column) = (divmod(each, columns) for each in (first, second))
+    middle = (column + other_column) / 2
+    distances = np.abs(other_row - row), np.abs(other_column - column)
+    return PairCrosstalk(*distances, middle, table[:, 3], table[:, 4])
+
+
+def _autocorrelation(rows: Sequence[Sequence[str]]) -> Autocorrelation:
+    lags = [[float(each) for each in text.split("-")] for text in rows[0][2:]]
+    edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
+    table = np.array([[float(each) for each in row] for row in rows[1:]], ndmin=2)
+    if (np.diff(edges) <= 0).any() or len(table) < _FEWEST or not (table[:, 0] > 0).all():
+        raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
+    return Autocorrelation(edges, table[:, 2:], table[:, 0])

@@ -1,0 +1,230 @@
+"""What the help states is what applies, it is complete, and it comes at once."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.benchmark.design import DesignSettings
+from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.cli.command import VERBS
+from megalopta.cli.main import main, program
+from megalopta.config.model import load
+from megalopta.config.recipe import Plan, load_plan
+from megalopta.generation.adding import Exposing
+from megalopta.settings.describing import described
+from megalopta.settings.verb_settings import FILE, VerbSettings
+
+MOST_CPU_S = 0.4
+"""Processor time of a help; on the machine of the tests it takes half of that"""
+program()  # declares the verbs
+LEAVES = [name for name, verb in VERBS.items() if verb.run]
+WITH_SETTINGS = [name for name in LEAVES if VERBS[name].settings]
+
+
+def run_cpu_s(words):
+    """Processor time of a command that prints help or refuses, and what it printed."""
+    code = (
+        "import resource, subprocess, sys\n"
+        "done = subprocess.run(sys.argv[1:], capture_output=True, text=True)\n"
+        "used = resource.getrusage(resource.RUSAGE_CHILDREN)\n"
+        "print(used.ru_utime + used.ru_stime, done.stdout + done.stderr)"
+    )
+    command = [sys.executable, "-c", code, sys.executable, "-m", "megalopta", *words]
+    found = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    seconds, _, told = found.partition(" ")
+    return float(seconds), told
+
+
+@pytest.fixture
+def helped(capsys):
+    """A function that returns the help for words of a command line."""
+
+    def text(*words):
+        with pytest.raises(SystemExit) as ended:
+            main([*map(str, words)])
+        assert ended.value.code == 0
+        return capsys.readouterr().out
+
+    return text
+
+
+def stated(text):
+    """Settings and values that a help states."""
+    _, _, listed = text.partition("\nsettings (")
+    pairs = re.findall(r"^  --(\S+) (.*)$", listed, re.MULTILINE)
+    return {path.replace("-", "_"): value for path, value in pairs}
+
+
+def at(values, path):
+    """Value at the path of a setting; `...` if a file omits it, as it has its default."""
+    for step in path.split("."):
+        if values in (None, ...):
+            return ...
+        values = values[int(step)] if isinstance(values, list) else values.get(step, ...)
+    return values
+
+
+def agrees(shown, value):
+    """Whether the help shows a value: in full, cut, or, for a list of models, their names."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        value = [each.get("name", each.get("kind", each)) for each in value]
+    if value is ... or shown.endswith("[...]"):
+        return True
+    return yaml.safe_load(shown) == value or str(value) == shown
+
+
+def wrong(text, values):
+    """Settings of which a help states another value than the configuration has."""
+    found = stated(text)
+    assert found
+    return {
+        path: (shown, at(values, path))
+        for path, shown in found.items()
+        if not shown.startswith("(") and not agrees(shown, at(values, path))
+    }
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """A dataset of a picture, made with defaults alone."""
+    folder = tmp_path_factory.mktemp("seen")
+    cv2.imwrite(str(folder / "leaf.png"), np.full((24, 32, 3), 90, np.uint8))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        main(["sense", "leaf.png", "--photons", "2", "--frames", "3"])
+    return folder
+
+
+def test_the_help_of_sense_is_what_sense_writes(helped, seen):
+    written = yaml.safe_load((seen / "out/leaf/dataset.yaml").read_text())["configuration"]
+    for words in ("sense",), ("sense", seen / "leaf.png"), ("sense", seen / "out/leaf"):
+        assert not wrong(helped(*words, "--help-all"), written)
+    assert stated(helped("sense", "--help"))["sensors"] == "[ideal]"
+    assert "a dataset has its own" in helped("sense", "--help")
+
+
+@pytest.mark.parametrize("verb", ["flow", "benchmark photons", "render", "scene export"])
+def test_the_help_for_a_dataset_has_its_values(helped, seen, verb):
+    written = yaml.safe_load((seen / "out/leaf/dataset.yaml").read_text())["configuration"]
+    found = wrong(helped(*verb.split(), seen / "out/leaf", "--help-all"), written)
+    assert not {path for path in found if path.partition(".")[0] in written}
+
+
+@pytest.mark.parametrize("verb", ["flow", "benchmark photons"])
+def test_without_the_dataset_the_help_says_that_values_are_its_own(helped, verb):
+    assert stated(helped(*verb.split(), "--help"))["methods"] == "(the dataset's)"
+
+
+@pytest.mark.parametrize(
+    ("words", "configuration"),
+    [
+        ("render", "demo"),
+        ("demo", "demo"),
+        ("demo --quick", "quick"),
+        ("render grating", "grating"),
+        ("render --redo airglow --out x", "airglow"),
+        ("scene export motion-bench", "motion-bench"),
+        ("scene export", "nothing.yaml"),
+        ("render mine.yaml", "mine.yaml"),
+        ("demo mine.yaml", "mine.yaml"),
+    ],
+)
+def test_the_help_states_the_configuration(helped, tmp_path, monkeypatch, words, configuration):
+    monkeypatch.chdir(tmp_path)
+    Path("nothing.yaml").write_text("{}")
+    Path("mine.yaml").write_text(
+        "scene: {kind: forest, preset: dense}\nlight_levels: [3]\ncorrect: true\n"
+        "camera: {kind: equirectangular, width: 20}\nsensors: [ideal, {preset: spadcam, exposure_s: 0.01}]\n"
+    )
+    values = load(configuration).model_dump(mode="json")
+    assert not wrong(helped(*words.split(), "--help-all"), values)
+
+
+@pytest.mark.parametrize(
+    ("words", "model"),
+    [
+        ("dataset make", Plan),
+        ("dataset expose", Exposing),
+        ("benchmark sequence", RankingSettings),
+        ("design", DesignSettings),
+    ],
+)
+def test_the_help_of_other_settings_states_their_defaults(helped, words, model):
+    assert not wrong(helped(*words.split(), "--help-all"), model().model_dump(mode="json"))
+
+
+def test_the_help_for_a_plan_has_its_values(helped, tmp_path):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("sequences: 6\nscenes: [grating]\nrepeats: 2")
+    values = load_plan(plan).model_dump(mode="json")
+    assert not wrong(helped("dataset", "make", plan, "--help-all"), values)
+    assert stated(helped("dataset", "make", plan, "--help"))["sequences"] == "6"
+
+
+def test_the_description_of_the_settings_is_that_of_the_models():
+    found = json.loads(json.dumps(described()))
+    assert found == json.loads(FILE.read_text("utf-8")), (
+        "run python -m megalopta.settings.describing"
+    )
+
+
+@pytest.mark.parametrize("often", [False, True])
+def test_the_help_names_every_choice(often):
+    description = described()
+    for name in WITH_SETTINGS:
+        settings = VERBS[name].settings
+        text = " ".join(settings.help(VERBS[name].often if often else ()).split())
+        for model in settings.models:
+            for path, field in description["models"][model].items():
+                if f"--{path.replace('_', '-')} " in text:
+                    assert all(each in text for each in field["choices"]), (name, path)
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_the_help_names_every_choice_and_default_of_the_options(name):
+    command = program()
+    for word in name.split():
+        command = command.verbs[word]
+    for action in command._actions:
+        text = " ".join(f"{action.option_strings} {action.metavar} {action.help}".split())
+        assert all(str(each) in text for each in (action.choices or ()) if action.metavar), name
+        default = action.default
+        if action.option_strings and default is not None and not isinstance(default, bool | str):
+            shown = f"{default:g}" if isinstance(default, float) else default
+            assert f"default: {shown}" in text or "default: " in text
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        *(pytest.param(f"{name} {how}", "usage: ", id=f"{name} {how}")
+          for name in WITH_SETTINGS for how in ("--help", "--help-all")),
+        ("render --scene.tres 300", "scene.tres: unknown key; did you mean 'trees'?"),
+        ("render --scne.trees=300", "scne: unknown key; did you mean 'scene'?"),
+        ("sense x --sensors.0.dead-tim 3", "sensors.0.dead_tim: unknown key; did you mean"),
+        ("dataset make x --sequence 3", "sequence: unknown key; did you mean 'sequences'?"),
+        ("design ideal --errr 3", "errr: unknown key; did you mean 'error'?"),
+        ("benchmark photons x --trial.sze 3", "trial.sze: unknown key; did you mean 'size'?"),
+    ],
+)  # fmt: skip
+def test_help_and_refused_typos_come_at_once(words, told):
+    seconds, text = run_cpu_s(words.split())
+    assert told in text
+    assert seconds < MOST_CPU_S or run_cpu_s(words.split())[0] < MOST_CPU_S
+
+
+@pytest.mark.parametrize("words", ["", "dataset", "benchmark", "spadcam", "scene"])
+def test_a_verb_alone_prints_its_help(helped, words):
+    assert helped(*words.split()) == helped(*words.split(), "--help")
+
+
+def test_of_two_ways_to_write_a_setting_each_takes_its_value():
+    assert VerbSettings().takes("scene.trees") == "one"
+    assert VerbSettings(("Plan",)).takes("every.camera.width") == "all"

@@ -1,0 +1,68 @@
+"""The motion bench through the emulated camera's line, beside the one simulated directly."""
+
+import pytest
+
+from megalopta.camera.emulated import Faults, Plate
+from megalopta.camera.motion_bench import cut_passages, record
+from megalopta.camera.recording import open_recording
+from megalopta.cli import main as cli
+from megalopta.reproduction.captured_edge import captured_figures
+from megalopta.sensor import changed, preset
+
+from ..camera.conftest import emulating
+
+pytestmark = pytest.mark.slow
+
+SENSOR = preset("spadcam")
+NAMES = [f"fig-2.{number}" for number in range(14, 20)]
+
+
+@pytest.fixture
+def recording(tmp_path, request, monkeypatch):
+    """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
+    link, out = tmp_path / "cam", tmp_path / "plate"
+    with emulating(link, Faults(drift_ppm=19e6), stimulus=Plate(request.param), seed=3):
+        words = f"--port {link} --kind plate --rate 10 --exposure 0.1 --frames 600 --out {out}"
+        cli.main(["spadcam", "capture", *words.split()])
+    return out
+
+
+# capturing is tested by camera/test_capture.py, the figures below
+@pytest.mark.parametrize("recording", [10.0], indirect=True)
+def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
+    captured = open_recording(recording)
+    sensor = changed(captured.sensor, counter={"calibrated": False})
+    figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
+    assert [figure.name for figure in figures] == NAMES
+    numbers = dict(zip(figures[-1].columns, figures[-1].rows[0], strict=True))
+    assert numbers["captured_mean"] == pytest.approx(numbers["simulated_mean"], rel=0.05)
+
+
+def test_a_camera_of_half_the_signal_differs_by_half():
+    counts = record(10.0, SENSOR).counts // 2
+    *_, ndm, nds = captured_figures({10.0: counts}, SENSOR)
+    for figure, share in ((nds, 0.5), (ndm, 0.25)):
+        numbers = dict(zip(figure.columns, figure.rows[0], strict=True))
+        # halves are rounded down
+        ratio = numbers["captured_mean"] / numbers["simulated_mean"]
+        assert ratio == pytest.approx(share, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["{0}@0"], "only a plate at rest; give recordings with its speed"),
+        (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
+        (["nothing@5"], "nothing: no such file; give the path of a recording"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, refused):
+    from megalopta.camera.recorder import Recorder
+    from megalopta.sensor.formats.protocol import Identity, Settings
+
+    identity = Identity(16, 16, 12, 3300, "A", "test 1")
+    Recorder(tmp_path, changed(SENSOR, exposure_s=0.05), "plate", identity, Settings(), 0.0)
+    given = [word.format(tmp_path) for word in words]
+    assert problem in refused("spadcam", "figures", *given, "--out", tmp_path / "new")
+    assert not (tmp_path / "new").exists()

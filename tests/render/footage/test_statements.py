@@ -1,0 +1,526 @@
+"""What files state about place, light, time and pixels is used, or told in a note."""
+
+import struct
+import zlib
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image, TiffImagePlugin
+
+from megalopta.core.errors import UserError
+from megalopta.render import open_footage, write_radiance
+
+PICTURE = np.arange(1, 13, dtype=np.float32).reshape(3, 4)
+XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
+D65 = (0.3127, 0.3290)
+
+
+def seen(path, unit=None):
+    """Frames (T, H, W, channels), and all notes as one text."""
+    with open_footage(path, unit) as footage:
+        frames = np.stack([footage.frame(k) for k in range(len(footage))])
+        assert all(
+            str(path) in note or "over black" in note or "HDR" in note for note in footage.notes
+        )
+        return frames, " | ".join(footage.notes)
+
+
+def refused(path):
+    with pytest.raises(UserError) as refusal:
+        open_footage(path)
+    message = str(refusal.value)
+    assert str(path) in message and "\n" not in message
+    return message
+
+
+def exr(path, channels, **stated):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **stated}
+    OpenEXR.File(header, channels).write(str(path))
+    return path
+
+
+def rgb(value=PICTURE):
+    return {name: np.ascontiguousarray(value, np.float32) for name in "RGB"}
+
+
+def window(left, top, right, bottom):
+    return np.array([left, top], np.int32), np.array([right, bottom], np.int32)
+
+
+def test_light_in_xyz_stays_gray_and_its_green_is_converted(tmp_path):
+    frames, note = seen(exr(tmp_path / "a.exr", rgb(), chromaticities=XYZ))
+    np.testing.assert_allclose(frames[0], np.stack([PICTURE] * 3, -1), rtol=1e-6)
+    assert "states its primaries" in note
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        (0.1, 0.1, 0.2, 0.2, 0.3, 0.3, *D65),  # on a line
+        (0.64, 0.33, 0.64, 0.33, 0.15, 0.06, *D65),  # red is green
+        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.9, 0.9),  # white outside
+        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3, 0.0),  # white without luminance
+        (float("nan"),) * 8,
+        (0.0,) * 8,
+    ],
+)
+def test_primaries_without_colors_are_refused_with_their_values(tmp_path, given):
+    message = refused(exr(tmp_path / "a.exr", rgb(), chromaticities=given))
+    assert f"{given[0]:.4g}" in message and "primaries" in message
+
+
+@pytest.mark.parametrize(
+    ("data", "display", "expected"),
+    [
+        ((2, 1, 5, 3), (0, 0, 7, 4), np.pad(PICTURE, ((1, 1), (2, 2)))),
+        ((-1, -1, 2, 1), (0, 0, 1, 1), PICTURE[1:3, 1:3]),
+        ((10, 20, 13, 22), (9, 20, 13, 22), np.pad(PICTURE, ((0, 0), (1, 0)))),
+    ],
+)
+def test_pixels_lie_where_the_windows_place_them(tmp_path, data, display, expected):
+    stated = {"dataWindow": window(*data), "displayWindow": window(*display)}
+    frames, note = seen(exr(tmp_path / "a.exr", rgb(), **stated))
+    np.testing.assert_array_equal(frames[0, ..., 1], expected)
+    assert "places 4 × 3 px" in note
+
+
+def test_windows_that_do_not_meet_are_refused(tmp_path):
+    stated = {"dataWindow": window(20, 0, 23, 2), "displayWindow": window(0, 0, 3, 2)}
+    assert "displayWindow" in refused(exr(tmp_path / "a.exr", rgb(), **stated))
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ({"pixelAspectRatio": 2.0}, "2 times as wide as high"),
+        ({"expTime": 0.5}, "expTime 0.5"),
+        ({"adoptedNeutral": (0.3, 0.31)}, "adoptedNeutral"),
+        ({"isoSpeed": 800.0, "aperture": 2.8}, "isoSpeed 800"),
+        ({"screenWindowWidth": 2.0}, "screenWindowWidth 2"),
+        ({"renderingTransform": "a.film"}, "renderingTransform a.film"),
+        ({"lookModTransform": "night"}, "lookModTransform"),
+        ({"comments": "none", "owner": "me"}, ""),
+    ],
+)
+def test_other_attributes_are_told(tmp_path, stated, told):
+    _, note = seen(exr(tmp_path / "a.exr", rgb(), **stated))
+    assert told in note and bool(told) == bool(note)
+
+
+def test_the_luminance_of_white_makes_light_absolute(tmp_path):
+    path = exr(tmp_path / "a.exr", rgb(), whiteLuminance=50.0)
+    with open_footage(path) as footage:
+        assert footage.unit == "cd/m2" and footage.is_absolute
+        np.testing.assert_allclose(footage.frame(0)[..., 0], 50 * PICTURE)
+
+
+def test_luminance_and_chroma_of_fewer_samples(tmp_path):
+    color = np.array([0.8, 0.5, 0.2])
+    y = color @ (0.2126, 0.7152, 0.0722)
+    planes = {"Y": y, "RY": color[0] / y - 1, "BY": color[2] / y - 1}
+    channels = {
+        name: OpenEXR.Channel(
+            np.full((4, 6), value, np.float32), *((2, 2) if name != "Y" else (1, 1))
+        )
+        for name, value in planes.items()
+    }
+    frames, _ = seen(exr(tmp_path / "a.exr", channels))
+    np.testing.assert_allclose(frames[0], np.broadcast_to(color, (4, 6, 3)), rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("channels", "told"),
+    [
+        (
+            {"left.R": 1, "left.G": 1, "left.B": 1, "right.R": 9, "right.G": 9, "right.B": 9},
+            "right.R",
+        ),
+        ({"R": 1, "G": 1, "B": 1, "diffuse.R": 9, "diffuse.G": 9, "diffuse.B": 9}, "diffuse.R"),
+        ({"Y": 1, "Z": 9}, "Z"),
+        ({"beauty.Y": 1, "depth.Z": 9}, "depth.Z"),
+        ({"R": 1, "G": 1, "B": 1, "S1.500,0nm": 9}, "S1.500,0nm"),
+    ],
+)
+def test_layers_and_views_that_are_not_read_are_named(tmp_path, channels, told):
+    planes = {name: np.full((3, 4), value, np.float32) for name, value in channels.items()}
+    frames, note = seen(exr(tmp_path / "a.exr", planes))
+    assert (frames == 1).all() and told in note
+
+
+def test_parts_that_are_not_read_are_named(tmp_path):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    parts = [
+        OpenEXR.Part({**header, "name": "depth"}, {"Z": PICTURE}),
+        OpenEXR.Part({**header, "name": "beauty"}, rgb()),
+        OpenEXR.Part({**header, "name": "right"}, rgb(9 * PICTURE)),
+    ]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    frames, note = seen(tmp_path / "a.exr")
+    np.testing.assert_array_equal(frames[0, ..., 2], PICTURE)
+    assert "depth: Z" in note and "right: R" in note
+
+
+def test_alpha_of_exr_is_in_the_colors(tmp_path):
+    frames, note = seen(exr(tmp_path / "a.exr", rgb() | {"A": np.full((3, 4), 0.5, np.float32)}))
+    np.testing.assert_array_equal(frames[0, ..., 0], PICTURE)
+    assert "over black" in note
+
+
+@pytest.mark.parametrize(
+    ("names", "bands_nm"),
+    [
+        (("S0.450,0nm", "S0.500,0nm", "S0.550,0nm"), [(425, 475), (475, 525), (525, 575)]),
+        (("S0.0,45um", "S0.0,5um", "S0.0,55um"), [(425, 475), (475, 525), (525, 575)]),
+        (("S0.4,5E-7m", "S0.5,0E-7m", "S0.5,5E-7m"), [(425, 475), (475, 525), (525, 575)]),
+        (("left.S0.450nm", "left.S0.500nm", "left.S0.550nm"), [(425, 475), (475, 525), (525, 575)]),
+    ],
+)
+def test_spectra_of_other_renderers(tmp_path, names, bands_nm):
+    planes = {name: np.full((3, 4), k + 1, np.float32) for k, name in enumerate(names)}
+    stated = {"spectralLayoutVersion": "1.0", "emissiveUnits": "W.m^-2.sr^-1"}
+    path = exr(tmp_path / "a.exr", planes | rgb(), **stated)
+    with open_footage(path) as footage:
+        np.testing.assert_allclose(footage.bands_nm, bands_nm, atol=1e-5)
+        np.testing.assert_array_equal(footage.frame(0)[0, 0], [1, 2, 3])
+        assert footage.is_absolute and any("W.m^-2.sr^-1" in note for note in footage.notes)
+        # mean of V(λ) of CIE 1924 from 525 to 575 nm
+        assert footage.luminance_shares[2] == pytest.approx(683 * 50 * 0.946, rel=0.005)
+    assert "omit the unit" in refused_unit(path)
+
+
+def refused_unit(path):
+    with pytest.raises(UserError) as refusal:
+        open_footage(path, "linear")
+    return str(refusal.value)
+
+
+def test_our_own_radiance_keeps_its_bands(tmp_path):
+    bands = ((400.0, 480.0), (500.0, 520.0))
+    radiance = np.stack([PICTURE, 2 * PICTURE], -1)
+    write_radiance(tmp_path / "a.exr", radiance, bands)
+    with open_footage(tmp_path / "a.exr") as footage:
+        assert tuple(map(tuple, footage.bands_nm)) == bands
+        np.testing.assert_array_equal(footage.frame(0), radiance)
+
+
+@pytest.mark.parametrize("units", ["lx", "W.m^-2"])
+def test_spectra_in_other_units_are_refused(tmp_path, units):
+    planes = {f"S0.{each},0nm": PICTURE for each in (450, 500)}
+    assert units in refused(exr(tmp_path / "a.exr", planes, emissiveUnits=units))
+
+
+def hdr(path, lines="", size="-Y 3 +X 8", light=None):
+    light = np.ones((3, 8, 3)) if light is None else light
+    rows = np.full((*light.shape[:2], 4), 128, np.uint8)
+    rows[..., :3] = np.rint(light * 256 * 2.0 ** (128 - 128))
+    path.write_bytes(f"#?RADIANCE\n{lines}\n{size}\n".encode() + rows.tobytes())
+    return path
+
+
+HALF = np.full((3, 8, 3), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("lines", "factor", "told"),
+    [
+        ("", 1, ""),
+        ("FORMAT=32-bit_rle_rgbe\n", 1, ""),
+        ("EXPOSURE=2\n", 1 / 2, "divided by 2"),
+        ("EXPOSURE=2\nEXPOSURE= 4\n", 1 / 8, "divided by 8"),
+        ("COLORCORR=2 4 8\n", (1 / 2, 1 / 4, 1 / 8), "divided by 2, 4, 8"),
+        ("EXPOSURE=.5\nCOLORCORR=2 2 2\n", 1, ""),
+        ("FORMAT=32-bit_rle_xyze\n", 1, "primaries"),
+        ("PRIMARIES=.708 .292 .17 .797 .131 .046 .3127 .329\n", 1, "primaries"),
+        ("PRIMARIES=.64 .33 .3 .6 .15 .06 .3127 .329\n", 1, ""),
+        ("PIXASPECT=.5\n", 1, "2 times as wide"),
+        ("VIEW=-vtv -vp 0 0 0\n", 1, "VIEW"),
+        ("SOFTWARE=x\n# EXPOSURE=9\n", 1, ""),
+    ],
+)
+def test_the_header_of_radiance(tmp_path, lines, factor, told):
+    frames, note = seen(hdr(tmp_path / "a.hdr", lines, light=HALF))
+    np.testing.assert_allclose(frames[0, 0, 0], 0.5 * np.ones(3) * factor, rtol=1e-5)
+    assert told in note and bool(told) == bool(note)
+
+
+@pytest.mark.parametrize("lines", ["EXPOSURE=0\n", "EXPOSURE=nan\n", "FORMAT=Radiance_spectra\n"])
+def test_headers_of_radiance_that_cannot_be_used(tmp_path, lines):
+    refused(hdr(tmp_path / "a.hdr", lines))
+
+
+@pytest.mark.parametrize("y", "-+")
+@pytest.mark.parametrize("x", "-+")
+@pytest.mark.parametrize("is_by_columns", [False, True])
+def test_all_eight_orientations_of_radiance(tmp_path, y, x, is_by_columns):
+    upright = np.zeros((9, 12, 3))
+    upright[:2, :3] = 0.5
+    stored = upright[:: 1 if y == "-" else -1, :: 1 if x == "+" else -1]
+    size = f"{y}Y 9 {x}X 12"
+    if is_by_columns:
+        stored, size = stored.swapaxes(0, 1), f"{x}X 12 {y}Y 9"
+    frames, _ = seen(hdr(tmp_path / "a.hdr", size=size, light=stored))
+    np.testing.assert_array_equal(frames[0], upright)
+
+
+@pytest.mark.parametrize("scale", [-1.0, 1.0, -2.5, 0.5])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_scale_and_order_of_bytes_of_pfm(tmp_path, scale, channels):
+    light = np.repeat(PICTURE[..., None], channels, -1)
+    values = (light[::-1] / abs(scale)).astype("<f4" if scale < 0 else ">f4")
+    name = "PF" if channels == 3 else "Pf"
+    (tmp_path / "a.pfm").write_bytes(f"{name}\n4 3\n{scale}\n".encode() + values.tobytes())
+    frames, _ = seen(tmp_path / "a.pfm")
+    np.testing.assert_allclose(frames[0, ..., 0], PICTURE, rtol=1e-6)
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def png(path, codes, *chunks):
+    cv2.imwrite(str(path), codes)
+    content = path.read_bytes()
+    path.write_bytes(content[:33] + b"".join(chunk(*each) for each in chunks) + content[33:])
+    return path
+
+
+GAMMA = b"gAMA", struct.pack(">I", 100_000)
+SRGB_CHRM = struct.pack(">8I", 31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
+BT2020_CHRM = struct.pack(">8I", 31270, 32900, 70800, 29200, 17000, 79700, 13100, 4600)
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize(
+    ("chunks", "light", "told"),
+    [
+        ([], 0.2140, ""),
+        ([GAMMA], 0.5, ""),
+        ([(b"gAMA", struct.pack(">I", 50_000))], 0.25, ""),
+        ([(b"gAMA", struct.pack(">I", 45_455))], 0.5**2.2, ""),
+        ([GAMMA, (b"sRGB", b"\0")], 0.2140, ""),
+        ([(b"cHRM", SRGB_CHRM)], 0.2140, ""),
+        ([(b"cHRM", BT2020_CHRM)], 0.2140, "primaries"),
+        ([(b"cICP", bytes([1, 13, 0, 1]))], 0.2140, ""),
+        ([GAMMA, (b"cICP", bytes([1, 13, 0, 1]))], 0.2140, ""),
+        ([(b"cICP", bytes([9, 8, 0, 1]))], 0.5, "primaries"),
+        ([(b"cICP", bytes([1, 8, 0, 0]))], (127.5 - 16) / 219, ""),
+        ([(b"cICP", bytes([9, 16, 0, 1]))], 0.4544, "HDR (PQ)"),
+        ([(b"cICP", bytes([9, 18, 0, 1]))], 1 / 12, "HDR (HLG)"),
+        ([(b"pHYs", struct.pack(">IIB", 100, 200, 0))], 0.2140, "2 times as wide"),
+        ([(b"pHYs", struct.pack(">IIB", 2000, 1000, 1))], 0.2140, "0.5 times as wide"),
+        ([(b"iCCP", b"x\0\0" + zlib.compress(bytes(200)))], 0.2140, "color profile"),
+        ([(b"oFFs", struct.pack(">iiB", 5, 5, 0))], 0.2140, "oFFs"),
+        ([(b"sTER", b"\0")], 0.2140, "sTER"),
+    ],
+)
+def test_chunks_of_png(tmp_path, depth, chunks, light, told):
+    top = np.iinfo(depth).max
+    codes = np.full((4, 6, 3), round(top / 2), depth)
+    frames, note = seen(png(tmp_path / "a.png", codes, *chunks))
+    np.testing.assert_allclose(frames[0], light, rtol=0.02 if depth == np.uint8 else 5e-3)
+    assert told in note and bool(told) == bool(note)
+
+
+@pytest.mark.parametrize(
+    "bad", [(b"gAMA", bytes(4)), (b"cICP", bytes([1, 17, 0, 1])), (b"cICP", bytes([1, 13, 1, 1]))]
+)
+def test_chunks_of_png_that_cannot_be_used(tmp_path, bad):
+    refused(png(tmp_path / "a.png", np.zeros((4, 6, 3), np.uint8), bad))
+
+
+def test_a_transparent_color_of_a_png(tmp_path):
+    Image.fromarray(np.full((4, 6), 200, np.uint8)).save(tmp_path / "a.png", transparency=200)
+    frames, note = seen(tmp_path / "a.png")
+    assert not frames.any() and "over black" in note
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "webp", "png"])
+def test_exposure_and_position_of_photographs_are_told(tmp_path, suffix):
+    exif = Image.Exif()
+    exif[0x0112] = 1
+    exif.get_ifd(0x8769)[0x829A] = TiffImagePlugin.IFDRational(1, 60)
+    exif.get_ifd(0x8825)[1] = "N"
+    Image.new("RGB", (8, 8), "gray").save(tmp_path / f"a.{suffix}", exif=exif)
+    _, note = seen(tmp_path / f"a.{suffix}")
+    assert "ExposureTime" in note and "GPS" in note
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
+def test_resolution_that_differs_by_direction_is_told(tmp_path, suffix):
+    Image.new("RGB", (8, 8), "gray").save(tmp_path / f"a.{suffix}", dpi=(72, 144))
+    assert "2 times as wide as high" in seen(tmp_path / f"a.{suffix}")[1]
+
+
+def test_a_second_picture_in_a_jpeg_is_told(tmp_path):
+    image = Image.new("RGB", (8, 8), "gray")
+    image.save(tmp_path / "a.jpg", format="MPO", save_all=True, append_images=[image])
+    assert "holds 2 pictures; the first is read" in seen(tmp_path / "a.jpg")[1]
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "P", "RGB"])
+@pytest.mark.parametrize("width", [7, 64, 128, 300])
+def test_bmp_of_every_width(tmp_path, mode, width):
+    codes = np.random.default_rng(0).integers(0, 2, (6, width)).astype(np.uint8) * 255
+    image = Image.fromarray(codes).convert(mode)
+    image.save(tmp_path / "a.bmp")
+    np.testing.assert_array_equal(seen(tmp_path / "a.bmp")[0][0, ..., 0], codes / 255)
+
+
+def bmp(path, bits, rows, height, masks=()):
+    """Write a BMP of 4 px a row by hand; a negative height is from the top."""
+    data = b"".join(rows)
+    head = struct.pack(
+        "<IiiHHIIiiII", 40, 4, height, 1, bits, 3 if masks else 0, len(data), 1, 1, 0, 0
+    )
+    head += struct.pack("<3I", *masks) if masks else b""
+    path.write_bytes(
+        struct.pack("<2sIHHI", b"BM", 14 + len(head) + len(data), 0, 0, 14 + len(head))
+        + head
+        + data
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("bits", "masks", "pixel"),
+    [
+        (16, (), lambda on: struct.pack("<H", 0x7FFF * on)),
+        (16, (0xF800, 0x07E0, 0x001F), lambda on: struct.pack("<H", 0xFFFF * on)),
+        (24, (), lambda on: bytes([255 * on] * 3)),
+        (32, (), lambda on: bytes([255 * on] * 3 + [0])),
+    ],
+)
+@pytest.mark.parametrize("is_top_down", [False, True])
+def test_bmp_from_the_top_and_of_more_bits(tmp_path, bits, masks, pixel, is_top_down):
+    on = np.array([[1, 1, 0, 0], [0, 0, 0, 0]])
+    rows = [
+        b"".join(pixel(each) for each in row) for row in (on if is_top_down else on[::-1]).tolist()
+    ]
+    path = bmp(tmp_path / "a.bmp", bits, rows, -2 if is_top_down else 2, masks)
+    np.testing.assert_array_equal(seen(path)[0][0, ..., 1], on)
+
+
+@pytest.mark.parametrize("largest", [1, 15, 100, 255])
+def test_largest_code_of_ppm(tmp_path, largest):
+    (tmp_path / "a.pgm").write_bytes(b"P5 2 1 %d\n" % largest + bytes([largest, 0]))
+    np.testing.assert_array_equal(seen(tmp_path / "a.pgm")[0][0, 0, :, 0], [1, 0])
+
+
+DEEP = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
+
+
+@pytest.mark.parametrize(
+    ("values", "stated", "expected", "told"),
+    [
+        (DEEP, {"photometric": "miniswhite"}, (65535 - DEEP) / 65535, ""),
+        (DEEP.astype(np.uint8), {"photometric": "miniswhite"}, None, ""),
+        (np.stack([DEEP] * 3), {"photometric": "rgb", "planarconfig": "separate"}, DEEP / 65535, ""),
+        (PICTURE.astype(np.float16), {"photometric": "minisblack"}, PICTURE, ""),
+        (PICTURE.astype(np.float64), {"photometric": "minisblack"}, PICTURE, ""),
+        (np.stack([DEEP] * 3 + [DEEP // 2], -1), {"photometric": "rgb", "extrasamples": ["unspecified"]}, DEEP / 65535, "1 further value"),
+        (np.stack([PICTURE] * 3 + [PICTURE * 0 + 0.5], -1), {"photometric": "rgb", "extrasamples": ["assocalpha"]}, PICTURE, "over black"),
+        (np.stack([PICTURE] * 3 + [PICTURE * 0 + 0.5], -1), {"photometric": "rgb", "extrasamples": ["unassalpha"]}, PICTURE / 2, "over black"),
+        (np.stack([PICTURE, PICTURE * 0 + 0.5], -1), {"photometric": "minisblack", "planarconfig": "contig", "extrasamples": ["unassalpha"]}, PICTURE / 2, "over black"),
+        (DEEP, {"photometric": "minisblack", "resolution": (72, 144)}, DEEP / 65535, "2 times as wide"),
+        (DEEP, {"photometric": "minisblack", "extratags": [(286, 5, 1, (3, 1), True)]}, DEEP / 65535, "XPosition"),
+        (DEEP, {"photometric": "minisblack", "extratags": [(318, 5, 2, (3, 10, 3, 10), True)]}, DEEP / 65535, "WhitePoint"),
+        (DEEP, {"photometric": "minisblack", "iccprofile": bytes(128)}, DEEP / 65535, "color profile"),
+        (DEEP, {"photometric": "minisblack", "compression": "zlib", "predictor": True}, DEEP / 65535, ""),
+    ],
+)  # fmt: skip
+def test_tags_of_tiff(tmp_path, values, stated, expected, told):
+    tifffile.imwrite(tmp_path / "a.tif", values, **stated)
+    unit = "linear" if values.dtype == np.uint16 else None
+    frames, note = seen(tmp_path / "a.tif", unit)
+    if expected is None:  # 8 bits, 0 is white
+        assert frames[0, 0, 0, 0] == 1 > frames[0, 1, 1, 0]
+    else:
+        np.testing.assert_allclose(frames[0, ..., 0], expected, rtol=1e-4, atol=2e-5)
+    assert told in note and bool(told) == bool(note)
+
+
+@pytest.mark.parametrize("mode", ["LAB", "CMYK"])
+def test_colors_of_prints_in_tiff_are_refused(tmp_path, mode):
+    Image.new("CMYK" if mode == "CMYK" else "LAB", (8, 8)).save(tmp_path / "a.tif")
+    assert "of prints" in refused(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("compression", [None, "tiff_lzw", "packbits"])
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_pages_of_a_tiff_are_frames(tmp_path, compression, depth):
+    pages = [Image.fromarray(np.full((3, 4), 50 * k, depth)) for k in range(3)]
+    pages[0].save(
+        tmp_path / "a.tif", save_all=True, append_images=pages[1:], compression=compression
+    )
+    frames, note = seen(tmp_path / "a.tif")
+    assert not note and len(frames) == 3 and (np.diff(frames.mean((1, 2, 3))) > 0).all()
+
+
+def test_pages_of_another_size_are_told(tmp_path):
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        for shape in ((3, 4), (3, 4), (1, 2)):
+            file.write(np.full(shape, 9, np.uint16), photometric="minisblack")
+    frames, note = seen(tmp_path / "a.tif")
+    assert len(frames) == 2 and "holds 3 pictures" in note and "1 differ" in note
+
+
+@pytest.mark.parametrize(
+    ("stated", "period_s", "told"),
+    [
+        ({"finterval": 0.25}, 0.25, ""),
+        ({"fps": 10.0}, 0.1, ""),
+        ({"axes": "ZYX"}, None, "slices"),
+        ({}, None, ""),
+    ],
+)
+def test_times_of_imagej(tmp_path, stated, period_s, told):
+    tifffile.imwrite(
+        tmp_path / "a.tif", np.stack([DEEP] * 4), imagej=True, metadata={"axes": "TYX", **stated}
+    )
+    with open_footage(tmp_path / "a.tif") as footage:
+        expected = None if period_s is None else period_s * np.arange(4)
+        np.testing.assert_allclose(footage.times_s, expected) if period_s else None
+        assert (footage.times_s is None) == (period_s is None)
+        assert told in " ".join(footage.notes) and bool(told) == bool(footage.notes)
+
+
+def test_notes_of_a_folder_are_told_once(tmp_path):
+    for k in range(3):
+        exr(tmp_path / f"f{k}.exr", rgb(), expTime=0.1 * (k + 1))
+    with open_footage(tmp_path) as footage:
+        assert len(footage.notes) == 1 and "expTime" in footage.notes[0]
+
+
+def test_exposures_of_a_folder_differ(tmp_path):
+    for k in range(3):
+        hdr(tmp_path / f"f{k}.hdr", f"EXPOSURE={2**k}\n", light=HALF)
+    with open_footage(tmp_path) as footage:
+        np.testing.assert_allclose([footage.frame(k).mean() for k in range(3)], [0.5, 0.25, 0.125])
+
+
+def test_pixels_of_a_film_that_are_not_square_and_other_films_are_told(tmp_path):
+    path = tmp_path / "a.mkv"
+    with av.open(path, "w") as container:
+        streams = [container.add_stream("libx264", rate=25) for _ in range(2)]
+        for stream in streams:
+            stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+            stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
+        for stream in streams:
+            frame = av.VideoFrame.from_ndarray(np.zeros((48, 64, 3), np.uint8), "rgb24")
+            container.mux(stream.encode(frame.reformat(format="yuv420p")))
+            container.mux(stream.encode(None))
+    _, note = seen(path)
+    assert "1.333 times as wide" in note and "holds 2 films" in note
+
+
+def test_pixels_of_a_gif_that_are_not_square_are_told(tmp_path):
+    Image.new("L", (8, 8), 99).save(tmp_path / "a.gif")
+    content = bytearray((tmp_path / "a.gif").read_bytes())
+    content[12] = 113  # (113 + 15) / 64
+    (tmp_path / "a.gif").write_bytes(content)
+    assert "2 times as wide" in seen(tmp_path / "a.gif")[1]
