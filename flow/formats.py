@@ -30,7 +30,7 @@ from megalopta.core.bounded import ARRAY_BYTES, check_decoded, read_bytes
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.hdf5 import numbers_in, opened_hdf5
-from megalopta.core.pictures import read_pfm, write_codes
+from megalopta.core.pictures import checked_png, read_pfm, write_codes
 
 Flow = NDArray[np.float32]
 
@@ -44,7 +44,8 @@ _GZIP_LEVEL = 5
 KITTI_SCALE = 64.0
 """Codes of a pixel in flow as PNG, of KITTI; DSEC has 128."""
 _CODE_OF_ZERO, _LARGEST_CODE = 2**15, 2**16 - 1
-_PNG = b"\x89PNG\r\n\x1a\n"
+_PX_BYTES = 150
+"""Memory of a pixel of a flow that is compared with another, at most (bytes)."""
 _COPIES = 3
 """Copies of a file's bytes while its flow is read"""
 
@@ -95,6 +96,7 @@ def read_flo(path: str | Path) -> Flow:
         raise ValueError(f"{path} starts with {tag!r}: a .flo file starts with {_TAG!r}")
     if not (0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
         raise ValueError(f"{path} claims {width} × {height} px: the file is damaged")
+    check_decoded(path, (height, width), _PX_BYTES)
     expected = _HEADER.size + 8 * width * height
     if len(content) != expected:
         raise ValueError(
@@ -116,7 +118,7 @@ def read_flo5(path: str | Path) -> Flow:
     """Read a `.flo5` file. Raises ValueError if it is damaged."""
     try:
         with opened_hdf5(path) as file:
-            flow = numbers_in(file, "flow", "f", 3)
+            flow = numbers_in(file, "flow", "f", 3, _PX_BYTES / 2)
     except (FileNotFoundError, UserError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
@@ -141,11 +143,12 @@ def read_kitti_png(path: str | Path, png_scale: float = KITTI_SCALE) -> Flow:
     if not 0 < png_scale < np.inf:
         raise ValueError(f"png_scale {png_scale:g}: give the codes of a pixel, such as 64 or 128")
     content = read_bytes(path, ARRAY_BYTES)
-    width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # from PNG's first chunk
-    if content.startswith(_PNG):  # anything else is refused below
-        check_decoded(path, (height, width, 3), 10)
-    coded = np.frombuffer(content, np.uint8)
-    image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if content else None
+    check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
+    try:
+        coded = np.frombuffer(checked_png(content), np.uint8)
+    except (ValueError, struct.error):
+        coded = None
+    image = None if coded is None else cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
         raise ValueError(f"{path} is not a 16-bit PNG with three channels, as KITTI's flow")
     flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / png_scale
@@ -157,6 +160,7 @@ def _read_pfm(path: Path) -> Flow:
     values = read_pfm(path)
     if values.ndim != 3:
         raise ValueError(f"{path} is not a .pfm file of three channels")
+    check_decoded(path, values.shape[:2], _PX_BYTES)
     return values[..., :2]
 
 

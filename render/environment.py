@@ -13,12 +13,15 @@ it, if that is at least 5 % of the light of the upper half.
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, bilinear
+from megalopta.core.bounded import check_decoded
 from megalopta.core.progress import say
+from megalopta.render.footage.pictures import header_of
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.sensors.film import FrameExposure
@@ -37,6 +40,8 @@ _MOST_NEGATIVE = 0.001
 """Largest negative share of the sum of a picture's values. In Blender's forest.exr 784 of 1.6
 million values are below 0, by 0.0016 at most: by 1.3 in total."""
 
+_SEEN_BYTES, _LIGHT_BYTES = 55, 150
+"""Memory of a pixel of a panorama that a camera sees, and of one that lights a scene (measured)."""
 _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
 """Mitsuba's message about a truncated file."""
 
@@ -153,6 +158,7 @@ def read_picture(path: str) -> Image:
 
     Raises ValueError if it cannot be read, or has values that are not finite or too negative.
     """
+    check_decoded(path, header_of(Path(path)).shape, _SEEN_BYTES)
     try:
         bitmap = mi.Bitmap(path)
         linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
@@ -203,7 +209,9 @@ def under_panorama(scene: Scene) -> Scene:
 
 
 def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
-    picture = turned_panorama(load_panorama(panorama), panorama.turn_deg)
+    loaded = load_panorama(panorama)
+    check_decoded(panorama.file.path, loaded.shape[:2], _LIGHT_BYTES)
+    picture = turned_panorama(loaded, panorama.turn_deg)
     weights = np.array([luminous(spectrum) for spectrum in panorama.spectra])
     picture, direction, irradiance = without_disc(picture, weights)
     colors = zip(panorama.spectra, np.moveaxis(picture, -1, 0), strict=True)

@@ -17,12 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.bounded import check_count, check_decoded
+from megalopta.core.errors import TooLargeError
 from megalopta.core.files import atomic_write
 from megalopta.render.settings import Bands, channel_names
 
 if TYPE_CHECKING:
     from megalopta.render.truth.tracer import Truth
 
+_MOST_CHANNELS = 1000
+VALUE_BYTES = 12
+"""Memory of a value of a channel, with its copies."""
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
 _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
@@ -100,7 +105,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     Raises ValueError if the file is not an EXR, not a radiance file of this layout, or has invalid
     values.
     """
-    header, channels = _read(path)
+    header, channels = read_channels(path)
     try:
         pairs = [edge.split("-") for edge in str(header["bandEdgesNm"]).split()]
         bands = tuple((float(lower), float(upper)) for lower, upper in pairs)
@@ -118,9 +123,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
 
 def read_size(path: Path) -> tuple[int, int]:
     """Read rows and columns from a file's header. Raises ValueError if it is not an EXR."""
-    header, _ = _read(path, header_only=True)
-    (left, top), (right, bottom) = np.asarray(header["dataWindow"])
-    return int(bottom - top + 1), int(right - left + 1)
+    return size_in(read_headers(path)[0])
 
 
 def read_attributes(path: Path) -> dict[str, str]:
@@ -128,8 +131,7 @@ def read_attributes(path: Path) -> dict[str, str]:
 
     Raises ValueError if it is not an EXR.
     """
-    header, _ = _read(path, header_only=True)
-    return {name: value for name, value in header.items() if isinstance(value, str)}
+    return {name: value for name, value in read_headers(path)[0].items() if isinstance(value, str)}
 
 
 def write_truth(
@@ -165,7 +167,7 @@ def read_truth(path: Path) -> "Truth":
     from megalopta.render.truth.footprint import FlowSpread, Footprint
     from megalopta.render.truth.tracer import Truth
 
-    header, channels = _read(path)
+    header, channels = read_channels(path)
     try:
         planes = {
             field: np.stack([channels[name] for name in names], axis=-1)
@@ -190,7 +192,7 @@ def read_truth(path: Path) -> "Truth":
 
 def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
     """Read the leaf clusters (H, W) of a truth file. Raises ValueError for one without."""
-    _, channels = _read(path)
+    _, channels = read_channels(path)
     if _CLUSTER_CHANNEL not in channels:
         raise ValueError(f"{path} has no leaf clusters; render with `labels: [clusters]`")
     return channels[_CLUSTER_CHANNEL].astype(np.uint32)
@@ -226,18 +228,42 @@ def _os_error(problem: RuntimeError, path: Path) -> OSError:
     return OSError(code, os.strerror(code), str(path))
 
 
-def _read(
-    path: Path, header_only: bool = False
-) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:
+def read_headers(path: Path) -> list[dict[str, Any]]:
+    """Read the headers of a file's parts.
+
+    Raises ValueError if it is not an EXR; TooLargeError if they state too many values.
+    """
     import OpenEXR
 
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:
-        with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
-            if header_only:
-                return dict(file.header()), {}
-            pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-            return dict(file.header()), pixels
+        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+            headers = [dict(part.header) for part in file.parts]
+        channels = sum(len(each["channels"]) for each in headers)
+        check_count(path, "channels", channels, _MOST_CHANNELS)
+        for header in headers:  # all parts are decoded
+            check_decoded(path, (*size_in(header), channels), VALUE_BYTES)
+        return headers
+    except TooLargeError:
+        raise
     except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others
+        raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem
+
+
+def size_in(header: Mapping[str, Any], window: str = "dataWindow") -> tuple[int, int]:
+    """Return rows and columns of a window that a header states."""
+    (left, top), (right, bottom) = np.asarray(header[window]).tolist()
+    return bottom - top + 1, right - left + 1
+
+
+def read_channels(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
+    """Read a file's header and its channels (H, W) by name; errors as `read_headers`."""
+    import OpenEXR
+
+    header = read_headers(path)[0]
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            return header, {name: np.array(each.pixels) for name, each in file.channels().items()}
+    except Exception as problem:
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem

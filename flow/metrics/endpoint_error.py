@@ -265,6 +265,10 @@ class DenseError:
     """Pixels without a flow"""
 
 
+_AT_ONCE = 2**20
+"""Pixels of which all measures are in memory"""
+
+
 class DenseErrors:
     """Sums of errors by group of pixels; images are added one at a time."""
 
@@ -291,17 +295,24 @@ class DenseErrors:
             raise ValueError(f"occluded of shape {occluded.shape}: give {truth.shape[:2]}")
         known = np.asarray(np.isfinite(truth).all(axis=-1))
         hidden = np.zeros_like(known) if occluded is None else occluded
-        true, found = truth[known].astype(np.float64), flow[known].astype(np.float64)
+        true, found, hidden = truth[known], flow[known], hidden[known]
         if len(true) and not np.isfinite(found).all(axis=-1).any():
             raise ValueError(
                 "no flow where the truth is known, so nothing to score; give flow there"
             )
-        measures = _measures(found, true)
-        for name, among in _groups(true, hidden[known]).items():
-            if among.any():
+        sums = {name: np.zeros_like(each) for name, each in self._sums.items()}
+        for at in range(0, len(true), _AT_ONCE):
+            part = slice(at, at + _AT_ONCE)
+            truth_px = true[part].astype(np.float64)
+            measures = _measures(found[part].astype(np.float64), truth_px)
+            for name, among in _groups(truth_px, hidden[part]).items():
                 own = measures[:, among]
-                means = [own.shape[1], 1.0, own[0].mean()]
-                self._sums[name] += np.concatenate((means, own.sum(axis=1)))
+                sums[name][0] += own.shape[1]
+                sums[name][3:] += own.sum(axis=1)
+        for name, each in sums.items():
+            if each[0]:
+                each[1:3] = 1.0, each[3] / each[0]
+                self._sums[name] += each
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":

@@ -117,6 +117,7 @@ def _ranked(
 
 def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
     """Return the number of clips to measure, after checking that they can be."""
+    dataset.require_truth()
     frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
     if frames < 3 * fewest:
         raise ValueError(

@@ -34,7 +34,9 @@ from megalopta.benchmark.whole_frames import (
     write_board,
 )
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.pictures import SENSED_BYTES
 from megalopta.core.progress import progress, say
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
@@ -66,6 +68,8 @@ def pairs_without_truth(
     The stack closes opened files. Raises UserError if there are not two frames.
     """
     opened = [stack.enter_context(open_footage(path, unit)) for path in paths]
+    for footage in opened:
+        check_decoded(footage.path, footage.shape, SENSED_BYTES)
     for note in dict.fromkeys(note for each in opened for note in each.notes):
         say(note)
     if len(opened) == 2:

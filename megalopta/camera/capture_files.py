@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.core.arrays import Floats, plain_array
-from megalopta.core.bounded import TEXT_BYTES, printable, read_bytes
+from megalopta.core.bounded import TEXT_BYTES, check_count, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import write_text
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
@@ -29,7 +29,7 @@ from megalopta.sensor.calibrate.tag_statistics import (
 )
 from megalopta.sensor.formats.time_tags import TimeTags
 
-_FEWEST = 12
+_FEWEST, _MOST_NUMBERS = 12, 10**7
 _PAIR = ("pix1", "pix2", "distance", "crosstalk", "error")
 _EDGES_NS = np.concatenate((np.arange(0, 100, 12.5), np.geomspace(100, 25600, 33)))
 _KINDS = "give crosstalk of pairs, an autocorrelation or a map of dark counts"
@@ -44,8 +44,9 @@ def read_measurement(path: Path) -> Measurement:
         if path.suffix == ".npy":
             return _map(plain_array(content))
         rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8"))) if row]
-        if not rows:
-            raise ValueError("empty")
+        check_count(path, "numbers", content.count(b",") + len(rows), _MOST_NUMBERS)
+        if len({len(row) for row in rows}) != 1:
+            raise ValueError("lines of different numbers of columns" if rows else "empty")
         if set(_PAIR) <= set(rows[0]):
             return _pairs(rows)
         if rows[0][0] == "events":

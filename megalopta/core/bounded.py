@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from megalopta.core.errors import DamagedFileError, UserError
+from megalopta.core.errors import DamagedFileError, TooLargeError, UserError
 
 TEXT_BYTES = 64 * 1024**2
 """Largest text file that is read, such as YAML, JSON or CSV."""
@@ -20,6 +20,8 @@ ARRAY_BYTES = 4 * 1024**3
 """Largest array or picture that is read."""
 DECODED_GB = 2.0
 """Memory that the content of a file may take, unless MEGALOPTA_DECODED_GB says more."""
+_VALUE_BYTES = 100
+"""Memory of a value of JSON."""
 QUOTED = 200
 """Most characters of a value in a message."""
 SENTENCE = 800
@@ -29,8 +31,8 @@ SENTENCE = 800
 def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
     """Return the content of a regular file.
 
-    Raises DamagedFileError if it is no regular file or larger than `at_most` bytes. Raises OSError
-    if it cannot be read.
+    Raises DamagedFileError if it is no regular file or larger than `at_most` bytes, or than the
+    budget of memory. Raises OSError if it cannot be read.
     """
     check_file(path, at_most)  # before opening, which some devices act on
     # Opening a pipe without a writer would block.
@@ -38,8 +40,10 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
         path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     )
     with os.fdopen(descriptor, "rb") as file:
-        _check(path, os.fstat(file.fileno()), at_most)
-        content = file.read(at_most + 1)
+        status = os.fstat(file.fileno())
+        _check(path, status, at_most)
+        check_decoded(path, (status.st_size,), 1)
+        content = file.read(status.st_size + 1)  # Python allocates as many bytes
     if len(content) > at_most:
         raise DamagedFileError(_too_large(path, at_most))
     return content
@@ -56,7 +60,8 @@ def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
 
 
 def from_json(text: str) -> Any:
-    """Parse JSON text. Raises ValueError, also if it is nested too deeply."""
+    """Parse JSON text. Raises ValueError, also if it is nested too deeply or too large."""
+    check_decoded("its JSON", (text.count(",") + 1,), _VALUE_BYTES)
     try:
         return json.loads(text)
     except RecursionError:
@@ -68,30 +73,42 @@ def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
     _check(path, Path(path).stat(), at_most)
 
 
+def budget_bytes() -> float:
+    """Return the memory that the content of a file may take. Raises UserError."""
+    given = os.environ.get("MEGALOPTA_DECODED_GB", str(DECODED_GB))
+    try:
+        return float(given) * 1e9
+    except ValueError:
+        raise UserError(
+            f"MEGALOPTA_DECODED_GB: {quoted(given)!r}; give a number of gigabytes, such as 4"
+        ) from None
+
+
 def check_decoded(path: object, shape: Iterable[int], bytes_each: float) -> None:
     """Refuse, before a reader decodes it, what takes more memory than the budget.
 
     `shape` is the shape that the file states, of what is in memory at once; `bytes_each` are the
     bytes of a value there, copies of the reader included. A few bytes on disk can state any shape.
-    Raises UserError.
+    Raises TooLargeError, or UserError if the setting is no number.
     """
-    shape = tuple(shape)
-    decoded_gb = math.prod(shape) * bytes_each / 1e9
-    budget_gb = float(os.environ.get("MEGALOPTA_DECODED_GB", DECODED_GB))
-    if decoded_gb > budget_gb or min(shape, default=0) < 0:
-        raise UserError(
-            f"{path} takes {decoded_gb:.3g} GB of memory ({' × '.join(map(str, shape))} values), "
-            f"more than {budget_gb:g} GB; set MEGALOPTA_DECODED_GB to read it nevertheless"
+    budget_gb = budget_bytes() / 1e9
+    sizes = [min(max(size, -1), 10**18) for size in shape]  # a file can state thousands of digits
+    decoded_gb = math.prod(sizes) * bytes_each / 1e9
+    if not decoded_gb <= budget_gb or min(sizes, default=0) < 0:
+        raise TooLargeError(
+            f"{path} takes {abs(decoded_gb):.3g} GB of memory ({' × '.join(map(str, sizes))} "
+            f"values), more than {budget_gb:g} GB; shrink it, or set MEGALOPTA_DECODED_GB"
         )
 
 
 def check_count(path: object, things: str, count: int, at_most: int) -> None:
     """Refuse a file that holds more things, such as nodes, than any reader is meant for.
 
-    Raises UserError.
+    Raises TooLargeError.
     """
     if not 0 <= count <= at_most:
-        raise UserError(f"{path} holds {count} {things}; at most {at_most} are read")
+        stated = min(count, 10**18)
+        raise TooLargeError(f"{path} holds {stated:,} {things}; at most {at_most:,} are read")
 
 
 @contextmanager
@@ -99,10 +116,13 @@ def undamaged(path: object, remedy: str | None = None) -> Iterator[None]:
     """Raise any error of the reading inside as DamagedFileError, with path and remedy.
 
     An error that begins with the path keeps its words, but for the remedy; damage of a part is
-    named after the path. Other errors for users, missing packages and lack of memory pass.
+    named after the path. Other errors for users, missing packages and lack of memory pass, and so
+    do errors about size.
     """
     try:
         yield
+    except TooLargeError:
+        raise
     except Exception as problem:  # a damaged file can raise any exception
         said = " ".join(str(problem).split())
         if isinstance(problem, DamagedFileError) and str(path) not in said:

@@ -15,6 +15,9 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
+from megalopta.core.bounded import check_count
+
+_MOST_BYTES, _MOST_LINES = 10**7, 20_000
 Point = tuple[float, float]
 
 
@@ -60,7 +63,10 @@ def _lines(content: bytes, place: str) -> list[tuple[int, str]]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError(f"{place} is not UTF-8 text; give a CSV file") from None
-    bare = ((at, line.partition("#")[0].strip()) for at, line in enumerate(text.splitlines(), 1))
+    check_count(place, "bytes", len(content), _MOST_BYTES)
+    all_lines = text.splitlines()
+    check_count(place, "lines", len(all_lines), _MOST_LINES)
+    bare = ((at, line.partition("#")[0].strip()) for at, line in enumerate(all_lines, 1))
     lines = [(at, line) for at, line in bare if line]
     has_names = lines and not any(character.isdigit() for character in lines[0][1])
     return lines[1:] if has_names else lines

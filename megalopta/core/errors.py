@@ -51,6 +51,10 @@ class DamagedFileError(UserError, ValueError):
     """A file is damaged or of the wrong kind; the message names it and the remedy."""
 
 
+class TooLargeError(DamagedFileError):
+    """A file states more than is read; the message names it, what it states, and the limit."""
+
+
 @contextmanager
 def refused_as(what: str = "", *kinds: type[Exception]) -> Iterator[None]:
     """Raise a ValueError of the work inside, or another of these kinds, as UserError.

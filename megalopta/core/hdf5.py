@@ -41,7 +41,9 @@ def is_in(file: h5py.File, name: str) -> bool:
     return True
 
 
-def dataset_in(file: h5py.File, name: str, kinds: str, axes: int, bytes_each: int) -> h5py.Dataset:
+def dataset_in(
+    file: h5py.File, name: str, kinds: str, axes: int, bytes_each: float
+) -> h5py.Dataset:
     """Return an array of a file that may be read.
 
     `kinds` are its possible kinds of numbers (`numpy.dtype.kind`); `bytes_each` are the bytes of a
@@ -65,7 +67,7 @@ def dataset_in(file: h5py.File, name: str, kinds: str, axes: int, bytes_each: in
 
 
 def numbers_in(
-    file: h5py.File, name: str, kinds: str, axes: int, bytes_each: int = 16
+    file: h5py.File, name: str, kinds: str, axes: int, bytes_each: float = 16
 ) -> NDArray[Any]:
     """Read an array of a file; as `dataset_in`."""
     return np.asarray(dataset_in(file, name, kinds, axes, bytes_each)[()])

@@ -1,8 +1,11 @@
 """Read pictures as arrays, write arrays as PNG. Every folder may import this module."""
 
+import io
 import re
+import struct
 import warnings
-from collections.abc import Iterator
+import zlib
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -11,12 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, check_file, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import atomic_write
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Pillow passes some other formats, such as PostScript, to programs that run code in the file."""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PIXEL_BYTES = 30
+"""Memory of a pixel while a picture is read (bytes, measured)."""
+SENSED_BYTES = 190
+"""The same while sensors are exposed to it."""
+_COMPARED_BYTES = 100
+"""The same where light, flow and its errors are computed from it."""
 
 
 def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
@@ -25,32 +35,68 @@ def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     Raises DamagedFileError if it is no picture, has more than 8 bits, or claims more pixels than
     Pillow trusts.
     """
-    with opened_picture(path) as image:
+    with opened_picture(path, _COMPARED_BYTES) as image:
         if image.mode[0] in "IF":
             raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
         return np.asarray(image.convert(mode))
 
 
 @contextmanager
-def opened_picture(path: Path) -> Iterator[Image.Image]:
-    """Open a picture for Pillow to decode; errors as `readable`, also during decoding inside."""
+def opened_picture(path: Path, pixel_bytes: float = PIXEL_BYTES) -> Iterator[Image.Image]:
+    """Open a picture for Pillow to decode; errors as `decoded`, also during decoding inside."""
     with readable(path):
         check_file(path)
-        with decoded(path, path) as image:
+        with path.open("rb") as file, decoded(file, path, pixel_bytes) as image:
             yield image
 
 
 @contextmanager
-def decoded(file: Path | BinaryIO, name: object) -> Iterator[Image.Image]:
-    """Open a file for Pillow to decode, as `opened_picture`; its name is for messages."""
-    with readable(name), _opened(file) as image:
-        yield image
+def decoded(
+    file: BinaryIO, name: object, pixel_bytes: float = PIXEL_BYTES
+) -> Iterator[Image.Image]:
+    """Open a file for Pillow to decode if its pixels, each of some bytes, fit into the budget.
+
+    Its name is for messages. Errors as `readable`.
+    """
+    with readable(name):
+        beginning = file.read(30)
+        file.seek(0)
+        if beginning[8:16] == b"WEBPVP8L":  # of which Pillow allocates the pixels at once
+            sides = int.from_bytes(beginning[21:25], "little")
+            check_decoded(name, ((sides >> 14 & 16383) + 1, (sides & 16383) + 1), pixel_bytes)
+        elif beginning[8:16] == b"WEBPVP8X":
+            sizes = (int.from_bytes(beginning[at : at + 3], "little") + 1 for at in (27, 24))
+            check_decoded(name, sizes, pixel_bytes)
+        elif beginning.startswith(PNG_SIGNATURE):
+            check_decoded(name, (file.seek(0, io.SEEK_END),), 2)
+            file.seek(0)
+            file = io.BytesIO(checked_png(file.read()))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what matters raises an exception
+            image = Image.open(file, formats=_FORMATS)
+        with image:
+            check_decoded(name, image.size[::-1], pixel_bytes)
+            yield image
 
 
-def _opened(file: Path | BinaryIO) -> Image.Image:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what matters raises an exception
-        return Image.open(file, formats=_FORMATS)
+def png_parts(content: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield names and parts of a PNG file, whole, with their checksums. Raises ValueError."""
+    if not content.startswith(PNG_SIGNATURE):
+        raise ValueError("no PNG file")
+    at, name = len(PNG_SIGNATURE), b""
+    while name != b"IEND":
+        length, name = struct.unpack_from(">I4s", content, at)
+        part = content[at : at + length + 12]
+        if len(part) < length + 12 or part[-4:] != struct.pack(">I", zlib.crc32(part[4:-4])):
+            raise ValueError(f"part {name!r} is damaged")
+        yield name, part
+        at += length + 12
+
+
+def checked_png(content: bytes, kept: Collection[bytes] = ()) -> bytes:
+    """Return a PNG file of parts of some names, or all; errors as `png_parts`."""
+    parts = [part for name, part in png_parts(content) if not kept or name in kept]
+    return b"".join([PNG_SIGNATURE, *parts])
 
 
 @contextmanager
@@ -84,6 +130,7 @@ def read_pfm(path: Path) -> NDArray[np.float32]:
     if header is None or not 0 < abs(scale) < np.inf:
         raise ValueError(f"{path} is not a .pfm file (PF or Pf, width, height, scale)")
     width, height, channels = int(header[2]), int(header[3]), 3 if header[1] == b"F" else 1
+    check_decoded(path, (height, width, channels), PIXEL_BYTES)
     size, expected = len(content) - header.end(), 4 * channels * width * height
     if size != expected:
         raise ValueError(

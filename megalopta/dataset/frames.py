@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FRAMES_AT_ONCE = 16
 """Most frames in memory, in every stage."""
-_PIXELS_AT_ONCE = 2**24
+_PIXELS_AT_ONCE = 2**23
 
 
 def frames_at_once(settings: Configuration) -> int:

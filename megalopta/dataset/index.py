@@ -44,6 +44,8 @@ TABLES: dict[str, pa.Schema] = {
     for table, columns in _DATA["tables"].items()
 }
 """Columns of each table."""
+_CELL_BYTES = 200
+"""Memory of a number of a table as Python reads it."""
 LICENSE_URL = "https://creativecommons.org/publicdomain/zero/1.0/"
 
 
@@ -156,6 +158,9 @@ def table_path(root: Path, name: str) -> Path:
         found = _sha256(path)
     if found != hashes.get(f"index/{name}.parquet"):
         raise UserError(f"{path} differs from its description; {again}")
+    with bounded.undamaged(path, again):
+        stated = pq.read_metadata(path)
+        bounded.check_decoded(path, (stated.num_rows, stated.num_columns), _CELL_BYTES)
     return path
 
 

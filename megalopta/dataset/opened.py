@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.errors import UserError
+from megalopta.core.pictures import read_codes
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.sequence import LazyFrames, Sequence
@@ -79,11 +80,9 @@ class FlowPairs:
         second, frame = first + self._step, sequence.dataset.frame
         if self._step > 1 or sequence.configuration.shutter.readout_s:
             return sequence.flow(first, second), sequence.occlusion(first, second)
-        from PIL import Image
-
         # These small files are read ten times faster than the truth.
-        with Image.open(frame("training/occlusions", first)) as image:
-            return read_flo(frame("training/flow", first)), np.asarray(image) > 0
+        occluded = read_codes(frame("training/occlusions", first), "L") > 0
+        return read_flo(frame("training/flow", first)), occluded
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.pictures import SENSED_BYTES
 from megalopta.core.progress import say
 from megalopta.core.validation import checked
 from megalopta.dataset.picture_light import photons_per_lux
@@ -68,6 +70,7 @@ def photons_from_images(
     if not is_number or (photons_per_pixel is None) == (lux is None):
         raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
+        check_decoded(footage.path, (len(footage), *footage.shape), SENSED_BYTES)
         device = sensor_named(sensor)
         model = checked(ColorsAsLight, colors)
         mean = _mean(footage)

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from megalopta.core.pictures import write_codes
+from megalopta.core.pictures import opened_picture, write_codes
 from megalopta.dataset.sintel import mask_of, write_png
 from megalopta.dataset.store import Dataset
 
@@ -50,7 +49,7 @@ def sintel_codes(disparity: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 def read_disparity(path: Path) -> NDArray[np.float32]:
     """Read a disparity (H, W), px, in Sintel's layout; NaN if unknown."""
-    with Image.open(path) as image:
+    with opened_picture(path) as image:
         codes = np.asarray(image, dtype=np.float64)
     disparity = codes @ [4, 2**-6, 1 / _SINTEL_PER_PX]
     is_unknown = (codes == _UNKNOWN).all(axis=-1)

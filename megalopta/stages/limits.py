@@ -9,7 +9,9 @@ import shutil
 from pathlib import Path
 
 from megalopta.config.model import Configuration
+from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
+from megalopta.core.pictures import SENSED_BYTES
 from megalopta.dataset.frames import frames_at_once
 from megalopta.sensor import Sensor
 from megalopta.stages.sense import burst_frames
@@ -30,6 +32,9 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
     Raises UserError with the need, the capacity, and the settings to lower.
     """
     camera, (memory, disk) = settings.camera, needed_bytes(settings, stage)
+    if stage == "sense" and not settings.scene.has_truth:  # a file states the size
+        pixels = camera.width * camera.height * frames_at_once(settings)
+        check_decoded("sense at this size (--width)", (pixels,), SENSED_BYTES)
     physical = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for needed, most, clause in (
         (memory, physical, "of memory, and this machine has"),

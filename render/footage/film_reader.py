@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
+from megalopta.core.bounded import budget_bytes, check_count
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.pictures import PIXEL_BYTES
 from megalopta.core.progress import working
 from megalopta.render.footage.frames import check_size, not_square
 
@@ -29,6 +31,7 @@ DEMUXERS: Mapping[str, str] = {
 """Demuxer by the suffix of the file."""
 
 REMEDY = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
+_MOST_FRAMES = 1_000_000
 _ENCRYPTED = ("encryption_info", "encryption_init_info")
 
 
@@ -167,10 +170,16 @@ class FilmReader:
         if film.codec_context is None:
             raise DamagedFileError(f"{self._path} has a codec that cannot be decoded; {REMEDY}")
         check_size(self._path, (film.codec_context.height, film.codec_context.width))
+        film.codec_context.options = {
+            "max_pixels": str(int(min(budget_bytes() / PIXEL_BYTES, 2**31 - 1)))
+        }
         return film
 
     def _survey(self) -> None:
-        packets = [_told_packet(self._path, each) for each in self._container.demux(self._stream)]
+        packets = []
+        for packet in self._container.demux(self._stream):
+            packets.append(_told_packet(self._path, packet))
+            check_count(self._path, "frames", len(packets), _MOST_FRAMES)
         shown = [each for each in packets if each.is_shown]
         self._check_whole(len(packets) - 1, len(shown))  # the last one ends the video
         # AVI has no times for pictures that are decoded in another order than shown.

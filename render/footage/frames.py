@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import check_decoded, quoted
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.pictures import PIXEL_BYTES
 from megalopta.render.footage.transfer import light_of, to_bt709
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, luminances
 from megalopta.scenes.stimuli.pictures import Unit as Unit
 
-MOST_PIXELS = 2**28
-"""Largest number of pixels of a frame."""
 _MOST_NEGATIVE = 0.01
 """Largest share of the light that values below 0 may sum to."""
 
@@ -216,12 +215,10 @@ class Footage(ABC):
 
 
 def check_size(path: Path, shape: tuple[int, ...]) -> None:
-    """Raise DamagedFileError for a frame without pixels, or with more than `MOST_PIXELS`."""
-    rows, columns = shape[:2]
-    if not 0 < rows * columns <= MOST_PIXELS:
-        raise DamagedFileError(
-            f"{path} claims {columns} × {rows} pixels; give frames of 1 to {MOST_PIXELS} pixels"
-        )
+    """Raise DamagedFileError for a frame without pixels, or with more than the budget allows."""
+    check_decoded(path, shape[:2], PIXEL_BYTES)
+    if 0 in shape[:2]:
+        raise DamagedFileError(f"{path} has {shape[1]} × {shape[0]} pixels; save it again")
 
 
 def converted(path: Path, chromaticities: Sequence[float]) -> tuple[tuple[float, ...] | None, str]:

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import read_pfm
-from megalopta.render.exr import RADIANCE_UNIT
+from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage.frames import (
     Header,
-    check_size,
     converted,
     not_square,
     turned,
@@ -63,19 +62,12 @@ class _Picture(NamedTuple):
 
 def exr_header(path: Path) -> Header:
     """Return what an EXR file states. Raises DamagedFileError."""
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
-        headers = [dict(part.header) for part in file.parts]
-    picture = _chosen(path, headers)
+    picture = _chosen(path, read_headers(path))
     stated, notes = picture.attributes, []
     (left, top), (right, bottom) = np.asarray(stated["dataWindow"]).tolist()
     (first_x, first_y), (last_x, last_y) = np.asarray(stated["displayWindow"]).tolist()
     shape = last_y - first_y + 1, last_x - first_x + 1
-    check_size(path, shape)
-    planes = sum(len(header["channels"]) for header in headers)  # OpenEXR decodes all of them
-    check_decoded(path, (bottom - top + 1, right - left + 1, planes), 4)
-    check_decoded(path, (*shape, len(picture.names)), 4)
+    check_decoded(path, (*shape, len(picture.names)), VALUE_BYTES)
     if (left, top, right, bottom) != (first_x, first_y, last_x, last_y):
         notes.append(
             f"{path} places {right - left + 1} × {bottom - top + 1} px at "

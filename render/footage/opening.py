@@ -1,5 +1,6 @@
 """Files and folders of pictures as footage, by suffix; animations, read with Pillow."""
 
+import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import check_file
+from megalopta.core.bounded import check_count, check_file
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
@@ -91,6 +92,7 @@ SUFFIXES = tuple(_OPENERS)
 """Suffixes of supported files."""
 
 
+_MOST_FRAMES = 10_000
 _SHORTEST_S = 0.1
 """Duration that browsers use for a frame with a duration of zero."""
 
@@ -135,6 +137,8 @@ def open_animation(path: Path) -> Animation:
     with ExitStack() as stack, working(f"frames of {path}"):
         image = stack.enter_context(opened_picture(path))
         check_size(path, image.size[::-1])
+        check_count(path, "frames", frames_in(image), _MOST_FRAMES)
+        check_count(path, "pixels in its frames", frames_in(image) * math.prod(image.size), 10**9)
         header = pillow_header(path)
         first = int(bool(image.info.get("default_image")))
         lasts_s, is_transparent = _survey(image, first)
@@ -169,6 +173,9 @@ def _survey(image: Image.Image, first: int) -> tuple[list[float], bool]:
 
 
 def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:
+    size = image.size
     image.seek(index)
+    if image.size != size:
+        raise ValueError("a frame reaches beyond the picture")
     image.load()  # for WebP, sets the duration
     return over_black(image)

@@ -5,7 +5,6 @@
 
 import re
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from PIL import Image, ImageOps
 
 from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.pictures import opened_picture, readable
+from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
 from megalopta.render.footage import light_files
 from megalopta.render.footage.frames import (
@@ -72,7 +71,6 @@ _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
 """Possible units of each depth, the default first."""
 _ORIENTATION, _EXIF, _GPS = 0x0112, 0x8769, 0x8825
 _EXIF_TOLD = {0x829A: "ExposureTime", 0x829D: "FNumber", 0x8827: "ISO", 0xA500: "Gamma"}
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
 """Chunks on place and light without effect."""
@@ -126,7 +124,7 @@ class PictureFiles(Footage):
 
 def open_picture(path: Path, unit: Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
-    footage = _pictures(path, (path,), unit, _header(path))
+    footage = _pictures(path, (path,), unit, header_of(path))
     footage.frame(0)  # reports errors of the file now
     return footage
 
@@ -215,9 +213,9 @@ def _common_header(files: tuple[Path, ...]) -> Header:
     if len(kinds) > 1:
         one, other = list(kinds.values())[:2]
         raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
-    first, notes = _header(files[0]), dict[str, str]()
+    first, notes = header_of(files[0]), dict[str, str]()
     for path in files:
-        header = _header(path) if path != files[0] else first
+        header = header_of(path) if path != files[0] else first
         if len(header.pages) > 1:
             raise DamagedFileError(f"{path} holds {len(header.pages)} pictures; give it alone")
         if header.shape != first.shape:
@@ -252,8 +250,11 @@ def _order(files: tuple[Path, ...]) -> Iterator[str]:
         yield f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
 
 
-def _header(path: Path) -> Header:
-    """Return what a file states. Raises DamagedFileError."""
+def header_of(path: Path) -> Header:
+    """Return what a file states.
+
+    Raises DamagedFileError, also if its pixels do not fit into the budget.
+    """
     with readable(path):
         check_file(path)
         if not path.stat().st_size:
@@ -317,7 +318,7 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
     cICP goes before iCCP, sRGB, and gAMA with cHRM, as the standard has it.
     """
     chunks: dict[bytes, bytes] = {}
-    for name, chunk in _png_chunks(read_bytes(path, ARRAY_BYTES)):
+    for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
     told = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
@@ -354,9 +355,8 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
 
 def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
-    chunks = _png_chunks(read_bytes(path, ARRAY_BYTES))
-    # libpng may complain about others
-    plain = b"".join([_PNG_SIGNATURE, *(chunk for name, chunk in chunks if name in _PNG_PIXELS)])
+    # libpng may complain about other parts
+    plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
     with without_log():
         numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
@@ -368,15 +368,3 @@ def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], STRAIGHT * int(
         channels == 4
     )
-
-
-def _png_chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield names and whole chunks of a PNG file. Raises ValueError for a damaged one."""
-    at, name = len(_PNG_SIGNATURE), b""
-    while name != b"IEND":
-        length, name = struct.unpack_from(">I4s", content, at)
-        chunk = content[at : at + length + 12]
-        if len(chunk) < length + 12 or chunk[-4:] != struct.pack(">I", zlib.crc32(chunk[4:-4])):
-            raise ValueError("damaged chunk")
-        yield name, chunk
-        at += length + 12

@@ -5,6 +5,7 @@ Pages like the first are frames. ImageJ states the time between them.
 
 import logging
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import tifffile
 from numpy.typing import NDArray
 from tifffile import PHOTOMETRIC, TiffFile
 
-from megalopta.core.bounded import ARRAY_BYTES, check_count, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_count, check_decoded, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.footage.frames import (
     Depth,
@@ -36,7 +37,7 @@ TURNS = {
     8: (True, False, True),
 }
 """Arguments of `turned` for an orientation of TIFF or Exif."""
-_MOST_PAGES = 100_000
+_MOST_PAGES, _COPIES = 100_000, 4
 _TOLD = {
     *("TransferFunction", "TransferRange", "PrimaryChromaticities", "WhitePoint", "XPosition"),
     *("YPosition", "ModelPixelScaleTag", "ModelTiepointTag", "ExposureTime", "FNumber", "GPSTag"),
@@ -53,7 +54,9 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we report err
 def tiff_header(path: Path) -> Header:
     """Return what a TIFF file states. Raises DamagedFileError."""
     with TiffFile(path) as file:
-        check_count(path, "pages", len(file.pages), _MOST_PAGES)
+        with suppress(IndexError):
+            file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
+            check_count(path, "pages", len(file.pages), _MOST_PAGES)
         page: Any = file.pages.first
         pages = tuple(n for n, other in enumerate(file.pages) if _kind(other) == _kind(page))
         count = len(pages)
@@ -87,6 +90,8 @@ def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
     """
     with TiffFile(path) as file:
         page: Any = file.pages[number]
+        size = page.imagelength, page.imagewidth, page.samplesperpixel
+        check_decoded(path, size, _COPIES * np.dtype(page.dtype).itemsize)
         try:
             numbers = page.asarray()
         except ValueError as problem:

@@ -73,7 +73,7 @@ class OwnSpecies(Record, frozen=True):
     def _changes_another(cls, given: Any) -> Any:
         if not isinstance(given, Mapping) or "like" not in given:
             return given
-        if (like := given["like"]) not in ENTRIES:
+        if not isinstance(like := given["like"], str) or like not in ENTRIES:
             raise ValueError(f"like: no species {quoted(like)!r}; use one of {', '.join(ENTRIES)}")
         changes = {key: value for key, value in given.items() if key != "like"}
         return merged(ENTRIES[like], changes)

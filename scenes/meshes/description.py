@@ -19,10 +19,11 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.material import Material
+from megalopta.scenes.meshes.counting import check_triangles
 from megalopta.scenes.meshes.mesh_file import REPAIR
 from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
-from megalopta.scenes.meshes.pictures import check_texels
+from megalopta.scenes.meshes.pictures import Texels
 from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
@@ -115,12 +116,17 @@ class Meshes(SceneDescription, frozen=True):
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models: list[list[Piece]] = []
+        texels, triangles = Texels("the scene"), 0
         for each in self.files:
             models.append(each.pieces(each.animate))
             if self.lights == "file" and each.file.suffix == ".xml":
                 with undamaged(each.file.path, REPAIR):
                     check_lights(each.file.contents())
-            check_texels((piece.paint.picture for found in models for piece in found), "the scene")
+            for piece in models[-1]:
+                triangles += len(piece.faces)
+                if piece.paint.picture is not None:
+                    texels.add(piece.paint.picture)
+            check_triangles("the scene", triangles)
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         notes: list[str] = []
         for placed, pieces in zip(self.files, models, strict=True):

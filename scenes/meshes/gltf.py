@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
 from megalopta.scenes.meshes.gltf_file import (
@@ -25,11 +25,13 @@ from megalopta.scenes.meshes.gltf_file import (
     image_of,
     parts_of,
 )
-from megalopta.scenes.meshes.pictures import check_texels, linear_picture
+from megalopta.scenes.meshes.pictures import Texels, linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, check_map
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REPEAT = 10497
+_MOST_STEPS = 100_000
+"""Most nodes on the ways from the scene's root to all moving meshes."""
 Picture = NDArray[np.float32]
 
 
@@ -53,17 +55,26 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
     above = {child: each for each in to_world for child in nodes[each].get("children", ())}
     materials = file.header.get("materials", ())
-    pictures: dict[int, Picture] = {}
-    looks = [_look(file, number, each, pictures) for number, each in enumerate(materials)]
-    is_moving = False
+    pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
+    looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
+    joints_of, steps, is_moving = dict[int, Floats](), 0, False
     for number, pose in to_world.items():
-        motion = _motion(nodes, _chain(above, number), pose, tracks)
-        for part, piece in _parts(file, number, looks):
-            is_moving |= motion is not None and "skin" not in nodes[number]
-            if "skin" in nodes[number]:
-                yield _bent(file, part, piece, _joints(file, nodes[number], to_world))
-            else:
-                yield replace(piece.moved(pose), motion=motion)
+        node = nodes[number]
+        if "mesh" not in node:
+            continue
+        if "skin" in node:
+            if node["skin"] not in joints_of:
+                joints_of[node["skin"]] = _joints(file, node, to_world)
+            for part, piece in _parts(file, number, looks):
+                yield _bent(file, part, piece, joints_of[node["skin"]])
+            continue
+        chain = _chain(above, number) if tracks else []
+        steps += len(chain)
+        check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
+        motion = _motion(nodes, chain, pose, tracks)
+        for _, piece in _parts(file, number, looks):
+            is_moving |= motion is not None
+            yield replace(piece.moved(pose), motion=motion)
     if animated and not is_moving:
         raise DamagedFileError(
             "it has no animation of nodes with meshes, and joints of skins and morph weights do "
@@ -117,8 +128,6 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
 def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
     """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
     node = file.header["nodes"][number]
-    if "mesh" not in node:
-        return
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
     weights = node.get("weights", mesh.get("weights", ()))
@@ -211,7 +220,9 @@ def _motion(
     return motion
 
 
-def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Picture]) -> _Look:
+def _look(
+    file: GltfFile, number: int, material: Json, pictures: dict[int, Picture], texels: Texels
+) -> _Look:
     color, texture = color_of(material)
     red, green, blue = np.clip(color, 0, 1).tolist()
     name = str(material.get("name") or f"material {number}")
@@ -220,8 +231,7 @@ def _look(file: GltfFile, number: int, material: Json, pictures: dict[int, Pictu
         return _Look(paint)
     image = image_of(file.header, texture)
     if image not in pictures:
-        pictures[image] = linear_picture(file.image(image), name)
-        check_texels(pictures.values())
+        pictures[image] = texels.add(linear_picture(file.image(image), name))
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
     paint = replace(paint, picture=pictures[image])
     return _Look(paint, _coordinates(texture), _transform(change))

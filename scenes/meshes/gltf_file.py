@@ -13,13 +13,13 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import from_json, quoted
+from megalopta.core.bounded import check_decoded, from_json, quoted
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_MOST_VALUES = 10**8
-"""Most values that an accessor reads."""
+_VALUE_BYTES = 24
+"""Memory of a value that an accessor reads, with its copies."""
 _WEBP = "EXT_texture_webp"
 EFFECTIVE = (
     *("KHR_texture_transform", "KHR_mesh_quantization", _WEBP),
@@ -89,6 +89,11 @@ class GltfFile:
         self.header, binary = parts_of(next(iter(contents.values())))
         self._contents, self._binary = contents, binary
         self._buffers = [self._bytes(each) for each in self.header.get("buffers", ())]
+        for number, entry in enumerate(self.header.get("buffers", ())):
+            if entry["byteLength"] > len(self._buffers[number]):
+                raise ValueError(f"buffers.{number} ends early")
+        for number in range(len(self.header.get("bufferViews", ()))):
+            self._view(number)
 
     def _bytes(self, entry: Json) -> bytes:
         """Content of a buffer or an image."""
@@ -109,17 +114,17 @@ class GltfFile:
     def _view(self, number: int) -> memoryview:
         entry = self.header["bufferViews"][number]
         start, size = entry.get("byteOffset", 0), entry["byteLength"]
-        if min(start, size) < 0:
-            raise ValueError("a part of a buffer begins before it")
-        return memoryview(self._buffers[entry["buffer"]])[start : start + size]
+        buffer = memoryview(self._buffers[entry["buffer"]])
+        if min(start, size) < 0 or start + size > len(buffer):
+            raise ValueError(f"bufferViews.{number} reaches beyond its {len(buffer)} bytes")
+        return buffer[start : start + size]
 
     def values(self, number: int) -> NDArray[Any]:
         """Values (n, k) of an accessor: integers, or float64."""
         entry = self.header["accessors"][number]
         shape = entry["count"], _WIDTHS[entry["type"]]
         kind = np.dtype(_TYPES[entry["componentType"]])
-        if not 0 <= shape[0] * shape[1] <= _MOST_VALUES:
-            raise ValueError(f"a part of it has {shape[0]:.3g} values")
+        check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
         found = self._array(entry, kind, shape) if "bufferView" in entry else np.zeros(shape, kind)
         if sparse := entry.get("sparse"):
             found, size = found.copy(), (sparse["count"], 1)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.constants import c, h, k
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import check_count, quoted
 from megalopta.scenes.finish import SURFACES, TEXTURES, Finish, Part, Rgb
-from megalopta.scenes.meshes.pictures import check_texels, linear_picture, texels_of
+from megalopta.scenes.meshes.pictures import Texels, linear_picture, texels_of
 from megalopta.scenes.meshes.pieces import Color, Paint
 from megalopta.scenes.meshes.xml_document import (
     Document,
@@ -34,7 +34,7 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
-_SPECTRUM_BYTES = 4 * 10**6
+_SPECTRUM_BYTES, _MOST_VALUES = 4 * 10**6, 10_000
 _RELIEFS = "bumpmap", "normalmap"
 _MOST_PARTS = 200
 """Most plug-ins of one surface, which may name each other many times."""
@@ -55,6 +55,7 @@ class Surfaces:
         self._document, self._contents = document, contents
         self._read: dict[tuple[int, str], PlacedPaint] = {}
         self._pictures: dict[tuple[str, str], NDArray[np.float32]] = {}
+        self._texels = Texels(next(iter(contents)))
         self._parts = 0
 
     def of(self, shape: Element, name: str) -> PlacedPaint:
@@ -123,12 +124,11 @@ class Surfaces:
         """Return a picture, decoded once; all together have a bounded size."""
         if (file, how) not in self._pictures:
             content = content_of(self._contents, file)
-            self._pictures[file, how] = (
+            self._pictures[file, how] = self._texels.add(
                 linear_picture(content, material)
                 if how == "linear"
                 else texels_of(content, material, how == "coded")
             )
-            check_texels(self._pictures.values())
         return self._pictures[file, how]
 
     def _part(self, given: Element, material: str) -> Part:
@@ -214,6 +214,8 @@ class Surfaces:
             case _:
                 names = ", ".join(f"{each}" for each in stated)
                 raise _NotKeptError(f"with a spectrum of type {quoted(kind)!r} ({quoted(names)})")
+        name = next(iter(self._contents))
+        check_count(name, "values in a spectrum", len(made.values), _MOST_VALUES)
         return made.scaled(scale)
 
 

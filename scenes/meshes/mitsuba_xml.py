@@ -13,9 +13,10 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
+from megalopta.scenes.meshes.counting import MOST_OBJECTS, check_triangles
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import Piece, Unused
 from megalopta.scenes.meshes.xml_document import (
@@ -27,8 +28,6 @@ from megalopta.scenes.meshes.xml_document import (
     value_of,
 )
 
-_MOST_TRIANGLES = 10**7
-_MOST_INSTANCES = 10**5
 _FILES = ("obj", "ply")
 _UNUSED = "emitter", "film", "integrator", "medium", "phase", "sensor", "volume"
 """Parts of scenes that have no effect"""
@@ -55,12 +54,10 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
     """Yield the pieces of all shapes. Raises any exception if the file is damaged."""
     reader, total = _Reader(contents), 0
     for number, (shape, pose) in enumerate(reader.shapes()):
-        if number == _MOST_INSTANCES:
-            raise ValueError(f"it has more than {_MOST_INSTANCES} shapes")
+        check_count(next(iter(contents)), "shapes", number + 1, MOST_OBJECTS)
         for piece in reader.pieces(shape, number):
             total += len(piece.faces)
-            if total > _MOST_TRIANGLES:
-                raise ValueError(f"it has more than {_MOST_TRIANGLES:.0e} triangles")
+            check_triangles(next(iter(contents)), total)
             yield piece.moved(pose)
 
 
@@ -137,7 +134,10 @@ class _Reader:
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
         )
-        for piece in self._of_file(kind, file) if kind in _FILES else [_basic(kind, shape)]:
+        pieces = [*self._of_file(kind, file)] if kind in _FILES else [_basic(kind, shape)]
+        if not any(len(piece.faces) for piece in pieces):
+            raise ValueError(f"{quoted(file)} has no triangles")
+        for piece in pieces:
             uv = piece.uv
             if uv is not None and not paint.finish:
                 uv = uv @ to_picture[:2, :2].T + to_picture[:2, 2]

@@ -12,17 +12,16 @@ from megalopta.core.bounded import printable, quoted, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.record import Record
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
-from megalopta.scenes.meshes.counting import triangles_in
+from megalopta.scenes.meshes.counting import check_triangles, triangles_in
 from megalopta.scenes.meshes.mesh_file import REPAIR, Contents, MeshFile
 from megalopta.scenes.meshes.pieces import Piece, Unused
 from megalopta.scenes.motion import Vector
 
-MOST_TRIANGLES = 10**7
-"""Most triangles of a file."""
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 """Smallest extent of a file, and the one from which it is too large, m."""
 
-_FARTHEST = 1e300
+_FARTHEST_M = 1e8
+"""Largest distance from the origin, m: coordinates of maps are smaller."""
 _VAST_M, _TRAVELS = 1000.0, 100.0
 """Extent of a file, also over that of the camera's path, from which its unit is in doubt"""
 _TINY_M, _EXTENTS = 0.1, 50.0
@@ -121,30 +120,27 @@ class PlacedMesh(Record, frozen=True):
 
     def _counted(self, contents: Contents) -> int:
         with undamaged(self.file.path, REPAIR), np.errstate(all="ignore"):
-            count = triangles_in(contents)
-        self._check_count(count)
-        return count
-
-    def _check_count(self, count: int) -> None:
-        if count > MOST_TRIANGLES:
-            raise ValueError(
-                f"{self.file.path} has {count:,} triangles, more than {MOST_TRIANGLES:,}; "
-                "simplify it, or split it into several files"
-            )
+            return triangles_in(contents)
 
     def _check(self, pieces: list[Piece]) -> None:
         if not pieces:
             raise DamagedFileError(
                 f"{self.file.path} has no triangle with an area; give a file with surfaces"
             )
-        self._check_count(sum(len(piece.faces) for piece in pieces))
+        check_triangles(self.file.path, sum(len(piece.faces) for piece in pieces))
         corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
-        extent = min(float(np.ptp(corners, axis=0).max()), _FARTHEST)
+        extent = min(float(np.ptp(corners, axis=0).max()), 1e300)
         if not SMALLEST_M <= extent < LARGEST_M:
             better = _nearer(extent, self.scale)
             raise ValueError(
                 f"{self.file.path} extends over {extent:.4g} m at a scale of {self.scale:g}; give "
                 f"the length of its unit in meters, such as `scale: {better:g}`"
+            )
+        farthest_m = float(np.abs(corners @ self.pose[:3, :3].T + self.pose[:3, 3]).max())
+        if farthest_m > _FARTHEST_M:
+            raise ValueError(
+                f"{self.file.path} lies {farthest_m:.3g} m from the origin, beyond "
+                f"{_FARTHEST_M:.0e} m; move it there"
             )
 
     def doubts(self, pieces: Sequence[Piece], positions: Floats) -> Iterator[str]:

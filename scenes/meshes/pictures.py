@@ -1,29 +1,33 @@
 """Pictures of colors on surfaces, decoded within bounds."""
 
 import io
-from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.errors import DamagedFileError
+from megalopta.core.bounded import check_decoded
 from megalopta.core.pictures import decoded
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _GRAY = "1", "L", "LA"
-MOST_PIXELS = 2**26
-"""Most pixels of a picture, which takes 0.8 GB as light."""
-MOST_TEXELS = 2**29
-"""Most pixels of all pictures of a scene, which take 6 GB as light."""
+TEXEL_BYTES = 40
+"""Memory of a pixel of a picture, decoded and loaded (bytes, measured)."""
 
 
-def check_texels(pictures: Iterable[NDArray[np.float32] | None], owner: str = "it") -> None:
-    """Raise DamagedFileError if pictures, each counted once, have too many pixels in all."""
-    sizes = {id(each): each.shape[0] * each.shape[1] for each in pictures if each is not None}
-    if sum(sizes.values()) > MOST_TEXELS:
-        raise DamagedFileError(
-            f"{owner} has pictures of more than {MOST_TEXELS:.3g} pixels in all; shrink them"
-        )
+class Texels:
+    """Pictures of one file or scene, which fit into the budget together."""
+
+    def __init__(self, owner: str) -> None:
+        self._owner, self._count = owner, 0
+        self._pictures: dict[int, NDArray[np.float32]] = {}
+
+    def add(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return a picture, which counts once. Raises TooLargeError."""
+        if id(picture) not in self._pictures:
+            self._pictures[id(picture)] = picture
+            self._count += picture.shape[0] * picture.shape[1]
+            check_decoded(f"{self._owner} with its pictures", (self._count,), TEXEL_BYTES)
+        return picture
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:
@@ -41,12 +45,7 @@ def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[n
     Raises DamagedFileError.
     """
     name = f"the picture of material {material!r}"
-    with decoded(io.BytesIO(content), name) as image:
-        width, height = image.size
-        if width * height > MOST_PIXELS:
-            raise DamagedFileError(
-                f"{name} has {width} × {height} pixels, more than {MOST_PIXELS:.3g}; shrink it"
-            )
+    with decoded(io.BytesIO(content), name, TEXEL_BYTES) as image:
         if image.mode.startswith("I;16"):
             levels, codes = 2**16, np.asarray(image)
         else:

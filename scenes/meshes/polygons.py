@@ -1,4 +1,4 @@
-"""Meshes of PLY and STL files, which trimesh reads: one object, colors of vertices or faces."""
+"""Meshes of STL files, and of PLY, which trimesh reads: one object, colors of vertices or faces."""
 
 import io
 import re
@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     import trimesh
 
 _HEADER_BYTES = 2**16
+_PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "int32", "uint32", "float", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+_STL_HEADER = 84
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _PROPERTIES = (
     *("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue"),
     *("u", "v", "s", "t", "vertex_indices", "vertex_index"),
@@ -25,22 +33,78 @@ _PROPERTIES = (
 
 def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
     """Return the piece of a file. Raises any exception if the file is damaged."""
-    import trimesh  # slow
-
     name, content = next(iter(contents.items()))
     path = PurePosixPath(name)
-    if b"comment TextureFile" in content[:_HEADER_BYTES]:
+    if path.suffix.lower() == ".stl":
+        corners = _stl_corners(content)
+        return [Piece(0, path.stem, corners, np.arange(len(corners)).reshape(-1, 3))]
+    import trimesh  # slow
+
+    header = content[:_HEADER_BYTES]
+    if b"comment TextureFile" in header:
         raise DamagedFileError(
             "it names a picture, which PLY has no standard for; export it as GLB"
         )
-    kind = path.suffix.lower().removeprefix(".")
-    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
-    smooth = re.search(rb"property \w+ nx\s", content[:_HEADER_BYTES]) and kind == "ply"
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type="ply", process=False)
+    smooth = re.search(rb"property \w+ nx\s", header)
     normals = np.asarray(mesh.vertex_normals, np.float64) if smooth else None
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     uv = getattr(mesh.visual, "uv", None)
-    piece = Piece(0, path.stem, vertices, faces, normals=normals, uv=uv, colors=_colors(mesh))
-    return [piece]
+    return [Piece(0, path.stem, vertices, faces, normals=normals, uv=uv, colors=_colors(mesh))]
+
+
+def ply_counts(content: bytes) -> dict[str, int]:
+    """Return how many of each element a PLY file states.
+
+    Raises ValueError if the file is too short for them.
+    """
+    header, ends, body = content.partition(b"end_header")
+    if not ends:
+        raise ValueError("its header does not end")
+    counts: dict[str, int] = {}
+    needed, name = 0, ""
+    for line in header.decode("utf-8", "replace").splitlines():
+        match line.split():
+            case ["element", name, count]:
+                counts[name] = int(count)
+            case ["property", "list", length, index, _]:
+                corners = 3 * _PLY_BYTES[index] if name == "face" else 0
+                needed += counts[name] * (_PLY_BYTES[length] + corners)
+            case ["property", kind, _]:
+                needed += counts[name] * _PLY_BYTES[kind]
+    has, what = len(body), "bytes"
+    if b"format ascii" in header:
+        needed, has, what = sum(counts.values()), body.strip().count(b"\n") + 1, "lines"
+        last = body.rstrip().rpartition(b"\n")[2].split()
+        if name == "face" and counts[name] and len(last) <= int(last[0]):
+            raise ValueError("it ends within a face")
+    if needed > has or min(counts.values(), default=0) < 0:
+        raise ValueError(f"it states {counts}, for which its {has} {what} are too few")
+    return counts
+
+
+def stl_triangles(content: bytes) -> int:
+    """Return the number of triangles of an STL file. Raises ValueError if it is cut short."""
+    stated = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
+    if len(content) == _STL_HEADER + _STL_TRIANGLE.itemsize * stated:
+        return stated
+    if not content.lstrip()[:5].lower() == b"solid":
+        raise ValueError(f"it states {stated} triangles, which do not fit its {len(content)} bytes")
+    if not content.rstrip().rpartition(b"\n")[2].lstrip().lower().startswith(b"endsolid"):
+        raise ValueError("it ends early, without endsolid")
+    return content.lower().count(b"endfacet")
+
+
+def _stl_corners(content: bytes) -> Floats:
+    """Corners (3·F, 3) of the triangles of an STL file, binary or of text."""
+    count = stl_triangles(content)
+    if len(content) == _STL_HEADER + _STL_TRIANGLE.itemsize * count:
+        facets = np.frombuffer(content, _STL_TRIANGLE, count, _STL_HEADER)
+        return np.asarray(facets["corners"].reshape(-1, 3), np.float64)
+    found = re.findall(rb"^\s*vertex\s+(.+)$", content, re.IGNORECASE | re.MULTILINE)
+    if len(found) != 3 * count:
+        raise ValueError(f"it has {len(found)} corners of {count} triangles")
+    return np.array([line.split() for line in found], np.float64).reshape(-1, 3)
 
 
 def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:

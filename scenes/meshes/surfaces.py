@@ -12,7 +12,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.scenes.finish import Finish
 from megalopta.scenes.material import ColorTexture, Emission, Material
-from megalopta.scenes.meshes.pictures import check_texels
+from megalopta.scenes.meshes.pictures import Texels
 from megalopta.scenes.meshes.pieces import Color, Piece
 from megalopta.scenes.meshes.reflectance import Curve, material_of
 from megalopta.scenes.scene import Asset
@@ -40,7 +40,11 @@ class Surfacing:
 
     def __post_init__(self) -> None:
         """Begin without names: materials of a file may share one."""
-        self._alike: dict[str, list[tuple[object, ...]]] = {}
+        self._alike: dict[str, dict[tuple[object, ...], int]] = {}
+        self._texels = Texels(self.label)
+        for material in self.materials.values():
+            if material.texture:
+                self._texels.add(material.texture.weight)
 
     def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
         """Return the first piece and the asset of each object of a file."""
@@ -96,16 +100,13 @@ class Surfacing:
         if name not in self.materials:
             self.materials[name] = material
             if material.texture:
-                textures = (each.texture for each in self.materials.values())
-                check_texels((each.weight for each in textures if each), self.label)
+                self._texels.add(material.texture.weight)
         return name, surface
 
     def _numbered(self, name: str, *of: object) -> str:
         """Name of a material, with a number if others of the file have the same."""
-        alike = self._alike.setdefault(name, [])
-        if of not in alike:
-            alike.append(of)
-        number = alike.index(of)
+        alike = self._alike.setdefault(name, {})
+        number = alike.setdefault(of, len(alike))
         return f"{name} ({number + 1})" if number else name
 
     def _pictured(self, piece: Piece) -> tuple[str, Surface]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pictures import check_texels, linear_picture
+from megalopta.scenes.meshes.pictures import Texels, linear_picture
 from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, stated_unit
 from megalopta.scenes.spectra.color import linear_of_srgb
 
@@ -62,11 +62,12 @@ def pieces_of(contents: Mapping[str, bytes], with_materials: bool = True) -> Ite
     """Yield the pieces of a file's objects. Raises any exception if the file is damaged."""
     name = next(iter(contents))
     file, pictures = _ObjFile(contents[name]), dict[str, NDArray[np.float32]]()
+    texels = Texels(name)
     paints = {
         paint.name: paint
         for library in (file.libraries if with_materials else ())
         if (file_name := _beside(name, library)) in contents
-        for paint in _paints(file_name, contents, pictures)
+        for paint in _paints(file_name, contents, pictures, texels)
     }
     numbers: dict[str, int] = {}
     for (label, material), faces in file.faces.items():
@@ -171,7 +172,10 @@ def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) 
 
 
 def _paints(
-    name: str, contents: Mapping[str, bytes], pictures: dict[str, NDArray[np.float32]]
+    name: str,
+    contents: Mapping[str, bytes],
+    pictures: dict[str, NDArray[np.float32]],
+    texels: Texels,
 ) -> Iterator[Paint]:
     """Yield the materials of an MTL file, and add their pictures to others."""
     for each in _materials(contents[name]):
@@ -180,8 +184,7 @@ def _paints(
         if "map_kd" in each:
             file = _beside(name, each["map_kd"])
             if file not in pictures:
-                pictures[file] = linear_picture(contents[file], each["newmtl"])
-                check_texels(pictures.values())
+                pictures[file] = texels.add(linear_picture(contents[file], each["newmtl"]))
             picture = pictures[file]
         yield Paint(each["newmtl"], (red, green, blue), picture)
 

@@ -16,6 +16,7 @@ from scipy.constants import c, h, k
 
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import quoted
 
 TABLES: Mapping[str, tuple[float, ...]] = {
     name: tuple(map(float, values))
@@ -50,10 +51,12 @@ class Spectrum:
         ends = self.wavelengths_nm[0], self.wavelengths_nm[-1]
         if not (np.all(np.diff(self.wavelengths_nm) > 0) and np.isfinite(ends).all()):
             raise ValueError(
-                f"spectrum: wavelengths {self.wavelengths_nm} must increase and be finite"
+                f"spectrum: wavelengths {quoted(self.wavelengths_nm)} must increase and be finite"
             )
         if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
-            raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
+            raise ValueError(
+                f"spectrum: values {quoted(self.values)} must be finite and non-negative"
+            )
 
     @classmethod
     def of(

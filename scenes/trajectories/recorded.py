@@ -4,8 +4,6 @@ Positions are interpolated by a cubic spline, orientations by spherical linear i
 (Shoemake, SIGGRAPH 1985).
 """
 
-import csv
-import io
 import math
 from functools import lru_cache
 from typing import Annotated, Literal
@@ -16,12 +14,13 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import read_text
+from megalopta.core.bounded import check_count, read_text
 from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _LARGEST_NORM_ERROR = 0.01
+_MOST_LINES, _LARGEST = 200_000, 1e12
 
 
 def recorded_text(source: object, validation: ValidationInfo) -> object:
@@ -92,9 +91,10 @@ def read_recording(text: str) -> Floats:
 
     Raises ValueError with the first invalid line and the reason.
     """
+    check_count("a recorded path", "lines", text.count("\n") + text.count("\r"), _MOST_LINES)
     rows: list[list[float]] = []
-    for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):
-        names = tuple(field.strip() for field in fields)
+    for number, line in enumerate(text.splitlines(), 1):
+        names = tuple(field.strip(' "') for field in line.split(","))
         if not any(names) or (not rows and names == COLUMNS):
             continue
         rows.append(_numbers(names, number))
@@ -110,7 +110,7 @@ def _numbers(fields: tuple[str, ...], number: int) -> list[float]:
         values = [float(field) for field in fields]
     except ValueError:
         values = []
-    if len(values) != len(COLUMNS) or not all(map(math.isfinite, values)):
+    if len(values) != len(COLUMNS) or not all(abs(value) <= _LARGEST for value in values):
         raise ValueError(f"line {number} is not the 8 numbers {','.join(COLUMNS)}; correct it")
     norm = math.hypot(*values[4:])
     if abs(norm - 1) > _LARGEST_NORM_ERROR:

@@ -50,7 +50,7 @@ def check_new(path: Path) -> None:
         raise FileExistsError(f"{path}: already exists; remove it or choose another name")
 
 
-def wanted(total: int, frames: slice, path: Path, frame_bytes: int) -> slice:
+def wanted(total: int, frames: slice, path: Path, frame_bytes: float) -> slice:
     """Return the requested range of frames, of so many bytes each in memory.
 
     Raises ValueError if the file has fewer; UserError if they take too much memory.
@@ -58,5 +58,5 @@ def wanted(total: int, frames: slice, path: Path, frame_bytes: int) -> slice:
     first, end = frames.start or 0, total if frames.stop is None else frames.stop
     if not 0 <= first <= end <= total:
         raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
-    check_decoded(path, (end - first, frame_bytes), 2)  # decoded, and copied
+    check_decoded(path, (end - first,), 2 * frame_bytes)  # decoded, and copied
     return slice(first, end)

@@ -6,8 +6,9 @@ with `shape` and `exposure_s`. BigTIFF from 4 GB on.
 
 import json
 import logging
+import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,13 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import check_decoded, undamaged
+from megalopta.core.bounded import check_count, check_decoded, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
+_MOST_PAGES = 100_000
+_VALUE_BYTES = 24
+"""Memory of a value of frames that are shown, besides the frames (bytes, measured)."""
 _LARGEST_TIFF = 4 * 10**9
 # Largest expansion of a deflate stream: a file does not justify more memory than that.
 _LARGEST_EXPANSION = 1032
@@ -49,13 +53,16 @@ def tiff_writer(
 def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # the errors here report it
-    with undamaged(path), tifffile.TiffFile(path) as file:
+    with undamaged(path), _complaining(), tifffile.TiffFile(path) as file:
+        with suppress(IndexError):
+            file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
+            check_count(path, "pages", len(file.pages), _MOST_PAGES)
         stack = file.series[0]
         pages = [page for page in stack.pages if page is not None]
         _check(path, stack, pages, size)
         total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
-        range_ = wanted(total, frames, path, stack.nbytes // total)
+        frame_bytes = math.prod(stack.shape[-2:]) * (stack.dtype.itemsize + _VALUE_BYTES) / 2
+        range_ = wanted(total, frames, path, frame_bytes)
         if len(pages) == total:
             images = [file_page.asarray() for file_page in pages[range_]]
             counts = np.array(images).reshape(-1, *stack.shape[-2:])
@@ -69,9 +76,30 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     )
 
 
+class _Complaint(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage())
+
+
+@contextmanager
+def _complaining() -> Iterator[None]:
+    """Raise what tifffile only logs, such as a chain of pages that is cut, as ValueError."""
+    log, complaint = logging.getLogger("tifffile"), _Complaint(logging.ERROR)
+    log.addHandler(complaint)
+    try:
+        yield
+    finally:
+        log.removeHandler(complaint)
+
+
 def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
     expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
-    if stack.nbytes > size * expansion:
+    ends = (
+        start + count
+        for page in pages
+        for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)
+    )
+    if stack.nbytes > size * expansion or max(ends, default=0) > size:
         raise ValueError(
             f"{path}: states {stack.nbytes} bytes of frames, more than its {size} can hold; it "
             "is cut short or damaged: copy it again"

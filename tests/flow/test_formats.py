@@ -149,7 +149,7 @@ def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path)
     content[16:24] = struct.pack(">II", 60_000, 60_000)
     content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
     (tmp_path / "a.png").write_bytes(content)
-    with pytest.raises(UserError, match="108 GB of memory"):
+    with pytest.raises(UserError, match="takes .*60000 × 60000 values"):
         read_flow(tmp_path / "a.png")
 
 

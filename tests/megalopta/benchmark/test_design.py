@@ -147,7 +147,7 @@ def test_the_least_exposure_is_found_between_those_tried():
         ("ideal", {"error": "0.1"}, "error"),
         ("ideal", {"error": "0px"}, "not positive"),
         ("ideal", {"error": "1e-e5px"}, "error"),
-        ("ideal", {"light_levels": ("dusk",)}, "dusk"),
+        ("ideal", {"light_levels": ("gloom",)}, "gloom"),
         ("ideal", {"yaw_deg_s": 5000}, "in a frame"),
         ("ideal", {"exposure_s": (1.0,)}, "longer than a frame"),
         ("spadcam", {"pde": (0.2,)}, "fill factor"),

@@ -90,7 +90,7 @@ def test_sense_report_and_render_take_many_too(small_copy, capsys, refused):
         str(small_copy / n) for n in ("README.md", "index.html")
     ]
     names = Tree(small_copy).names()
-    main(["render", str(small_copy), "--out", str(small_copy), "--sequences", "4"])
+    main(["dataset", "make", str(small_copy), "--out", str(small_copy), "--sequences", "4"])
     assert len(Tree(small_copy).names()) == len(names) + 1
     assert not check_files(Tree(small_copy))
     told = refused("render", small_copy, "--out", small_copy, "--redo")

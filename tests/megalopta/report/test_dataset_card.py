@@ -37,7 +37,8 @@ def test_the_contact_sheet_has_four_clips_of_every_sequence(root):
     gifs = re.findall(r'src="data:image/gif;base64,([^"]+)"', text)
     assert len(gifs) == 3 * 4
     frames = [Image.open(io.BytesIO(base64.b64decode(each))).n_frames for each in gifs[:4]]
-    assert set(frames) == {2}  # the third has no successor, and so no motion
+    assert frames[0] == 2  # the third has no successor, and so no motion
+    assert set(frames) <= {1, 2}  # equal pictures, as of the depth of a plane, are one
     assert "http" not in text
 
 

@@ -80,12 +80,12 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     Ledger(dataset).forget("sense")
     Ledger(dataset).begin("sense")
     (whole_copy / "counts/grating/spadcam-starlight.zarr").mkdir(parents=True)  # one of several
-    changed = {"model": lambda: "8"} if what == "model" else {"machinery": lambda _: {"numpy": "9"}}
+    changed = {"model": lambda: "9"} if what == "model" else {"machinery": lambda _: {"numpy": "9"}}
     other = dataclasses.replace(registry.STAGES["sense"], **changed)
     monkeypatch.setitem(registry.STAGES, "sense", other)
     before = dataset.record_path.read_text("utf-8")
     with pytest.raises(
-        UserError, match=r"'sense' output is incomplete .*(model: 7 → 8|numpy: .* → 9)"
+        UserError, match=r"'sense' output is incomplete .*(model: 8 → 9|numpy: .* → 9)"
     ):
         run_stage(whole_copy, dataset.configuration, "sense")
     assert dataset.record_path.read_text("utf-8") == before

@@ -50,7 +50,7 @@ def test_a_copy_of_a_file_is_the_same_input_and_other_content_is_not(kind, tmp_p
         file = tmp_path / folder / (name if kind == "films" else f"{folder}-{name}")
         write(file, value)
         path = tmp_path / f"{folder}.yaml"
-        path.write_text(text.format(file))
+        path.write_text(text.format(file.relative_to(tmp_path)))
         settings[folder] = load(str(path))
     here, there, other = settings.values()
     for stage in STAGES:

@@ -29,7 +29,7 @@ CAMERA = PerspectiveCamera(width=24, height=24, fov_deg=40)
 # Five bands need two groups of Mitsuba's four wavelengths.
 BANDS = ((400.0, 450.0), (450.0, 500.0), (500.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
 SKY = Spectrum((300.0, 500.0, 700.0, 1100.0), (1e-9, 2e-9, 4e-9, 4e-9))
-LEAF = Spectrum((400.0, 550.0, 700.0, 750.0), (0.05, 0.12, 0.06, 0.5))
+LEAF = Spectrum((400.0, 550.0, 700.0, 750.0, 1000.0), (0.05, 0.12, 0.06, 0.5, 0.5))
 SUN_DIRECTION = (math.sin(1.0), 0.0, math.cos(1.0))
 DOWN = down()
 UP = Trajectory(frames=2, position_m=(0, 0, 0.5), look_at_m=(0, 0, 1), up=(1, 0, 0)).poses()

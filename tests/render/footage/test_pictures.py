@@ -211,7 +211,7 @@ def test_what_is_no_picture_is_refused(tmp_path, codes, capfd):
         ("cut.tif", b"II*\0\xff\xff\xff\x0fhello", "cannot be read as a picture"),
         ("text.png", b"hello", "cannot be read as a picture"),
         ("huge.png", claimed(2**30, 2**30), "claims"),
-        ("huge.hdr", b"#?RADIANCE\n\n-Y 999999999 +X 999999999\n", "claims"),
+        ("huge.hdr", b"#?RADIANCE\n\n-Y 999999999 +X 999999999\n", "takes 3e+10 GB"),
         ("deep.ppm", b"P6 2 2 65535\n" + bytes(24), "more than 8 bits"),
         ("empty.png", b"", "is empty"),
     ):

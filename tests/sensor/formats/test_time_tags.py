@@ -219,7 +219,7 @@ def test_ptu_states_its_inputs_and_its_duration(tmp_path):
     ("stated", "said"),
     [
         ({"setup__num_pixels": 2}, "channel 2 of 2"),
-        ({"setup__num_pixels": 10**9}, "1000000000 channels"),
+        ({"setup__num_pixels": 10**9}, "1,000,000,000 channels"),
         ({"setup__detectors__id": np.array([0, 1], "u1")}, "not in setup/detectors/id"),
         ({"acquisition_duration": 0.5}, "duration of 0.5 s, but its events last 1.12"),
         ({"acquisition_duration": np.nan}, "duration of nan s"),
