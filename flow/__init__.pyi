@@ -48,12 +48,6 @@ from .egomotion.camera_motion import (
 from .egomotion.motion_of_flow import CameraMotion as CameraMotion
 from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
 from .formats import read_flow as read_flow, write_flo as write_flo
-from .metrics.detection import (
-    d_prime as d_prime,
-    motion_evidence as motion_evidence,
-    rightward_evidence as rightward_evidence,
-    roc as roc,
-)
 from .metrics.endpoint_error import (
     DenseErrors as DenseErrors,
     TruthError as TruthError,

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
-from scipy.special import gammaincinv, stdtrit
+from scipy.special import stdtrit
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
@@ -87,18 +87,6 @@ def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         covariance = adjugate / (determinant * spread)[..., np.newaxis, np.newaxis]
     return np.where(solvable[..., np.newaxis, np.newaxis], covariance, np.inf)
-
-
-def cramer_rao_covariance_along_x(information: Floats, frames: int = 2) -> Floats:
-    """Return the covariance (..., 2, 2) of a method that knows that nothing moves along y.
-
-    Parameters as for `cramer_rao_covariance`.
-    """
-    spread = frames * (frames**2 - 1) / 12
-    covariance = np.zeros_like(information)
-    with np.errstate(divide="ignore"):
-        covariance[..., 0, 0] = 1 / (information[..., 0, 0] * spread)
-    return covariance
 
 
 def median_endpoint_error(covariances: Floats) -> float:
@@ -286,20 +274,3 @@ def bound_photons(covariances: Floats, speed: float, level: float) -> float:
     without dark counts; `speed`: px per frame.
     """
     return (median_endpoint_error(covariances) / (level * speed)) ** 2
-
-
-def variance_efficiency(velocities: Floats, covariances: Floats) -> float:
-    """Return the bound over the variance of the velocities, both summed over x and y.
-
-    `velocities` (draws, ..., 2): of the same blocks, from independent draws of photons;
-    `covariances` (..., 2, 2): least covariances of the blocks. Returns median over the blocks whose
-    bound is finite. A variance of few draws is more often too small than too large: each is taken
-    relative to the median that normal errors would give it.
-    """
-    finite = np.isfinite(covariances).all(axis=(-2, -1))
-    least, variance = covariances[finite], velocities.var(axis=0, ddof=1).sum(axis=-1)[finite]
-    bound = np.trace(least, axis1=-2, axis2=-1)
-    # of a sum of two variances that differ (Satterthwaite 1946)
-    freedom = (len(velocities) - 1) * bound**2 / np.square(least).sum(axis=(-2, -1))
-    typical = 2 * gammaincinv(freedom / 2, 0.5) / freedom
-    return float(np.median(bound * typical / variance))

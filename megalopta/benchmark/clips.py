@@ -5,7 +5,6 @@ are compared with the flow between the two frames in the middle.
 """
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
+from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 from megalopta.flow.stimuli.photons import Counts, draw_counts
 
 SHAPE = (240, 240)
@@ -31,11 +30,6 @@ _STEEPEST = 0.008
 
 _DISKS = 3
 _DISK_RADII_PX = (30.0, 55.0)
-
-_ZOOM = 1.25
-"""Focal length over the one at which the horizon is at its native resolution"""
-
-_HEADINGS = 2
 
 
 @dataclass(frozen=True)
@@ -82,24 +76,6 @@ def layers_clip(
     scene = MovingLayers(layers, _TEXELS)
     hidden = scene.hidden(shape, 0)
     return _clip(name, scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
-
-
-def panorama_clips(
-    templates: Mapping[str, Floats], shape: tuple[int, int] = SHAPE, headings: int = _HEADINGS
-) -> Iterator[FlowClip]:
-    """Yield views of panoramas (rows, columns) by name, at several headings, in steady rotation.
-
-    The camera turns about an axis near the vertical, by 1 to 4 px per frame, and rolls.
-    """
-    for name, panorama in templates.items():
-        for number in range(headings):
-            rng = generator(number, "whole frames, panorama", name)
-            focal = _ZOOM * panorama.shape[1] / (2 * math.pi)
-            yaw = rng.choice((-1, 1)) * rng.uniform(1, 4) / focal
-            pitch, roll = rng.uniform(-0.8, 0.8) / focal, rng.uniform(-0.008, 0.008)
-            view = PanningView(panorama, focal, rng.uniform(0, 2 * math.pi), (pitch, yaw, roll))
-            nothing = np.zeros(shape, np.bool_)
-            yield _clip(f"{name} {number}", view.light(shape, TIMES), view.flow(shape), nothing)
 
 
 def middle(frames: Frames, count: int) -> Frames:

@@ -6,8 +6,7 @@ frames.
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
 of the jackknife over units (Efron and Tibshirani 1993, chapter 11), and Student's quantiles. Units
 hold different numbers of blocks: their effective number (Kish 1965), less one, is the number of
-degrees of freedom. A ratio of two methods does not depend on how hard the units were. A median has
-the percentiles of a bootstrap over units; the range of fewer than six covers it in less than 95 %.
+degrees of freedom. A ratio of two methods does not depend on how hard the units were.
 
 Pixels and frames of a sequence show the same scene, so the unit is a sequence. With too few
 sequences it is a segment of one, and results hold for these sequences alone.
@@ -24,7 +23,6 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.sampling.streams import generator
 
 
 class Case(NamedTuple):
@@ -83,9 +81,6 @@ STRETCHES = 10
 """Segments of successive pairs of frames per sequence, if sequences are fewer"""
 
 _CONFIDENCE = 0.95
-_REPLICATES = 2000
-_FEWEST_OF_A_MEDIAN = 6
-"""Units whose range covers the median with a probability of 95 %, 1 − 2¹⁻ⁿ"""
 
 
 class Sums(NamedTuple):
@@ -133,14 +128,6 @@ def mean_of(samples: Floats) -> Interval:
     return interval(sums_of(samples)) or Interval(math.nan)
 
 
-def root_mean_square(samples: Floats) -> Interval:
-    """Return the root of the mean of squares, otherwise as `mean_of`."""
-    value, low, high = mean_of(np.square(samples))
-    if low is None or high is None:
-        return Interval(value**0.5)
-    return Interval(value**0.5, low**0.5, high**0.5)
-
-
 def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
     """Return the ratio of two means over the same blocks, and its two-sided p-value against 1.
 
@@ -179,19 +166,6 @@ def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
 def _around(value: float, error: float, freedom: float) -> Interval:
     factor = float(np.exp(student.ppf((1 + _CONFIDENCE) / 2, freedom) * error))
     return Interval(value, value / factor, value * factor)
-
-
-def median_of(samples: Floats, key: str) -> Interval:
-    """Return the median of samples (units, draws), with its interval by a bootstrap over units.
-
-    Draws of one unit share a scene, and are resampled together. The key seeds the random numbers.
-    """
-    value, count = float(np.median(samples)), len(samples)
-    if count < _FEWEST_OF_A_MEDIAN:
-        return Interval(value)
-    chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
-    low, high = np.percentile(np.median(samples[chosen], axis=(-2, -1)), (2.5, 97.5))
-    return Interval(value, float(low), float(high))
 
 
 def _present(sums: Sums) -> Sums:

@@ -31,10 +31,8 @@ from megalopta.benchmark.table import (
     Interval,
     Samples,
     gathered,
-    is_larger,
     mean_of,
     measure_samples,
-    sums_of,
 )
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import refused_as
@@ -97,13 +95,6 @@ class Board:
     def over_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Interval:
         """Return the mean over scenes that have the metric, NaN without any, with its interval."""
         return mean_of(self.samples[Case(metric, detector.name, flux)])
-
-    def is_worse(
-        self, metric: str, detector: BlockDetector, than: BlockDetector, flux: float
-    ) -> bool:
-        """Return whether a method's mean over scenes is surely larger than another's."""
-        cases = (Case(metric, each.name, flux) for each in (detector, than))
-        return is_larger(*(sums_of(self.samples[case]) for case in cases))
 
 
 def frame_errors(

@@ -97,12 +97,6 @@ class Peaks(NamedTuple):
         return float(np.sqrt(self.noisy.var(axis=0, ddof=1).mean()))
 
     @property
-    def row_snr_db(self) -> Floats:
-        """20·log10 of mean over standard deviation of one detector, for each row."""
-        deviation = np.sqrt(self.noisy.var(axis=0, ddof=1).mean(axis=-1))
-        return np.asarray(20 * np.log10(self.noisy.mean(axis=(0, 2)) / deviation))
-
-    @property
     def snr_db(self) -> float:
         """20·log10 of mean over standard deviation of one detector."""
         return float(20 * np.log10(self.mean / self.deviation))

@@ -184,7 +184,7 @@ def open_recording(path: str | Path) -> Recording:
         device_s, host_s = records["device_us"][part] * 1e-6, records["host_s"][part]
         if not np.isfinite(host_s).all():
             raise ValueError(f"{path / FRAMES}: times are no finite numbers; restore the file")
-        times_s[part], error_s = _host_times(device_s, host_s)
+        times_s[part], error_s = host_times(device_s, host_s)
         errors_s.append(np.nan if error_s is None else error_s)
     skipped = ((np.diff(sequence.astype(np.int64)) - 1) % _WRAP)[~restarts]
     counts, saturated = counts_by_code(settings.sensor)
@@ -204,7 +204,7 @@ def open_recording(path: str | Path) -> Recording:
     )
 
 
-def _host_times(device_s: Floats, host_s: Floats) -> tuple[Floats, float | None]:
+def host_times(device_s: Floats, host_s: Floats) -> tuple[Floats, float | None]:
     """Return times of the camera's clock by the host's, and their error if it is known, s.
 
     A connection's arrivals are cut into equal parts. The line goes through the earliest of each

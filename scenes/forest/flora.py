@@ -145,10 +145,6 @@ class Flora:
         """Everything that a forest may contain."""
         return MappingProxyType({**self.trees, **self.bushes, **SMALL})
 
-    def is_woody(self, kind: str) -> bool:
-        """True if a kind of object is a tree or bush."""
-        return kind in self.trees or kind in self.bushes
-
 
 FLORA = Flora.of(woody(name, entry) for name, entry in ENTRIES.items())
 """Plants of this program."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
+from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 
 SHAPE = (48, 64)
 
@@ -46,17 +46,3 @@ def test_a_disk_hides_what_is_below_and_has_its_own_motion():
     np.testing.assert_array_equal(scene.hidden(SHAPE, 2), soon_inside & ~inside)
     # area of a disk, to a pixel's share of its edge
     assert (light[1] == 5).sum() == pytest.approx(np.pi * 100, abs=2 * np.pi * 10)
-
-
-def test_a_turning_view_moves_as_its_flow_says():
-    view = PanningView(ripples(120, 400, 20), 100.0, 0.4, (0.004, -0.03, 0.01))
-    first, second = view.light(SHAPE, (0, 1))
-    difference = along_the_flow(first, second, view.flow(SHAPE))
-    assert difference.max() < 1e-4
-    assert np.abs(second - first).max() > 0.1
-
-
-def test_a_view_beyond_the_edge_is_refused():
-    view = PanningView(ripples(40, 400), 60.0, 0.0, (0, 0, 0))
-    with pytest.raises(ValueError, match="beyond the panorama's edge"):
-        view.light(SHAPE, (0,))

@@ -10,9 +10,7 @@ from megalopta.benchmark.table import (
     Sums,
     interval,
     mean_of,
-    median_of,
     ratio,
-    root_mean_square,
     units,
 )
 
@@ -105,26 +103,3 @@ def test_a_mean_is_over_what_is_known():
     samples = np.array([[1.0, 2.0], [np.nan, 4.0], [np.nan, np.nan]])
     assert mean_of(samples) == interval(Sums(np.array([3.0, 4.0]), np.array([2.0, 1.0])))
     assert np.isnan(mean_of(samples[2:]).value)
-
-
-def test_a_root_mean_square_has_the_roots_of_the_ends():
-    samples = np.random.default_rng(0).normal(size=(40, 2))
-    np.testing.assert_allclose(np.square(root_mean_square(samples)), mean_of(samples**2))
-    assert root_mean_square(samples[:1]) == (np.sqrt((samples[0] ** 2).mean()), None, None)
-
-
-def test_the_interval_of_a_median_is_as_wide_as_its_standard_error():
-    """Of a normal median, which is √(π/2) times as uncertain as a mean, to the scatter of both."""
-    samples = np.random.default_rng(0).normal(1.0, 0.1, (400, 1))
-    found = median_of(samples, "key")
-    assert found.value == np.median(samples)
-    error = np.sqrt(np.pi / 2) * 0.1 / 20
-    assert found.high - found.low == pytest.approx(2 * 1.96 * error, rel=0.3)
-    assert found.low < found.value < found.high
-
-
-def test_draws_of_one_unit_do_not_narrow_a_median_and_few_units_have_no_interval():
-    samples = np.random.default_rng(0).normal(size=(40, 1))
-    np.testing.assert_allclose(median_of(samples, "key"), median_of(np.tile(samples, 5), "key"))
-    assert median_of(samples[:5], "key")[1:] == (None, None)
-    assert None not in median_of(samples[:6], "key")

@@ -41,8 +41,7 @@ def recorded(folder, exposure_s, light_hz, frames=100, seed=0):
     volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
     noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
     codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
-    nothing = np.zeros(codes.shape, np.uint16), np.zeros(codes.shape, bool)
-    return Source(write_recording(folder, sensor, nothing, codes), light_hz)
+    return Source(write_recording(folder, sensor, codes), light_hz)
 
 
 @pytest.fixture(scope="module")

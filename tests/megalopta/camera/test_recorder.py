@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.camera.capturing import State, status_line
 from megalopta.camera.recorder import Recorder
-from megalopta.camera.recording import _host_times, open_recording
+from megalopta.camera.recording import host_times, open_recording
 from megalopta.sensor import preset
 from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 
@@ -107,14 +107,14 @@ def test_what_is_no_recording_is_refused(tmp_path):
 
 def test_exact_arrivals_give_the_line():
     device_s = np.arange(100) * 0.1
-    times_s, error_s = _host_times(device_s, 3 + 1.0001 * device_s)
+    times_s, error_s = host_times(device_s, 3 + 1.0001 * device_s)
     np.testing.assert_allclose(times_s, 3 + 1.0001 * device_s, atol=1e-9)
     assert error_s == pytest.approx(0, abs=1e-9)
 
 
 def test_a_clock_that_no_quartz_has_gives_its_own_times():
     device_s = np.arange(100) * 0.1
-    times_s, error_s = _host_times(device_s, 3 + 0.05 * device_s)
+    times_s, error_s = host_times(device_s, 3 + 0.05 * device_s)
     np.testing.assert_allclose(np.diff(times_s), 0.1)
     assert error_s is None
 
@@ -131,7 +131,7 @@ def test_bursts_and_stalls_do_not_move_it(seed):
     for start in rng.integers(0, 9970, 3):
         delay_s[start : start + 30] += np.linspace(0.3, 0, 30)
     host_s = -7 + (1 - 80e-6) * device_s + delay_s
-    times_s, error_s = _host_times(device_s, host_s)
+    times_s, error_s = host_times(device_s, host_s)
     assert np.polyfit(device_s, times_s, 1)[0] == pytest.approx(1 - 80e-6, abs=1e-6)
     assert np.abs(times_s - (host_s - delay_s)).max() < 60e-6
     assert error_s < 60e-6

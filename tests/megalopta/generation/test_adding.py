@@ -69,7 +69,9 @@ def test_what_new_exposures_of_moving_light_read_is_compared(single_plan, tmp_pa
     assert not check_files(Tree(tmp_path))
     (path,) = tmp_path.glob("truth/000000/frame_0002.exr")
     path.write_bytes(bytes(path.stat().st_size))
-    with pytest.raises(UserError, match=rf"{path} differs from its record; .* check {tmp_path}$"):
+    with pytest.raises(
+        UserError, match=rf"{path} differs from its record; .* check files {tmp_path}$"
+    ):
         add_exposures(tmp_path, {"sensors": "[ideal]", "light_levels": "[starlight]"})
 
 

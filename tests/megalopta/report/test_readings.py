@@ -101,10 +101,12 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     dark = without(preset("spadcam"), "dark_counts")
     sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
     counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, stream="flat").counts
-    full = np.zeros(frames, bool)
-    full[:, 15] = True
-    adc = np.ones(frames, np.uint16)
-    folder = write_recording(tmp_path / "flat", sensor, (counts, full), adc, 0.02, 15)
+    counter = sensor.counter
+    leaked_v = counter.leak_v_s * sensor.exposure_s
+    volts = counter.supply_v - leaked_v - counts * counter.step_v
+    codes = np.rint(volts / counter.lsb_v).astype(np.uint16)
+    codes[:, 15] = 65535
+    folder = write_recording(tmp_path / "flat", sensor, codes, 0.02, 15)
     readings = readings_of(folder)
     np.testing.assert_allclose(readings.times_s[:2], [0, 0.02])
     raw, _ = readings.frame(0)
@@ -167,7 +169,7 @@ def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, make, said):
         readings_of(tmp_path / "thing")
 
 
-@pytest.mark.parametrize("mark", ["dataset.yaml", "raw.bin"])
+@pytest.mark.parametrize("mark", ["dataset.yaml", "frames.bin"])
 def test_of_a_store_the_dataset_or_recording_is_named(tmp_path, mark):
     store = tmp_path / "night" / "counts" / "ideal.zarr"
     store.mkdir(parents=True)
