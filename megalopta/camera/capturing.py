@@ -84,7 +84,9 @@ def capture(
         if not frames and (problem or begun is None or begun.recorder is None):
             remove(out)
     if problem is not None and frames:
-        reason = str(problem) if isinstance(problem, UserError) else _reason(problem)
+        reason = str(problem)
+        if isinstance(problem, OSError):
+            reason = (machine_problem(problem) or reason).partition(";")[0]
         raise UserError(f"{reason}; the {frames} earlier frames are kept in {out}") from problem
     if problem is not None:
         raise problem
@@ -103,10 +105,6 @@ def _switching_fast() -> Iterator[None]:
         yield
     finally:
         sys.setswitchinterval(switching_s)
-
-
-def _reason(problem: OSError) -> str:
-    return (machine_problem(problem) or str(problem)).partition(";")[0]
 
 
 def _linked(find: Callable[[], str], wait_s: float, stop: threading.Event) -> Link:
@@ -230,12 +228,7 @@ class _Capture:
                     f"{self._link.path}: the camera refused {kind.name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
-        self._check(said := Settings.of(reply.payload))
-        self._valid_us = reply.device_us + wanted.exposure_us
-        return said
-
-    def _check(self, said: Settings) -> None:
-        wanted = self._settings.wanted()
+        said = Settings.of(reply.payload)
         for name in wanted._fields:
             asked, claimed = getattr(wanted, name), getattr(said, name)
             if asked != claimed:
@@ -243,6 +236,8 @@ class _Capture:
                     f"{self._link.path}: the camera reports {name} {claimed} after it was set to "
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
+        self._valid_us = reply.device_us + wanted.exposure_us
+        return said
 
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:
@@ -250,17 +245,8 @@ class _Capture:
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
             taken, shown = self.recorder, self.recorder.last() or (None, None)
-            self._show(
-                State(
-                    taken.frames,
-                    taken.gaps,
-                    taken.missing_frames,
-                    self._link.damaged,
-                    self._rate_hz,
-                    self._is_plugged,
-                    *shown,
-                )
-            )
+            counted = taken.frames, taken.gaps, taken.missing_frames, self._link.damaged
+            self._show(State(*counted, self._rate_hz, self._is_plugged, *shown))
         since_s, frames = self._rate_from
         if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.emulated import Cycle
 from megalopta.camera.motion_bench import (
     FRAME_RATE_HZ,
     PIXELS,
@@ -30,6 +29,7 @@ from megalopta.camera.motion_bench import (
     record,
 )
 from megalopta.camera.recording import Beam, RecordingFrames
+from megalopta.camera.stimuli import Cycle
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes

@@ -20,8 +20,8 @@ from megalopta.camera.comparison import (
     plate_responses,
     rendered_dataset,
 )
-from megalopta.camera.emulated import Rendered
 from megalopta.camera.recording import Beam, Source, read_recorded
+from megalopta.camera.stimuli import Rendered
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.plotting.sections import Section, captioned, write_sections

@@ -73,16 +73,9 @@ class Recorder:
             else:
                 self.gaps += skipped > 0
                 self.missing_frames += skipped
-        record = np.array(
-            (
-                self._connection,
-                packet.sequence,
-                packet.device_us,
-                host_s - self._start_s,
-                samples_of(packet),
-            ),
-            RECORD,
-        ).tobytes()
+        times = packet.device_us, host_s - self._start_s
+        values = self._connection, packet.sequence, *times, samples_of(packet)
+        record = np.array(values, RECORD).tobytes()
         while record:  # a nearly full disk may take only a part
             record = record[self._file.write(record) :]
         self.frames += 1

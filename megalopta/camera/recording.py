@@ -48,7 +48,6 @@ _LARGEST_BYTES = 2**40
 _LARGEST_DRIFT = 1e-3
 """No quartz is worse."""
 _CLOCK_PARTS = 16
-_WRAP = 2**32
 
 RECORD = np.dtype(
     [
@@ -186,7 +185,7 @@ def open_recording(path: str | Path) -> Recording:
             raise ValueError(f"{path / FRAMES}: times are no finite numbers; restore the file")
         times_s[part], error_s = host_times(device_s, host_s)
         errors_s.append(np.nan if error_s is None else error_s)
-    skipped = ((np.diff(sequence.astype(np.int64)) - 1) % _WRAP)[~restarts]
+    skipped = (np.diff(sequence) - np.uint32(1))[~restarts]  # modulo 2³², as the counter
     counts, saturated = counts_by_code(settings.sensor)
     return Recording(
         path=path,
@@ -199,7 +198,7 @@ def open_recording(path: str | Path) -> Recording:
         sequence_number=sequence,
         connection=connection,
         gaps=int(restarts.sum() + (skipped > 0).sum()),
-        missing_frames=int(skipped.sum()),
+        missing_frames=int(skipped.sum(dtype=np.int64)),
         dropped_bytes=dropped_bytes,
     )
 

@@ -27,7 +27,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.emulated import Stimulus
+    from megalopta.camera.stimuli import Stimulus
 
 _RECORDINGS = (
     option(
@@ -275,7 +275,7 @@ def _emulate(options: Namespace) -> None:
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.emulated import Flat, Plate, Rendered
+    from megalopta.camera.stimuli import Flat, Plate, Rendered
 
     match options.stimulus:
         case "dark":

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from megalopta.camera.camera_settings import CaptureSettings, sensor_as_set
-from megalopta.camera.emulated import EmulatedCamera, EmulatedPort, Flat
+from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
+from megalopta.camera.stimuli import Flat
 from megalopta.sensor import expose_adc, preset
 from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
 

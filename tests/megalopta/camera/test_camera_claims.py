@@ -92,32 +92,6 @@ def test_a_kind_is_a_short_name(kind, tmp_path):
         capture(lambda: "/none", tmp_path / "a", wanted(kind=kind), threading.Event())
 
 
-@pytest.mark.parametrize(
-    ("fields", "told"),
-    [
-        ({"seconds": float("nan")}, "--"),
-        ({"seconds": -1}, "--"),
-        ({"frames": 0}, "--"),
-        ({"frames": -(10**400)}, "--"),
-        ({"exposure_s": float("nan")}, "--"),
-        (
-            {"exposure_s": 0.2, "frame_rate_hz": 10},
-            "--exposure: 0.2 s is longer than a frame at --",
-        ),
-        ({"frame_rate_hz": 0}, "--rate: 0"),
-        ({"frame_rate_hz": 1e300}, "--"),
-        ({"step_bias": -1}, "--step-bias -1"),
-        ({"row_window": (-1, 4)}, "--step-bias 2048, --rows -1 4"),
-        ({"row_window": (3, 3)}, "--step-bias 2048, --rows 3 3"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(fields, told, tmp_path):
-    with pytest.raises(UserError, match=f"^{told}"):
-        capture(lambda: "/none", tmp_path / "a", wanted(**fields), threading.Event())
-    with pytest.raises(UserError, match="--wait: .*; give"):
-        capture(lambda: "/none", tmp_path / "a", wanted(), threading.Event(), wait_s=float("inf"))
-
-
 def test_control_codes_of_a_recording_are_escaped(tmp_path):
     with acting(frames) as port:
         capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())

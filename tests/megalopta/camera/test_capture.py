@@ -16,9 +16,10 @@ import pytest
 import serial
 
 from megalopta.camera.capturing import capture
-from megalopta.camera.emulated import EmulatedCamera, Flat
+from megalopta.camera.emulated import EmulatedCamera
 from megalopta.camera.link import Link, open_port
 from megalopta.camera.recording import open_recording
+from megalopta.camera.stimuli import Flat
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.formats.protocol import Kind, Packet, Parser, Settings, command

@@ -5,8 +5,8 @@ import pytest
 
 from megalopta.camera.comparison import align
 from megalopta.camera.device_comparison import CompareSettings, compare_captured
-from megalopta.camera.emulated import Cycle, Rendered
 from megalopta.camera.recording import Source, read_recorded
+from megalopta.camera.stimuli import Cycle, Rendered
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor

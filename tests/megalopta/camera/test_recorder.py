@@ -1,13 +1,18 @@
 """Frames into a recording: counted, timed by the clocks' fit, shown, readable at any moment."""
 
+import os
+
 import numpy as np
 import pytest
 
 from megalopta.camera.capturing import State, status_line
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import host_times, open_recording
+from megalopta.core.errors import UserError
 from megalopta.sensor import preset
 from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
+
+from ..harm import BOMB, replaced
 
 RNG = np.random.default_rng(0)
 ADC = RNG.integers(500, 4096, (3000, 16, 16)).astype(np.uint16)
@@ -102,6 +107,33 @@ def test_what_is_no_recording_is_refused(tmp_path):
         open_recording(tmp_path)
     (tmp_path / "recording.yaml").write_text("format: 2\nkind: dark\n")
     with pytest.raises(ValueError, match="started: missing; give a value"):
+        open_recording(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["recording.yaml", "frames.bin"])
+@pytest.mark.parametrize("put", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_a_pipe_or_link_in_a_recording_is_refused(recorder, tmp_path, name, put):
+    replaced(tmp_path / name, put)
+    with pytest.raises((UserError, ValueError), match=f"{name}: "):
+        open_recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("format: 2", "format: 1", "older than 2"),
+        ("format: 2", "format: 99", "newer than 2"),
+        ("exposure_s: 0.05\nframe", "exposure_s: -1\nframe", "exposure_s: "),
+        ("kind: analog", "kind: digital", "has no analog counters"),
+        ("format: 2", f"{BOMB}format: *j", "recording.yaml: "),
+    ],
+)
+def test_a_header_that_cannot_be_is_refused(recorder, tmp_path, old, new, told):
+    path = tmp_path / "recording.yaml"
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), "utf-8")
+    with pytest.raises((UserError, ValueError), match=told):
         open_recording(tmp_path)
 
 

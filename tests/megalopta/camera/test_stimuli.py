@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.emulated import Flat, Plate, Rendered
 from megalopta.camera.motion_bench import OPEN_PHOTONS, passing_rates
+from megalopta.camera.stimuli import Flat, Plate, Rendered
 from megalopta.config.model import load
 from megalopta.render import read_radiance
 from megalopta.sensor import detection_rate, preset

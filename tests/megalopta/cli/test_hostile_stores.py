@@ -3,15 +3,12 @@
 import json
 import shutil
 
-import numpy as np
 import pytest
 import zarr
 
 from megalopta.dataset.store import hashes_of
-from megalopta.sensor import preset
 
 from ..harm import as_format_2
-from ..recordings import write_recording
 
 COUNTS, RESPONSES = "counts/grating", "results/grating/responses"
 
@@ -53,16 +50,6 @@ def test_a_store_of_format_2_runs_nothing(whole_copy, tmp_path, capsys, run, ver
     assert overwritten or "format 2" in told.err + told.out
 
 
-def test_a_recording_of_format_2_runs_nothing(tmp_path, refused):
-    sensor = preset("spadcam")
-    counts = np.ones((40, 16, 16), np.uint16)
-    write_recording(tmp_path / "a", sensor, (counts, counts > 5), counts)
-    as_format_2(tmp_path / "a" / "counts.zarr", tmp_path / "ran")
-    said = refused("spadcam", "calibrate", tmp_path / "a@0", "--out", tmp_path / "d.yaml")
-    assert "format 2" in said
-    assert not (tmp_path / "ran").exists()
-
-
 def flip(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -87,14 +74,6 @@ def test_damaged_truth_scores_nothing(whole_copy, tmp_path, refused, damage, par
     said = refused(*words, "--out", tmp_path / "scores.json")
     assert said.count("\n") == 1
     assert not (tmp_path / "scores.json").exists()
-
-
-@pytest.mark.parametrize("words", [("tags",), ("tags", "--linospad2", "2212b"), ("calibrate",)])
-def test_a_recording_that_is_not_there_is_one_sentence(tmp_path, refused, words):
-    said = refused(
-        "spadcam", words[0], tmp_path / "typo.hdf5", *words[1:], "--out", tmp_path / "d.yaml"
-    )
-    assert "typo.hdf5" in said and said.count("\n") == 1
 
 
 @pytest.mark.parametrize("verb", ["view", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("report", "flow"))])  # fmt: skip

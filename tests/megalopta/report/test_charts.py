@@ -4,13 +4,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
-from megalopta.plotting.style import BLACK, RULE, method_style
-from megalopta.plotting.svg import themed
+from megalopta.plotting.style import BLACK, RULE
 from megalopta.report.light_section import signal_chart
 from megalopta.report.motion_section import speed_chart
-from megalopta.report.thresholds import error_chart, threshold_chart
+from megalopta.report.thresholds import error_chart
 
 from .budgets import budget
 
@@ -38,11 +36,6 @@ def curve(name, errors):
 
 def crossing(flux):
     return Threshold("crossing", 0.25, 1e3, 1e9, flux, flux / 1.2, flux * 1.2)
-
-
-def test_a_chart_of_pixels_without_any_signal_is_still_a_chart():
-    dark = [budget("ideal", "twilight", 1.0, 0.0), budget("ideal", "starlight", 1e-3, 0.0)]
-    assert "illuminance (lux)" in texts(signal_chart(dark, ["ideal"]))
 
 
 def test_charts_take_the_colors_and_fonts_of_the_page():
@@ -78,30 +71,8 @@ def test_undefined_and_zero_errors_leave_gaps():
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
 
 
-def test_needs_name_every_method_sensor_and_light():
-    methods = {"BM": {"literal": crossing(1e6), "ratio": crossing(1e5)}}
-    words = texts(threshold_chart(methods, BUDGETS, (60, 60)))
-    assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
-
-
-def test_a_need_beyond_the_measured_range_is_written_out():
-    kinds = {"EMD": "above", "IM": "undefined", "BM": "below"}
-    methods = {name: {"literal": Threshold(kind, 0.25, 1e3, 1e9)} for name, kind in kinds.items()}
-    words = texts(threshold_chart(methods, [], (60, 60)))
-    assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
-
-
 @pytest.mark.parametrize("speed", [0.0, 1.6667])
 def test_an_image_that_moves_everywhere_alike_has_its_speed_chart(speed):
     speeds = np.full(500, speed, np.float32) + np.float32(1e-6) * np.arange(500) / 500
     svg = speed_chart(speeds, speed)
     assert "share of pixels (%)" in texts(svg)
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_a_method_has_its_color_of_the_figures(name):
-    shown = curve(name, 1e3 / FLUXES)
-    assert (
-        themed(method_style(name)["color"]).lower()
-        in str(error_chart([shown], "c", 0.25, "")).lower()
-    )

@@ -14,7 +14,7 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError, shell_command
 from megalopta.dataset.store import Dataset
 from megalopta.report.page import write_report
-from megalopta.report.source import Report, select
+from megalopta.report.source import select
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 from megalopta.stages.registry import STAGES
@@ -170,21 +170,6 @@ def test_a_damaged_file_is_told_in_one_sentence(copied_lean, refused, stage, nam
         assert name in told, text
         assert run in told, text
         assert told.count("\n") == 1, text
-
-
-def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
-    """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
-    budgets = Report(dataset).exposures
-    ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
-    for budget in ideal:
-        assert budget.dark == 0
-        assert budget.detected == pytest.approx(budget.photons, rel=1e-6)
-        assert budget.expected == pytest.approx(budget.photons, rel=0.05)  # over all frames
-    # Levels of 0.5 and 0.25 lux: half the photons.
-    assert ideal[0].photons == pytest.approx(2 * ideal[1].photons, rel=1e-5)
-    assert budgets[0].photons_per_frame == pytest.approx(36 * 30 * budgets[0].detected, rel=1e-9)
-    ratio = np.array(ideal[0].signal_to_noise) / ideal[1].signal_to_noise
-    np.testing.assert_allclose(ratio, np.sqrt(2), rtol=1e-5)
 
 
 @pytest.mark.parametrize("frames", [2, 3, 16, 1000])

@@ -2,9 +2,9 @@
 
 import pytest
 
-from megalopta.camera.emulated import Plate
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
+from megalopta.camera.stimuli import Plate
 from megalopta.cli import main as cli
 from megalopta.reproduction.captured_edge import captured_figures
 from megalopta.sensor import changed, preset
