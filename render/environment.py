@@ -11,7 +11,6 @@ it, if that is at least 5 % of the light of the upper half.
 """
 
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +19,9 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, bilinear
 from megalopta.core.bounded import check_decoded
+from megalopta.core.errors import UserError
 from megalopta.core.progress import say
-from megalopta.render.footage.pictures import header_of
-from megalopta.render.mitsuba_loader import mi
+from megalopta.render.footage.pictures import open_picture
 from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.sensors.film import FrameExposure
 from megalopta.render.settings import Bands
@@ -36,14 +35,8 @@ from megalopta.scenes.spectra.spectrum import luminous, total
 POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
-_MOST_NEGATIVE = 0.001
-"""Largest negative share of the sum of a picture's values. In Blender's forest.exr 784 of 1.6
-million values are below 0, by 0.0016 at most: by 1.3 in total."""
-
 _SEEN_BYTES, _LIGHT_BYTES = 55, 150
 """Memory of a pixel of a panorama that a camera sees, and of one that lights a scene (measured)."""
-_ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
-"""Mitsuba's message about a truncated file."""
 
 
 class EnvironmentView:
@@ -150,46 +143,20 @@ def horizontal(rgb: NDArray[np.floating]) -> Floats:
 
 
 def read_picture(path: str) -> Image:
-    """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel dropped.
+    """Return the light of a picture (H, W, 3) in linear sRGB, as the footage reader gives it.
 
-    Resampling filters of picture programs leave slightly negative values next to bright ones: these
-    become 0, with a warning. If they exceed `_MOST_NEGATIVE` of the sum of all values, the picture
-    is rejected.
-
-    Raises ValueError if it cannot be read, or has values that are not finite or too negative.
+    What the file states without effect is told. Raises ValueError if it cannot be read.
     """
-    check_decoded(path, header_of(Path(path)).shape, _SEEN_BYTES)
     try:
-        bitmap = mi.Bitmap(path)
-        linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except (RuntimeError, MemoryError) as problem:
-        reason = str(problem).splitlines()[0].rsplit(": ", 1)[-1].rstrip("!")
-        reason = "it ends too early" if _ENDS_EARLY.search(reason) else reason
-        reason = "too large for the memory" if isinstance(problem, MemoryError) else reason
-        raise ValueError(
-            f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
-        ) from None
-    rgb = np.array(linear, np.float32)
-    if not rgb.size:
-        raise ValueError(f"{path} has no pixels; give a picture with light in it")
-    if not np.isfinite(rgb).all():
-        raise ValueError(f"{path} has values that are not finite; repair it")
-    return _without_negatives(rgb, path)
-
-
-def _without_negatives(rgb: Image, path: str) -> Image:
-    negative = rgb[rgb < 0]
-    if not negative.size:
-        return rgb
-    found = f"{path} has {negative.size} values below 0, the lowest {negative.min():.2g}"
-    clipped = np.maximum(rgb, 0)
-    if -negative.sum(dtype=np.float64) > _MOST_NEGATIVE * clipped.sum(dtype=np.float64):
-        raise ValueError(
-            f"{found}, more than {_MOST_NEGATIVE:.1%} of its light; repair it, or give light "
-            "instead of differences"
-        )
-    say(f"{found}; they are set to 0")
-    return clipped
+        with open_picture(Path(path), None) as footage:
+            if footage.bands_nm is not None:
+                raise ValueError(f"{path} holds spectra; give a panorama of red, green and blue")
+            check_decoded(path, footage.shape, _SEEN_BYTES)
+            for note in footage.notes:
+                say(note)
+            return footage.frame(0)
+    except UserError as problem:
+        raise ValueError(str(problem)) from None
 
 
 DISC_DEG, RING_DEG = 3.0, 6.0

@@ -36,7 +36,15 @@ from megalopta.scenes.spectra.color import Bands
 _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
-    *("version", "preview", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm", "comments"),
+    *(
+        "version",
+        "preview",
+        "generatedBy",
+        "spectralLayoutVersion",
+        "emissiveUnits",
+        "bandEdgesNm",
+        "comments",
+    ),
     *("owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""
