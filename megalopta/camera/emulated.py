@@ -2,7 +2,6 @@
 
 import os
 import pty
-import re
 import select
 import threading
 import time
@@ -45,21 +44,15 @@ class EmulatedCamera:
     """Frames and replies as a function of sensor, stimulus, seed and commands.
 
     A frame depends only on these, its number and the settings. Raises UserError if the sensor has
-    no analog counters with an ADC, or cannot see the stimulus, or seed or serial number (at most 16
-    ASCII characters) are invalid.
+    no analog counters with an ADC, or cannot see the stimulus, or the seed is invalid.
     """
 
     settings: Settings
 
-    def __init__(
-        self, sensor: Sensor, stimulus: Stimulus, seed: int = 0, serial_number: str = "EMULATED"
-    ) -> None:
+    def __init__(self, sensor: Sensor, stimulus: Stimulus, seed: int = 0) -> None:
         if not 0 <= seed <= _LARGEST_SEED:
             raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
-        if not re.fullmatch(r"[!-~]([ -~]{0,14}[!-~])?", serial_number):
-            raise UserError(f"--serial: {quoted(serial_number)!r}; give 1 to 16 ASCII characters")
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
-        self.serial_number = serial_number
         self._number = self._start_us = 0
         self._set(Settings())
 
@@ -125,7 +118,7 @@ class EmulatedCamera:
         assert isinstance(counter, AnalogCounter) and counter.adc_bits
         supply_mv = round(counter.supply_v * 1000)
         name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
-        return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, self.serial_number, name)
+        return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, "EMULATED", name)
 
 
 BUFFER_BYTES = 24576 + 65536

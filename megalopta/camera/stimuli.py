@@ -1,4 +1,4 @@
-"""What an emulated camera sees: uniform light, the plate of the motion bench, a rendered dataset.
+"""Stimuli of an emulated camera: uniform light, the plate of the motion bench, a rendered dataset.
 
 The last two load scenes and the renderer on first use.
 """

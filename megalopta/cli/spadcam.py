@@ -246,21 +246,15 @@ def _tags(options: Namespace) -> list[Path]:
     option("--speed", "speed of the plate, mm/s", within(0.0, 100.0), 5.0),
     option("--lux", "light level of a dataset (lux)", within(0.0, 1e6)),
     option("--sensor", "preset or YAML file", default="spadcam"),
-    option("--device-seed", "seed of the device's fixed pattern", within(0, 2**32 - 1)),
     option("--seed", "seed of photons and noise", whole, 0),
     option("--clock", "speed of the camera's clock, to emulate faster", within(0.1, 100.0), 1.0),
-    option("--serial", "the camera's serial number", default="EMULATED"),
     option("--link", "symbolic link to the terminal", Path),
 )
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.camera_settings import named_sensor
     from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
-    from megalopta.sensor import changed
 
-    sensor = named_sensor(options.sensor)
-    if options.device_seed is not None:
-        sensor = changed(sensor, device_seed=options.device_seed)
-    camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
+    camera = EmulatedCamera(named_sensor(options.sensor), _stimulus(options), options.seed)
     port = EmulatedPort(
         camera,
         options.link,

@@ -112,7 +112,9 @@ def readable(path: object) -> Iterator[None]:
     except Image.DecompressionBombError:
         raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
     except Exception:  # a damaged file can raise any exception
-        raise DamagedFileError(f"{path} cannot be read as a picture, or ends early; save it again") from None
+        raise DamagedFileError(
+            f"{path} cannot be read as a picture, or ends early; save it again"
+        ) from None
 
 
 _PFM_HEADER = re.compile(rb"P([Ff])\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
