@@ -16,8 +16,7 @@ from megalopta.report.dataset_card import plain_text
 def root(small_dataset, tmp_path_factory):
     folder = tmp_path_factory.mktemp("shown") / "data"
     shutil.copytree(small_dataset, folder, symlinks=True)
-    for verb in ("card", "view"):
-        main.main(["dataset", verb, str(folder)])
+    main.main(["report", str(folder)])
     return folder
 
 
