@@ -38,5 +38,5 @@ def seen(settings: Configuration) -> tuple[Image.Image, NDArray[Any], float]:
             clean = denoise(scaled, albedo[..., three], hdr=True, clean_aux=True)
             light[..., three] = mean * clean
     view = Image.fromarray(preview(light, bands_nm, settings.scene.white(settings.light)))
-    counts = expose(radiance[None], bands_nm, sensor, seed=settings.seed, sequence="view").counts
+    counts = expose(radiance[None], bands_nm, sensor, seed=settings.seed, stream="view").counts
     return view, counts[0], sensor.exposure_s

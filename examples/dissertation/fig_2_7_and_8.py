@@ -20,7 +20,7 @@ for axes, step_v in zip(panels, (10e-3, 30e-3), strict=True):
     sensor = changed(preset("spadcam"), counter={"step_v": step_v}, exposure_s=10e-3 / step_v)
     counter = sensor.counter
     assert isinstance(counter, AnalogCounter)
-    stream = expose_events(np.full((1, *ROW), LIGHT_HZ), sensor, seed=0, sequence="transient")
+    stream = expose_events(np.full((1, *ROW), LIGHT_HZ), sensor, seed=0, stream="transient")
     pixels = analog_pixels(counter, ROW, sensor.exposure_s, sensor.device_seed)
     time_s = np.linspace(0, sensor.exposure_s, 4001)
     straightness, falls_v = [], []

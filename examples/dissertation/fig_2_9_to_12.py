@@ -23,8 +23,8 @@ for place, volts in enumerate(anode_v):
     factor = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor
     seen = factor * sensor.efficiency(np.array(450.0))
     light_hz = np.broadcast_to(photons_hz * seen, (500, 1, PIXELS))
-    dark = expose_rate(0 * light_hz, sensor, seed=0, sequence=f"dark, {volts:.2f} V")
-    bright = expose_rate(light_hz, sensor, seed=0, sequence=f"light, {volts:.2f} V")
+    dark = expose_rate(0 * light_hz, sensor, seed=0, stream=f"dark, {volts:.2f} V")
+    bright = expose_rate(light_hz, sensor, seed=0, stream=f"light, {volts:.2f} V")
     dark_hz[place] = dark.counts.mean((0, 1)) / sensor.exposure_s
     detected_hz = bright.counts.mean((0, 1)) / sensor.exposure_s - dark_hz[place]
     is_full = bright.saturated.any((0, 1))

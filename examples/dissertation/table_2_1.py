@@ -18,7 +18,7 @@ for name, device in TABLE_2_1.items():
     sensor = changed(preset(name), exposure_s=EXPOSURE_S)
     rates_hz = np.zeros((2, 40, 40))
     rates_hz[1] = PHOTONS_HZ * sensor.efficiency.values[0]
-    counts = expose_rate(rates_hz, sensor, seed=0, sequence=f"table {name}").counts
+    counts = expose_rate(rates_hz, sensor, seed=0, stream=f"table {name}").counts
     dark_hz, bright_hz = counts.mean((1, 2), dtype=np.float64) / EXPOSURE_S
     print(
         f"{name:22s} {device.excess_bias_v:4g} {device.density_hz_um2:18g}, "
