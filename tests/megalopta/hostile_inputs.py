@@ -303,7 +303,7 @@ def _readings(here):
 
 
 def _texts(here):
-    poses = [f"{k / 50},{k / 50},0,1.5,0,0.7071068,0,0.7071068" for k in range(20)]
+    poses = [f"{k / 50},{k / 50 - 3},0,0,0,0.7071068,0,0.7071068" for k in range(20)]
     (here / "path.csv").write_text("t,x,y,z,qx,qy,qz,qw\n" + "\n".join(poses) + "\n")
     points = [(400, 0.1), (500, 0.3), (700, 0.2)]
     curve = "".join(f"{nm},{share}\n" for nm, share in points)
