@@ -1,6 +1,7 @@
 """Mean and variance of events and readings, frame by frame, without drawing any."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,15 +15,17 @@ from megalopta.sensor.ctia.array import (
     volt_moments,
 )
 from megalopta.sensor.ctia.model import CtiaSensor
-from megalopta.sensor.effects.base import FrameRates
+from megalopta.sensor.effects.base import AvalancheMaps, FrameRates
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate
 from megalopta.sensor.quantities import Expectation
+from megalopta.sensor.spad.counters import AnalogPixels
 from megalopta.sensor.spad.counts import count_moments
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.readings import moments_of_readings
 
+_PIXELS_AT_ONCE = 2**19
 PARTS_ERROR = (
     "with dead time alone mean_events by at most one count a part, times the share of time dead; "
     "with afterpulsing by as much over one less mean_carriers, and the carriers that wait; "
@@ -95,11 +98,34 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
 
     def state(frame: int) -> None:
         states = device.over_time(rate[frame])
+        if len(states) == 1 and not sensor.avalanche_effects.crosstalk.is_on:
+            _fill_by_rows(moments[:, frame], states[0][1], sensor, device)
+            return
         each = [_frame_moments(rates, sensor, device) for _, rates in states]
         moments[:, frame] = each[0] if len(each) == 1 else _mixed([c for c, _ in states], each)
 
     over_frames(state, len(rate))
     return moments
+
+
+def _fill_by_rows(moments: Floats, rates: FrameRates, sensor: Sensor, device: FixedPattern) -> None:
+    """Compute moments (4, H, W) of pixels that do not act on each other, some rows at a time."""
+    rows, columns = moments.shape[1:]
+    step = max(1, _PIXELS_AT_ONCE // columns)
+    for part in (slice(first, first + step) for first in range(0, rows, step)):
+        maps, counters, stuck = device.avalanches, device.counters, device.stuck
+        of_rows = replace(
+            device,
+            avalanches=maps and AvalancheMaps(*(each[part] for each in maps)),
+            counters=counters and AnalogPixels(*(each[part] for each in counters)),
+            stuck=None if stuck is None else stuck[part],
+        )
+        here = replace(
+            rates,
+            detections_hz=rates.detections_hz[..., part, :],
+            dark_counts_hz=rates.dark_counts_hz[part],
+        )
+        moments[:, part] = _frame_moments(here, sensor, of_rows)
 
 
 def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> Floats:

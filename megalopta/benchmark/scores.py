@@ -4,6 +4,7 @@ A leaderboard is a file of JSON lines, one per program and pass.
 """
 
 import math
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -196,7 +197,7 @@ def read_board(path: Path) -> tuple[Entry, ...]:
     """Read the entries of a leaderboard; none without a file. Raises UserError."""
     entries = []
     with bounded.undamaged(path, "give a leaderboard"):
-        for line in bounded.read_text(path).splitlines() if path.exists() else []:
+        for line in bounded.read_text(path).splitlines() if os.path.lexists(path) else []:
             values = bounded.from_json(line)
             check_format("scores", values, path)
             entries.append(Entry.model_validate(values))

@@ -218,12 +218,12 @@ def _tags(options: Namespace) -> list[Path]:
     from megalopta.core.errors import refused_as
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
-    if options.linospad2:
-        tags = read_linospad2(options.tags, options.linospad2, options.per_cycle)
-    else:
-        tags = read_time_tags(options.tags)
-    columns = options.columns or tags.channels
     with refused_as("spadcam tags"):
+        if options.linospad2:
+            tags = read_linospad2(options.tags, options.linospad2, options.per_cycle)
+        else:
+            tags = read_time_tags(options.tags)
+        columns = options.columns or tags.channels
         return write_measurements(options.out, tags, columns, 1e-9 * options.window_ns)
 
 

@@ -23,7 +23,7 @@ _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PIXEL_BYTES = 30
 """Memory of a pixel while a picture is read (bytes, measured)."""
-SENSED_BYTES = 190
+SENSED_BYTES = 120
 """The same while sensors are exposed to it."""
 _COMPARED_BYTES = 100
 """The same where light, flow and its errors are computed from it."""

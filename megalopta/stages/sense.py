@@ -170,7 +170,7 @@ class _Film:
 
     def _shot(self, first: int, radiance: NDArray[np.float32], following: Following | None) -> Shot:
         return Shot(
-            radiance=radiance * self._scale,
+            radiance=radiance if (self._scale == 1).all() else radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
             seed=self._settings.seed,

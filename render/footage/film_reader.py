@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import budget_bytes, check_count
+from megalopta.core.bounded import budget_bytes, check_count, check_file
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import PIXEL_BYTES
 from megalopta.core.progress import working
@@ -31,7 +31,7 @@ DEMUXERS: Mapping[str, str] = {
 """Demuxer by the suffix of the file."""
 
 REMEDY = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
-_MOST_FRAMES = 1_000_000
+_MOST_FRAMES, _MOST_BYTES = 1_000_000, 2 * 10**11
 _ENCRYPTED = ("encryption_info", "encryption_init_info")
 
 
@@ -146,6 +146,7 @@ class FilmReader:
         import av
 
         path = self._path
+        check_file(path, _MOST_BYTES)
         self._file = path.open("rb")
         try:
             with _told(path):

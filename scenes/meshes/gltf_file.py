@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import check_decoded, from_json, quoted
 
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _VALUE_BYTES = 24
@@ -36,13 +36,18 @@ def parts_of(content: bytes) -> tuple[Json, bytes]:
         if content.lstrip()[:1] != b"{":
             raise ValueError("it is neither binary glTF nor JSON")
         return _checked(from_json(content.decode("utf-8"))), b""
+    (length,) = struct.unpack_from("<I", content, 8)
+    if length != len(content):
+        raise ValueError(f"it states {length} bytes, and has {len(content)}")
     parts: dict[int, bytes] = {}
     place = 12
-    while place + 8 <= len(content):
+    while place + 8 <= length:
         size, kind = struct.unpack_from("<II", content, place)
         if place + 8 + size > len(content):
             raise ValueError("it ends early")
-        parts.setdefault(kind, content[place + 8 : place + 8 + size])
+        if kind in parts or len(parts) == _MOST_PARTS:
+            raise ValueError("it has two parts of one kind, or too many")
+        parts[kind] = content[place + 8 : place + 8 + size]
         place += 8 + size
     return _checked(from_json(parts[_JSON].decode("utf-8"))), parts.get(_BINARY, b"")
 

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 from pydantic import model_validator
 
-from megalopta.core.bounded import quoted, read_bytes, undamaged
+from megalopta.core.bounded import TEXT_BYTES, quoted, read_bytes, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.named_file import named_path, unreadable
 from megalopta.scenes.hashed_file import Hashed
@@ -82,7 +82,8 @@ def _contents(path: str) -> Contents:
         if name not in found:
             if name.lower().endswith(".mtl") and not os.path.lexists(Path(path).parent / name):
                 continue  # its materials are names
-            found[name] = _beside(path, name, left)
+            at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
+            found[name] = _beside(path, name, min(left, at_most))
             left -= len(found[name])
         if waiting and path.lower().endswith(".xml"):
             continue  # its names are those of all files, known when these are read

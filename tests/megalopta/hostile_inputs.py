@@ -50,7 +50,7 @@ SMALL = (
     "--camera.width=16 --camera.height=12 --trajectory.frames=2 --render.samples-per-pixel=1 "
     "--render.max-depth=2 --render.bands-nm=[[450,550],[550,650]] --render.integrator=path"
 )
-BEFORE = "--trajectory.position-m=[-2,0,0.2] --trajectory.look-at-m=[0,0,0.2]"
+BEFORE = "--trajectory.position-m=[-2,-1,0.2] --trajectory.look-at-m=[0,0,0.2]"
 SENSE = "sense {file} --photons=2 --frames=2 --out=o"
 PAIR = "benchmark pairs {file} good.png good.flo --methods=LK --photons=1 --out=p.csv"
 NO_TRUTH = "benchmark pairs {file} --no-truth --methods=LK --photons=1 --pairs=1 --out=p.csv"
@@ -302,7 +302,7 @@ def _readings(here):
 
 
 def _texts(here):
-    poses = [f"{k / 50},{k / 50},0,1.5,0,0.7071068,0,0.7071068" for k in range(20)]
+    poses = [f"{k / 50},{k / 50 - 3},0,0,0,0.7071068,0,0.7071068" for k in range(20)]
     (here / "path.csv").write_text("t,x,y,z,qx,qy,qz,qw\n" + "\n".join(poses) + "\n")
     points = [(400, 0.1), (500, 0.3), (700, 0.2)]
     curve = "".join(f"{nm},{share}\n" for nm, share in points)

@@ -21,7 +21,7 @@ SAMPLE = (
     "a.png-cut-0-0", "a.webp-16383²-0", "moving.gif-empty-0-4", "light.exr-window-0", "f.flo-stated-1", "f.png-cut-1-0",
     "t.ply-10^30 faces-0", "t.glb-bufferView-0", "t.glb-mode 99-0", "t.stl-cut-0-0", "t.xml-radius -1-0", "t.xml-spectrum-0",
     "curve.csv-20000 rows-0", "path.csv-10^6 rows-0", "a.png-is-fifo", "config.yaml-odd_text-0-9", "option0-nan",
-    "size-grating-camera.width-1e12", "size-grating-trajectory.frames-999999999", "t.obj-nan-0",
+    "size-grating-camera.width-1e12", "size-grating-trajectory.frames-999999999", "t.obj-nan-0", "tags.ptu-empty-0-4", "t.glb-is-sparse", "t.mtl-is-sparse", "board.jsonl-is-loop",
 )  # fmt: skip
 """Cases of every kind that the fast test runs, each in a moment"""
 
