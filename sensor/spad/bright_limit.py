@@ -79,7 +79,7 @@ def bright_moments(
             if length_s > 1e-9 * effects.gate.window[1]:
                 more = dead_time.moments(rate_hz, length_s, live, scale)
                 mean, variance = mean + more[0], variance + more[1]
-        return mean, variance
+        return mean, np.maximum(variance, 0.0)
     if dead.kind == "paralyzable":
         return dead_time.moments(rate_hz, exposure_s, dead, scale)
     wait_s, square_s2 = 1 / rate_hz, 2 / rate_hz**2

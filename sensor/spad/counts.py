@@ -103,12 +103,14 @@ def check_load(
     """Raise UserError for light in which a frame takes too long to simulate event by event."""
     load = _load(rate_hz, exposure_s, effects, maps)[1].sum()
     if load > most:
-        brightest = float(rate_hz.max()) * min(1.0, most / float(load))
+        share = most / float(load)
+        while _load(share * rate_hz, exposure_s, effects, maps)[1].sum() > most:
+            share /= 2  # counts with dead time grow less than the light
         raise UserError(
-            f"about {load:.2g} events in a frame are to be simulated one by one with these "
-            f"effects, more than {most:.0e}; use light of at most {brightest:.2g} "
-            "detections and dark counts per second in a pixel, a shorter exposure_s, fewer pixels, "
-            "or switch crosstalk and free running off"
+            f"about {load:.2g} events in a frame are to be simulated one by one, more than "
+            f"{most:.0e}: lower the light to {0.95 * share * rate_hz.max():.2g} detections and dark "
+            f"counts per second in the brightest pixel ({0.95 * share:.2g} of this light), or use a "
+            "shorter exposure_s or fewer pixels"
         )
 
 

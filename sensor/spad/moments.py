@@ -89,7 +89,9 @@ def pixel_moments(
     def ratios(of_pixel: AvalancheEffects, share: float) -> Floats:
         moments = np.array(_at_rates(rate_hz, exposure_s, of_pixel, share))
         alone = np.array(dead_time.moments(open_hz, exposure_s, of_pixel.dead_time))
-        return np.divide(moments, alone, np.ones_like(moments), where=alone > 0)
+        # a variance that hardly exists is not told to a part of itself
+        is_told = alone > alone[0] * np.array([0.0, 1e-3]).reshape(2, *[1] * rate_hz.ndim)
+        return np.divide(moments, alone, np.ones_like(moments), where=is_told)
 
     assert maps is not None
     of_mean, of_variance = _over_factors(ratios, alone, maps)
@@ -166,7 +168,7 @@ def _at_rates(
     # one thread computes: others would repeat its work
     with _one_at_a_time:
         if rates.size <= _FEW_RATES:
-            found = [counts_of_pixel(rate, exposure_s, effects)[:2] for rate in rates.tolist()]
+            found = [_of_pixel(rate, exposure_s, effects)[:2] for rate in rates.tolist()]
             moments = np.array(found).reshape(-1, 2)
         else:
             arrivals = np.maximum(rates * exposure_s, _FEWEST_ARRIVALS)
@@ -202,6 +204,17 @@ def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, shar
     return np.maximum(moments, 0.0)
 
 
+def _of_pixel(
+    rate_hz: float, exposure_s: float, effects: AvalancheEffects
+) -> tuple[float, float, float]:
+    """Mean and variance at one rate, and operations taken."""
+    rate = np.array([rate_hz])
+    if is_limit(rate, exposure_s, effects, None)[0]:
+        mean, variance = bright_moments(rate, exposure_s, effects, None)
+        return float(mean[0]), float(variance[0]), 1.0
+    return counts_of_pixel(rate_hz, exposure_s, effects)
+
+
 @lru_cache(maxsize=4096)
 def _piece(
     width: float, number: float, exposure_s: float, effects: AvalancheEffects
@@ -212,7 +225,7 @@ def _piece(
     """
     arrivals = 10 ** (width * (number + _NODES))
     mean, variance, work = np.array(
-        [counts_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
+        [_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
     ).T
     mean += _NO_COUNTS
     values = np.column_stack([np.log(mean), variance / mean])
