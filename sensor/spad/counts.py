@@ -78,12 +78,15 @@ def draw_frame(
             try:
                 mean, variance = count_moments(some_hz, exposure_s, effects, own)
             except UserError as error:
-                most_hz = MOST_SIMULATED / counted.size if is_coupled else SIMULATED_EVENTS
+                share, dimmer = 1.0, (counted, simulated)
+                while dimmer[1].sum() > MOST_SIMULATED or dimmer[0].max() > SIMULATED_EVENTS:
+                    share /= 2
+                    dimmer = _load(share * rate_hz, exposure_s, effects, maps)
                 raise UserError(
                     f"about {simulated.max():.2g} events in a pixel are too many to simulate with "
                     "these effects, and mean and variance are not known: lower the light to "
-                    f"{most_hz / exposure_s:.2g} detections and dark counts per second "
-                    f"({most_hz / float(simulated.max()):.1g} of this light), or exposure_s"
+                    f"{share * rate_hz.max():.2g} detections and dark counts per second in the "
+                    f"brightest pixel ({share:.2g} of this light), or exposure_s"
                 ) from error
             counts[chosen] = draw_matched(rng, mean.ravel(), variance.ravel())
         else:

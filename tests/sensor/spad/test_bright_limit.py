@@ -58,13 +58,19 @@ def test_moments_of_a_renewal_process_are_those_of_dead_time(start, per_dead_tim
 def test_moments_in_bright_light_are_those_of_single_events(end, carriers, delay):
     dead_time = DeadTime(kind="nonparalyzable", dead_time_s=TAU_S, **end)
     traps = Afterpulsing(mean_carriers=carriers, delay_s=delay * TAU_S)
-    effects, frames, exposure_s = AvalancheEffects(dead_time=dead_time, afterpulsing=traps), 1500, 7.003e-4
+    effects, frames, exposure_s = (
+        AvalancheEffects(dead_time=dead_time, afterpulsing=traps),
+        1500,
+        7.003e-4,
+    )
     for per_dead_time in (17.0, 60.0):
         rate_hz = np.full((1, 1), per_dead_time / TAU_S)
         assert is_limit(rate_hz, exposure_s, effects, None).all()
         mean, variance = (part[0, 0] for part in bright_moments(rate_hz, exposure_s, effects, None))
         pixel = TAU_S, False, dead_time.twilight_s, dead_time.recharge_s, carriers, delay * TAU_S
-        counts = simulate(np.random.default_rng(1), frames, rate_hz, exposure_s, pixel, (0.0, 0.0), 0.0)
+        counts = simulate(
+            np.random.default_rng(1), frames, rate_hz, exposure_s, pixel, (0.0, 0.0), 0.0
+        )
         # 5.5 standard errors, false alarm 4e-8; stated are 1e-3 and 1e-2, or .02
         assert abs(counts.mean() - mean) < 5.5 * (max(variance, 0.02) / frames) ** 0.5 + 1e-3 * mean
         fourth = max(((counts - counts.mean()) ** 4).mean(), 3 * variance**2)
@@ -113,6 +119,9 @@ def test_light_that_takes_too_long_is_refused_at_once_with_light_that_does_not(d
     assert time.process_time() - start < 2
     share = float(re.search(r"\((\S+) of this light\)", str(refused.value)).group(1))
     assert 0 < share < 1
+    # a frame alone, as far as its cost goes
+    allowed_hz = share * rate_hz[-1, :2, :2][None]
+    draw(allowed_hz, sensor, seed=1, stream="a", **how)
 
 
 def test_histograms_of_too_many_bins_are_refused():
