@@ -106,13 +106,13 @@ def check_load(
     """Raise UserError for light in which a frame takes too long to simulate event by event."""
     load = _load(rate_hz, exposure_s, effects, maps)[1].sum()
     if load > most:
-        share = most / float(load)
+        share = 0.95 * most / float(load)
         while _load(share * rate_hz, exposure_s, effects, maps)[1].sum() > most:
             share /= 2  # counts with dead time grow less than the light
         raise UserError(
             f"about {load:.2g} events in a frame are to be simulated one by one, more than "
-            f"{most:.0e}: lower the light to {0.95 * share * rate_hz.max():.2g} detections and dark "
-            f"counts per second in the brightest pixel ({0.95 * share:.2g} of this light), or use a "
+            f"{most:.0e}: lower the light to {share * rate_hz.max():.2g} detections and dark "
+            f"counts per second in the brightest pixel ({share:.2g} of this light), or use a "
             "shorter exposure_s or fewer pixels"
         )
 
@@ -237,7 +237,8 @@ def _coupled_moments(
     at 0.1 fired neighbors, 0.3 % and 0.6 % at 0.3, 1.3 % and 2.5 % at 0.6, for r·τ from 1e-3 to 1
     and both kinds of dead time. The same holds, to the 1 % of their simulations, for a bright
     pixel, its neighbors and a border of dark and bright. Errors of the tables of a single pixel
-    add.
+    add. Up to 0.3 fired neighbors, the same holds for the mean at r·τ from 1 to 100 in 50 to 1000
+    dead times, and the variance is within 5 % or 0.02.
     """
     alone = effects.without_crosstalk
     open_s = exposure_s * open_fraction(effects.gate, exposure_s)
