@@ -58,7 +58,7 @@ from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
 MOST_STORED = 5e7
-"""Most events of a frame whose times are kept."""
+"""Most events of a frame whose times are kept: about 3 GB while drawn and sorted."""
 
 
 def expose(
@@ -162,7 +162,12 @@ def expose_rate(
         else:
             read_digital(events, counter, out)
 
-    frames.each(expose_frame, in_turn=array is not None)
+    # the brightest first, so that light that cannot be drawn is refused at once
+    order = np.argsort([-light.max(initial=0) for light in frames.detections_hz], kind="stable")
+    if array:
+        frames.each(expose_frame, in_turn=True)
+    else:
+        frames.each(lambda place: expose_frame(int(order[place])))
     return frames.with_stuck(exposure)
 
 
@@ -264,7 +269,7 @@ def expose_events(
     `detections_hz` (T, H, W) or (T, S, H, W); `sensor`: its jitter scatters the time stamps.
     """
     frames = _Frames.of(detections_hz, sensor, seed, stream, first_frame, frame_period_s)
-    array = frames.running(free_running)
+    array = frames.running(free_running, MOST_STORED)
     streams: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}
 
     def expose_frame(index: int) -> None:
@@ -332,11 +337,24 @@ class _Frames:
         """True if no effect acts on avalanches and light is constant within exposures."""
         return not self.sensor.avalanche_effects.on and self.detections_hz.ndim == 3
 
-    def running(self, asked: bool | FreeRunning) -> FreeRunning | None:
-        """Array that continues between frames, new for True; None where frames are independent."""
-        if not asked or not self.sensor.avalanche_effects.remembers:
+    def running(
+        self, asked: bool | FreeRunning, most: float = MOST_SIMULATED
+    ) -> FreeRunning | None:
+        """Array that continues between frames, new for True; None where frames are independent.
+
+        Raises UserError, before any is drawn, if a frame that is simulated has too many events.
+        """
+        is_running = bool(asked) and self.sensor.avalanche_effects.remembers
+        if is_running or most == MOST_STORED:
+            for detections_hz in self.detections_hz:
+                self._check_load(detections_hz + self.device.dark_counts_hz, most)
+        if not is_running:
             return None
-        return FreeRunning() if asked is True else asked
+        return asked if isinstance(asked, FreeRunning) else FreeRunning()
+
+    def _check_load(self, arrivals_hz: Floats, most: float) -> None:
+        exposure_s, effects = self.sensor.exposure_s, self.sensor.avalanche_effects
+        check_load(arrivals_hz, exposure_s, effects, self.device.avalanches, most)
 
     def rng(self, purpose: str, index: int) -> np.random.Generator:
         """Return the random generator of one frame and purpose."""
@@ -405,8 +423,7 @@ class _Frames:
         arrivals_hz = np.add(*self.rates(index))
         effects, maps = self.sensor.avalanche_effects, self.device.avalanches
         check_arrivals(arrivals_hz, self.sensor.exposure_s)
-        most = MOST_STORED if keep_events else MOST_SIMULATED
-        check_load(arrivals_hz, self.sensor.exposure_s, effects, maps, most)
+        self._check_load(arrivals_hz, MOST_STORED if keep_events else MOST_SIMULATED)
         return array.expose(
             rng or self.rng("events", index),
             arrivals_hz,

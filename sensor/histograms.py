@@ -11,6 +11,8 @@ from megalopta.sensor.spad.model import Sensor
 
 _MOST_PERIODS = 4e9
 """Most periods of an exposure, whose counts still fit uint32"""
+_MOST_NUMBERS = 1e8
+"""Most bins of all pixels of a frame, drawn in some 20 s"""
 _MOST_WRAPPED = 100
 """Most periods that a standard deviation or a decay lasts"""
 
@@ -76,6 +78,12 @@ def _shares(detections_hz: ArrayLike, sensor: Sensor, later_s: ArrayLike | None)
     if rate.ndim != 3:
         raise ValueError("detections_hz: light in parts of the exposure; histograms need steady")
     tcspc = sensor.tcspc
+    numbers = rate[0].size * tcspc.bins if len(rate) else 0
+    if numbers > _MOST_NUMBERS:
+        raise ValueError(
+            f"tcspc.bins: {tcspc.bins} in {rate.shape[1]} × {rate.shape[2]} pixels are "
+            f"{numbers:.2g} numbers per frame; use fewer bins or pixels, {_MOST_NUMBERS:.0e} in all"
+        )
     if (later_s is None) == tcspc.from_camera:
         raise ValueError(
             f"tcspc.from_camera: {str(tcspc.from_camera).lower()}; true needs later_s, the delay "

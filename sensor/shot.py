@@ -27,6 +27,7 @@ from megalopta.sensor.exposure import (
 from megalopta.sensor.histograms import expose_histograms
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
+from megalopta.sensor.spad.counts import check_load
 from megalopta.sensor.spad.device import detection_rate
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import FreeRunning
@@ -34,8 +35,6 @@ from megalopta.sensor.sub_frames import Following
 
 Arrays = Mapping[str, FreeRunning]
 
-MOST_EVENTS = MOST_STORED
-"""Limit of events per frame; they take about 3 GB of memory while drawn and sorted."""
 _BITS_AT_ONCE = 16
 """Binary frames of a burst drawn together."""
 
@@ -156,14 +155,9 @@ class Shot:
 
     def check_events(self) -> None:
         """Raise ValueError for light with more events per frame than fit into memory."""
+        effects = self._spad.avalanche_effects
         for rate in self._detections_hz:
-            parts = rate.shape[0] if rate.ndim == 3 else 1
-            arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
-            if arrivals > MOST_EVENTS:
-                raise ValueError(
-                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; use a "
-                    "darker level, a shorter exposure_s, a smaller image or no events"
-                )
+            check_load(rate, self.sensor.exposure_s, effects, None, MOST_STORED)
 
     def events(self) -> Iterator[Events]:
         """Events, frame by frame.

@@ -1,6 +1,7 @@
 """Mean and variance of the counts of one pixel, without crosstalk.
 
     dead time alone, gate alone    closed forms (`dead_time`)
+    bright light                   as a renewal process (`bright_limit`)
     anything else                  computed without draws (`pixel_process`)
 
 Of many rates, those of a few are computed: polynomials of degree 8 over the logarithm of the rate
@@ -8,9 +9,9 @@ connect them, each over a decade or, where every second of its values is not tol
 over half as much, and so on. In bright light the variance rises and falls with the number of dead
 times that fit into the exposure, and such pieces are short.
 
-Where pixels differ (`AvalancheMaps`), a polynomial over five factors between the smallest and the
-largest interpolates the ratios to the moments of dead time. It is refused where one over three
-differs.
+Where pixels differ (`AvalancheMaps`), a polynomial over three, five, nine or seventeen factors from
+the smallest to the largest interpolates the ratios to the moments of dead time, until it agrees
+with the one before.
 
 The mean is within `MEAN_ERROR`, the variance within `VARIANCE_ERROR` or `VARIANCE_FLOOR`.
 """
@@ -30,6 +31,7 @@ from megalopta.sensor.effects import dead_time
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction
+from megalopta.sensor.spad.bright_limit import bright_moments, is_limit
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.pixel_process import counts_of_pixel
 
@@ -41,7 +43,7 @@ _FEWEST_ARRIVALS, _NO_COUNTS = 1e-4, 1e-7
 _NODES = (1 - np.cos(np.pi * np.arange(9) / 8)) / 2
 _MOST_WORK = 1e9
 """Operations for all rates of a frame, about 20 s."""
-_FACTORS, _MOST_OFF = 5, 0.01
+_FACTORS, _MOST_OFF = (3, 5, 9, 17), 0.01
 _one_at_a_time = Lock()
 
 Moments = tuple[Floats, Floats]
@@ -67,8 +69,17 @@ def pixel_moments(
     check_arrivals(rate_hz, exposure_s)
     on = effects.on - {"crosstalk"}
     is_closed_form = len(on) < 2 and on <= {"dead_time", "gate"} and effects.dead_time.has_law
+    alone, chosen = effects.without_crosstalk, np.zeros(np.shape(rate_hz), np.bool_)
+    if not is_closed_form:
+        chosen = is_limit(rate_hz, exposure_s, alone, maps)
+    if chosen.any():
+        moments = np.zeros((2, *rate_hz.shape))
+        for some, moments_of in ((chosen, bright_moments), (~chosen, pixel_moments)):
+            own = None if maps is None else AvalancheMaps(*(factor[some] for factor in maps))
+            moments[:, some] = moments_of(rate_hz[some], exposure_s, alone, own)
+        return moments[0], moments[1]
     if not is_closed_form and maps is None:
-        return _at_rates(rate_hz, exposure_s, effects.without_crosstalk)
+        return _at_rates(rate_hz, exposure_s, alone)
     open_hz = open_rate(rate_hz, exposure_s, effects)
     scale = 1.0 if maps is None else maps.dead_time
     mean, variance = dead_time.moments(open_hz, exposure_s, effects.dead_time, scale)
@@ -78,10 +89,12 @@ def pixel_moments(
     def ratios(of_pixel: AvalancheEffects, share: float) -> Floats:
         moments = np.array(_at_rates(rate_hz, exposure_s, of_pixel, share))
         alone = np.array(dead_time.moments(open_hz, exposure_s, of_pixel.dead_time))
-        return np.divide(moments, alone, np.ones_like(moments), where=alone > 0)
+        # a variance that hardly exists is not told to a part of itself
+        is_told = alone > alone[0] * np.array([0.0, 1e-3]).reshape(2, *[1] * rate_hz.ndim)
+        return np.divide(moments, alone, np.ones_like(moments), where=is_told)
 
     assert maps is not None
-    of_mean, of_variance = _over_factors(ratios, effects.without_crosstalk, maps)
+    of_mean, of_variance = _over_factors(ratios, alone, maps)
     return mean * of_mean, variance * of_variance
 
 
@@ -96,51 +109,47 @@ def _over_factors(
     maps: AvalancheMaps,
 ) -> Floats:
     """Ratios (2, ...) for pixels with their own dead time and number of carriers."""
-    fine, coarse = np.zeros((2, 2, *maps.dead_time.shape))
-    pairs = list(
-        product(
-            _factors(maps.dead_time, effects.dead_time.is_on),
-            _factors(maps.afterpulsing, effects.afterpulsing.is_on),
+    coarse = None
+    for nodes in _FACTORS:
+        fine = np.zeros((2, *maps.dead_time.shape))
+        pairs = list(
+            product(
+                _factors(maps.dead_time, effects.dead_time.is_on, nodes),
+                _factors(maps.afterpulsing, effects.afterpulsing.is_on, nodes),
+            )
         )
+        for (dead_factor, of_dead), (factor, of_traps) in pairs:
+            scaled = effects.model_copy(
+                update={
+                    "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
+                    "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
+                }
+            )
+            fine += of_dead * of_traps * ratios(scaled, 1 / len(pairs))
+        if coarse is not None and all(
+            np.all(np.abs(fine[row] - coarse[row]) <= most * np.abs(fine[row]))
+            for row, most in enumerate((_MOST_OFF, 5 * _MOST_OFF))
+        ):
+            return fine
+        coarse = fine
+    raise UserError(
+        "mismatch_sigma: in so bright light, mean and variance are not stated for pixels that "
+        "differ in dead time or carriers; lower the light, or ask for no expectation"
     )
-    for (dead_factor, *of_dead), (factor, *of_traps) in pairs:
-        scaled = effects.model_copy(
-            update={
-                "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
-                "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
-            }
-        )
-        at_factors = ratios(scaled, 1 / len(pairs))
-        fine += of_dead[0] * of_traps[0] * at_factors
-        coarse += of_dead[1] * of_traps[1] * at_factors
-    if any(
-        np.any(np.abs(fine[row] - coarse[row]) > most * np.abs(fine[row]))
-        for row, most in enumerate((_MOST_OFF, 5 * _MOST_OFF))
-    ):
-        raise UserError(
-            "mismatch_sigma: in so bright light, mean and variance are not stated for pixels that "
-            "differ in dead time or carriers; lower the light, or ask for no expectation"
-        )
-    return np.asarray(fine)
 
 
 def _scaled(effect: Any, field: str, factor: float) -> Any:
     return effect.model_copy(update={field: getattr(effect, field) * factor})
 
 
-def _factors(factors: Floats, is_on: bool) -> list[tuple[float, Floats, Floats]]:
-    """Nodes over a factor, and each pixel's weight of each node in two polynomials (Lagrange).
-
-    The first is through all nodes, the second through every second one.
-    """
+def _factors(factors: Floats, is_on: bool, number: int) -> list[tuple[float, Floats]]:
+    """Nodes over a factor, and each pixel's weight of each in a polynomial (Lagrange)."""
     low, high = float(factors.min(initial=np.inf)), float(factors.max(initial=0))
     if not is_on or not factors.size or high - low <= 1e-9 * high:
-        ones = np.ones_like(factors)
-        return [(high if is_on and factors.size else 1.0, ones, ones)]
-    nodes = np.linspace(low, high, _FACTORS).tolist()
-    coarse = np.zeros((_FACTORS, *factors.shape))
-    coarse[::2] = lagrange(factors, nodes[::2])
-    return list(zip(nodes, lagrange(factors, nodes), coarse, strict=True))
+        return [(high if is_on and factors.size else 1.0, np.ones_like(factors))]
+    places = (1 - np.cos(np.pi * np.arange(number) / (number - 1))) / 2
+    nodes = (low + (high - low) * places).tolist()
+    return list(zip(nodes, lagrange(factors, nodes), strict=True))
 
 
 def lagrange(x: Floats, nodes: Sequence[float]) -> list[Floats]:
@@ -159,7 +168,7 @@ def _at_rates(
     # one thread computes: others would repeat its work
     with _one_at_a_time:
         if rates.size <= _FEW_RATES:
-            found = [counts_of_pixel(rate, exposure_s, effects)[:2] for rate in rates.tolist()]
+            found = [_of_pixel(rate, exposure_s, effects)[:2] for rate in rates.tolist()]
             moments = np.array(found).reshape(-1, 2)
         else:
             arrivals = np.maximum(rates * exposure_s, _FEWEST_ARRIVALS)
@@ -195,6 +204,17 @@ def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, shar
     return np.maximum(moments, 0.0)
 
 
+def _of_pixel(
+    rate_hz: float, exposure_s: float, effects: AvalancheEffects
+) -> tuple[float, float, float]:
+    """Mean and variance at one rate, and operations taken."""
+    rate = np.array([rate_hz])
+    if is_limit(rate, exposure_s, effects, None)[0]:
+        mean, variance = bright_moments(rate, exposure_s, effects, None)
+        return float(mean[0]), float(variance[0]), 1.0
+    return counts_of_pixel(rate_hz, exposure_s, effects)
+
+
 @lru_cache(maxsize=4096)
 def _piece(
     width: float, number: float, exposure_s: float, effects: AvalancheEffects
@@ -205,7 +225,7 @@ def _piece(
     """
     arrivals = 10 ** (width * (number + _NODES))
     mean, variance, work = np.array(
-        [counts_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
+        [_of_pixel(each / exposure_s, exposure_s, effects) for each in arrivals]
     ).T
     mean += _NO_COUNTS
     values = np.column_stack([np.log(mean), variance / mean])

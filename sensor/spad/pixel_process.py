@@ -340,17 +340,24 @@ def _without_dead_time(
     """Mean and variance (E, 2) at some ends of the exposure, and operations taken."""
     traps, gate = effects.afterpulsing, effects.gate.window
     longest_s = traps.table_delays_s[-1] if traps.table_delays_s else 20 * traps.delay_s
-    moments = []
+    moments, work = [], 1e6
     for end_s in ends_s:
         cell_s = longest_s / _CELLS_PER_MEMORY
         if gate[0]:
             cell_s = min(cell_s, max(gate[1] / _CELLS_PER_WINDOW, cell_s / 20))
         cell_s = end_s / math.ceil(end_s / min(cell_s, end_s / 16))
         warm = math.ceil(effects.memory_s / cell_s) if effects.dead_time.start != "live" else 0
+        cells = warm + round(end_s / cell_s)
+        work += cells * min(cells, longest_s / cell_s)
+        if work > MOST_WORK:
+            raise UserError(
+                f"afterpulsing: delays up to {longest_s:.3g} s take too long to follow through an "
+                f"exposure_s of {end_s:.3g}; shorten the delay or lengthen the exposure"
+            )
         edges_s = cell_s * np.arange(-warm, round(end_s / cell_s) + 1)
         opened = np.diff([open_time(time_s, *gate) for time_s in edges_s]) / cell_s
         moments.append(_hawkes(opened, warm, rate_hz * cell_s, _lags(cell_s, longest_s, effects)))
-    return np.array(moments), 1e6
+    return np.array(moments), work
 
 
 def _lags(cell_s: float, longest_s: float, effects: AvalancheEffects) -> Floats:

@@ -49,7 +49,7 @@ from .plainest import (
 LARGEST_Z = 5.0
 BANDS_NM = (460.0, 480.0), (440.0, 460.0)  # the first is dark
 TENTHS, CONSECUTIVE, CTIA_FRAME = 10, 3, 99
-KEY = {"seed": 4, "sequence": "physics"}
+KEY = {"seed": 4, "stream": "physics"}
 Sample = NDArray[Any]
 
 
