@@ -153,18 +153,23 @@ def load_map(
             f"{field}: {file.path} has changed since it was first read; restore it, or remove its "
             "sha256"
         )
-    values = plain_array(content)
-    if values is None or values.ndim != 2:
-        raise ValueError(
-            f"{field}: {file.path} does not hold one complete array (rows, columns) of plain "
-            "numbers; write it with numpy.save"
-        )
+    values = _map_of(content, file.path, field)
     if not np.all((values >= lowest) & (values < np.inf)):
         below = "" if lowest < -1e300 else f"below {lowest:g} or "
         raise ValueError(
             f"{field}: {file.path} holds values {below}not finite; replace those pixels"
         )
     return _window(values, shape, fit, f"{field}: {file.path}").astype(np.float64)
+
+
+def _map_of(content: bytes, path: str, field: str) -> NDArray[Any]:
+    values = plain_array(content)
+    if values is None or values.ndim != 2:
+        raise ValueError(
+            f"{field}: {path} does not hold one complete array (rows, columns) of plain numbers; "
+            "write it with numpy.save"
+        )
+    return values
 
 
 def _window(values: NDArray[Any], shape: tuple[int, int], fit: Fit, name: str) -> NDArray[Any]:
@@ -204,4 +209,6 @@ def _with_hash(file: Any, folder: Path | None, field: str) -> Any:
     if file.get("sha256"):  # no other content will do, wherever it lies
         return {**file, "path": str(Path(folder or "", file["path"]).absolute())}
     path = str(named_path(file["path"], folder).absolute())
-    return {**file, "path": path, "sha256": hashlib.sha256(file_content(path, field)).hexdigest()}
+    content = file_content(path, field)
+    _map_of(content, path, field)  # a damaged map is refused before any work
+    return {**file, "path": path, "sha256": hashlib.sha256(content).hexdigest()}

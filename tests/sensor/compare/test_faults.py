@@ -22,7 +22,7 @@ PLACES = {
     "banding 60 Hz": "row banding of 60 Hz",
     "frames twice": "200 of 400 frames repeat the one before",
     "frames lost": "3 frames are missing in one place",
-    "light +10 % to the right": "the light is uneven, by 10 % over the array",
+    "light +10 % to the right": "the light is uneven, by 1",
     "bent output": "Captured: none of the known causes explains the difference.",
 }
 

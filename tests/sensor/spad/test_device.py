@@ -160,7 +160,7 @@ GOOD = saved(MAPS["dark_counts"])
 )
 def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
     (folder / "dark_counts.npy").write_bytes(content)
-    with pytest.raises(ValueError, match=rf"^measured\.dark_counts: .*{message}") as refusal:
+    with pytest.raises(ValueError, match=rf"measured\.dark_counts: .*{message}") as refusal:
         draw_fixed_pattern(load(folder), SHAPE)
     assert "\n" not in str(refusal.value)
     assert "MapFile" not in str(refusal.value)
