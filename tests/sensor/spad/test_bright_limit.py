@@ -78,7 +78,10 @@ def test_moments_in_bright_light_are_those_of_single_events(end, carriers, delay
         assert abs(counts.var() - variance) < off
 
 
-@pytest.mark.parametrize("name", ["spadcam", "array-12x4", "gersbach-130nm-5v", "ideal"])
+SLOW = (pytest.param(name, marks=pytest.mark.slow) for name in ("array-12x4", "gersbach-130nm-5v"))
+
+
+@pytest.mark.parametrize("name", ["spadcam", "ideal", *SLOW])
 @pytest.mark.parametrize("effects", EFFECTS)
 def test_daylight_is_drawn_from_moments(name, effects):
     # 3e7 detections per second in SPADCAM are daylight on an albedo of .2
