@@ -49,7 +49,7 @@ def run(capsys):
         (
             "sense",
             "light-levels sensors products imu sub-frames burst-hz free-running correct calibration "
-            "expectation",
+            "expectation repeats",
         ),
         ("flow", "methods flow"),
         ("benchmark photons", "methods benchmark title trial vary values sizes templates"),
