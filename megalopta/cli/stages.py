@@ -91,7 +91,7 @@ def _render(options: Namespace) -> str | None:
     "demo",
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
-    switch("--quick", "make a small and noisy demo, in half a minute"),
+    switch("--quick", "make a small and noisy demo, in about a minute"),
     settings=VerbSettings(argument="configuration", without="demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
