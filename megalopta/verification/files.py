@@ -228,9 +228,13 @@ def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
         if name == "sequences" and rows != len(names):
             yield FileFault(table, f"has {rows} rows for {len(names)} sequences", again)
     described = tree.root / "croissant.json"
-    with suppress(UserError, OSError, ValueError, KeyError):  # reported with the tables
-        found = read_json(described)
-        if found != croissant(tree.root, tree.plan(), found["version"]):
+    try:
+        description = read_json(described)
+    except (UserError, OSError, ValueError):
+        description = None
+    version = description.get("version") if isinstance(description, dict) else None
+    with suppress(UserError, OSError, ValueError, KeyError):  # of tables that are told above
+        if description != croissant(tree.root, tree.plan(), str(version)):
             yield FileFault(described, "differs from the plan and the tables", again)
 
 
