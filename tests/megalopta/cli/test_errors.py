@@ -68,7 +68,11 @@ TEXTURED = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.glb", BOX[:-9], "a.glb is missing or damaged (it states 928 bytes, and has 919); repair"),
+        (
+            "a.glb",
+            BOX[:-9],
+            "a.glb is missing or damaged (it states 928 bytes, and has 919); repair",
+        ),
         ("a.obj", TEXTURED, "names wood.png, which"),
     ],
 )
