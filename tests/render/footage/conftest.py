@@ -4,6 +4,9 @@ import av
 import numpy as np
 import pytest
 
+from megalopta.core.errors import UserError
+from megalopta.render.footage.opening import open_footage
+
 LOSSLESS = {
     "libx264": {"qp": "0"},
     "libvpx-vp9": {"lossless": "1"},
@@ -64,3 +67,11 @@ def gray(code, bits=8, shape=(48, 64)):
 
 def assert_mean_of_frame(footage, rtol=1e-12):
     np.testing.assert_allclose(footage.mean(0), footage.frame(0).mean((0, 1), dtype=float), rtol)
+
+
+def refused(path):
+    with pytest.raises(UserError) as refusal:
+        open_footage(path)
+    message = str(refusal.value)
+    assert str(path) in message and "\n" not in message
+    return message

@@ -15,6 +15,8 @@ from PIL import Image, TiffImagePlugin
 from megalopta.core.errors import UserError
 from megalopta.render import open_footage, write_radiance
 
+from .conftest import refused
+
 PICTURE = np.arange(1, 13, dtype=np.float32).reshape(3, 4)
 XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 D65 = (0.3127, 0.3290)
@@ -28,14 +30,6 @@ def seen(path, unit=None):
             str(path) in note or "over black" in note or "HDR" in note for note in footage.notes
         )
         return frames, " | ".join(footage.notes)
-
-
-def refused(path):
-    with pytest.raises(UserError) as refusal:
-        open_footage(path)
-    message = str(refusal.value)
-    assert str(path) in message and "\n" not in message
-    return message
 
 
 def exr(path, channels, **stated):

@@ -10,17 +10,9 @@ import pytest
 from megalopta.core.errors import UserError
 from megalopta.render import open_footage
 
-from .conftest import assert_mean_of_frame, gray
+from .conftest import assert_mean_of_frame, gray, refused
 
 BT709 = {"color_trc": 1, "colorspace": 1, "color_primaries": 1, "color_range": 1}
-
-
-def refused(path):
-    with pytest.raises(UserError) as refusal:
-        open_footage(path)
-    message = str(refusal.value)
-    assert str(path) in message and "\n" not in message
-    return message
 
 
 def pq(code):
