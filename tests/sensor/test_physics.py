@@ -226,7 +226,7 @@ CASES = (
     array("crosstalk, pairs of rows, non-paralyzable", crosstalk=PAIRS_OF_ROWS, dead_time=ACTIVE),
     array("crosstalk, pairs of rows, paralyzable", crosstalk=PAIRS_OF_ROWS, dead_time=PASSIVE),
     array("non-paralyzable, afterpulsing, crosstalk, maps", dead_time=ACTIVE, afterpulsing=TRAPS,
-          crosstalk=TALK, maps={"dead_time": [0.6, 0.8, 1.0, 1.2, 1.4, 0.7],
+          crosstalk=TALK, maps={"dead_time": [0.6, 0.8, 1.0, 1.05, 0.9, 0.7],
                                 "afterpulsing": [0.7, 1.3, 1.0, 0.5, 1.5, 0.9],
                                 "crosstalk": [0.2, 1.8, 1.0, 0.5, 1.5, 0.1]}),
     array("paralyzable, afterpulsing, gate, crosstalk", dead_time=PASSIVE, afterpulsing=TRAPS,
