@@ -93,7 +93,7 @@ def test_more_events_than_memory_holds_are_refused_in_one_sentence():
         radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
         stream="s", first_frame=0, frame_period_s=1.0,
     )  # fmt: skip
-    with pytest.raises(ValueError, match="events in a frame, more than"):
+    with pytest.raises(UserError, match="events in a frame are to be simulated"):
         next(shot.events())
 
 
