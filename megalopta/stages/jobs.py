@@ -162,7 +162,8 @@ def _by_cluster(
 
     with connected(scheduler) as client:
         futures = {
-            client.submit(_alike, job, index, environment(), pure=False): index for index in indices
+            client.submit(attempt_alike, job, index, environment(), pure=False): index
+            for index in indices
         }
         for future in as_completed(futures):
             problem = future.exception()
@@ -173,7 +174,7 @@ def _by_cluster(
                 yield future.result()
 
 
-def _alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
+def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
     """Run a job if the environment is the wanted one: another might give other output."""
     there = environment()
     if names := [name for name in wanted if there.get(name) != wanted[name]]:

@@ -86,7 +86,7 @@ def make(
     with locked(tree.root):
         tree.sweep()
         tree.write_header(plan=whole.model_dump(mode="json"))
-        there = set(tree.names())
+        there = set(tree.names()) - {path.stem for path in tree.records.glob("*.begun")}
         asked = range(plan.sequences) if only is None else only
         todo = [index for index in asked if sequence_name(index) not in there]
         if todo:

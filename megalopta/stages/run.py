@@ -142,7 +142,8 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
                 gone.add(name)
         todo.append(name)
     removed = with_dependents(gone)
-    for need in {need for name in stages for need in STAGES[name].needs}.difference(stages):
+    needs = {need for name in stages for need in STAGES[name].needs}.difference(stages)
+    for need in (name for name in STAGES if name in needs):
         if need in removed:
             raise UserError(
                 f"{root}: --redo of {stages[0]!r} alone would remove the {need!r} output, which "
@@ -170,10 +171,10 @@ More = Callable[[Dataset], Mapping[str, Any]]
 def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
     """Do the work on a sequence, and return it with its record."""
     settings, former = dataset.configuration, dataset.former
-    if not work.todo:
-        files.remove(dataset.begun_path)
-        return dataset
+    described = {"configuration": settings.model_dump(mode="json")}
     with locked(dataset.record_path.parent, f".{dataset.sequence}.lock"):
+        if not work.todo:  # stages to come may have other settings
+            return _entered(dataset, former.model_copy(update=described))
         for name in set(work.todo).intersection(work.removed, former.stages):
             with refused_as(name):
                 STAGES[name].rehearse(settings)
@@ -182,7 +183,6 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
         if dataset.begun_path.exists():
             _sweep(dataset, work.todo)
         begun = {name: begin(dataset, name) for name in work.todo}
-        described = {"configuration": settings.model_dump(mode="json")}
         marked = former.model_copy(update={**described, "stages": begun})
         files.write_text(dataset.begun_path, marked.to_json())
         try:
@@ -207,9 +207,14 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
         stages = {name: made.get(name) or kept.stages.get(name) for name in STAGES}
         finished = {name: stage for name, stage in stages.items() if stage}
         update = {**described, **fields, "stages": finished}
-        record = former.model_copy(update=update)
+        return _entered(dataset, former.model_copy(update=update))
+
+
+def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
+    """Write the record of a sequence; nothing of it is in progress any more."""
+    if record != dataset.record:
         files.write_text(dataset.record_path, record.to_json())
-        files.remove(dataset.begun_path)
+    files.remove(dataset.begun_path)
     return replace(dataset, record=record)
 
 
