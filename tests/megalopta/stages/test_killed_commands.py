@@ -45,7 +45,7 @@ def started(*words):
     """A command that is loaded."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM, *map(str, words)],
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     assert process.stdout.readline() == "ready\n"
     return process
@@ -53,8 +53,8 @@ def started(*words):
 
 def run(*words):
     start, process = time.monotonic(), started(*words)
-    process.communicate()
-    assert process.returncode == 0
+    _, told = process.communicate()
+    assert process.returncode == 0, told
     return time.monotonic() - start
 
 
