@@ -113,7 +113,7 @@ def overhead(folder: Path) -> dict[str, Any]:
     tree = make(folder, FOREST)
     total, cpu = time.perf_counter() - start, time.process_time() - cpu
     start = time.perf_counter()
-    write_index(tree, tree.plan())
+    write_index(tree, tree.plan)
     index = time.perf_counter() - start
     return {
         "total": total,

@@ -109,7 +109,7 @@ class Dataset:
         """Record of the stages in progress."""
         return self.record_path.with_suffix(".begun")
 
-    @property
+    @cached_property
     def former(self) -> SequenceRecord:
         """Its record; an empty one if nothing is finished."""
         return self.record or SequenceRecord(
