@@ -431,8 +431,8 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             if product_stem(path) not in made.exposures:
                 files.remove(path)
         expose(wanted)
-        known = {name for name in record.files if name.startswith(("counts/", "corrected/"))}
-        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in known]
+        listed = record.files
+        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in listed]
         sensed = record.stages["sense"]
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
