@@ -219,8 +219,7 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
 
 def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
     """Write the record of a sequence; nothing of it is in progress any more."""
-    if record != dataset.record:
-        files.write_text(dataset.record_path, record.to_json())
+    files.write_text(dataset.record_path, record.to_json())
     files.remove(dataset.begun_path)
     return replace(dataset, record=record)
 

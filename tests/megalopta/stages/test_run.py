@@ -128,6 +128,13 @@ def test_redo_replaces_what_disagrees_and_keeps_the_rest(whole_copy):
     assert finished_stages(dataset) == ["render", "sense", "benchmark"]
 
 
+def test_redo_with_the_same_settings_gives_the_same_bytes(whole_copy):
+    before, settings = content(whole_copy), load(str(whole_copy))
+    for name in ORDER:
+        run_stage(whole_copy, settings, name, redo=True)
+    assert content(whole_copy) == before
+
+
 def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
     before = content(copy.root)
     changed = copy.configuration.model_copy(update={"seed": 9})
