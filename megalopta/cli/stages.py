@@ -57,7 +57,7 @@ _FROM_CONFIGURATION = (
     *_FROM_CONFIGURATION,
     switch(
         "--dry-run",
-        "estimate size, time, memory and integrator from a short measurement; render nothing",
+        "estimate size, time and memory from a short measurement; render nothing",
     ),
     settings=VerbSettings(stage="render", argument="configuration", without="demo"),
     often=(
