@@ -16,7 +16,8 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset import labels, sintel, stereo
+from megalopta.dataset import labels, sintel
+from megalopta.dataset.frames import decoded
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import SUFFIXES, Dataset
 from megalopta.plotting.text import three_digits
@@ -250,7 +251,7 @@ class FrameWriter:
             there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], there])
             flow = self._renderer.flow(both, 0, 1, [time, time])
-            stereo.write_disparity(self._dataset, index, flow, baseline)
+            sintel.write_disparity(self._dataset, index, flow, baseline)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -383,11 +384,15 @@ def write_previews(dataset: Dataset) -> None:
     configuration = dataset.configuration
     white = configuration.scene.white(configuration.light)
     frames = range(configuration.trajectory.frames)
-    read = (read_radiance(dataset.radiance(index)) for index in frames)
-    curve = ToneCurve.of(linear_srgb(*each, white) for each in read)
+    curve = ToneCurve.of(linear_srgb(*_sharp(dataset, index), white) for index in frames)
     for index in frames:
-        image = preview(*read_radiance(dataset.radiance(index)), white, curve)
+        image = preview(*_sharp(dataset, index), white, curve)
         sintel.write_png(dataset.frame("training/clean", index), image)
+
+
+def _sharp(dataset: Dataset, index: int) -> tuple[Any, Any]:
+    radiance, bands_nm = decoded(dataset.radiance(index), read_radiance)
+    return radiance, bands_nm
 
 
 def _outputs(dataset: Dataset) -> list[Path]:
@@ -424,4 +429,5 @@ STAGE = Stage(
     model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
     machinery=_machinery,
     check=_check,
+    rehearse=lambda settings: build(settings) if settings.scene.has_truth else None,
 )

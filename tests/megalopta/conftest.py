@@ -8,8 +8,8 @@ from filelock import FileLock
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
-from megalopta.generation.making import make
-from megalopta.stages.pipeline import run_all
+from megalopta.stages.make import make
+from megalopta.stages.run import run_all
 
 from .small import TINY, copied, small
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ..harm import link, pipe, replaced
+from ..harm import link, pipe
 
 READING = {
     "benchmark sequence": ("--out", "{out}"),
@@ -32,34 +32,17 @@ def home(tmp_path):
     return folder
 
 
-def moving(moves, goes, links=()):
-    """A move of new output that seems to have been broken off."""
-
-    def put(root, home):
-        new = root / ".redo"
-        (new / RECORD).parent.mkdir(parents=True)
-        for name in ("dataset.yaml", RECORD):
-            shutil.copy(root / name, new / name)
-        for name, target in dict(links).items():
-            replaced(root / name, lambda path, to=target: path.symlink_to(to.format(home=home)))
-        for name in moves:
-            if not os.path.lexists(new / name) and ".." not in name and name[0] != "{":
-                replaced(new / name, lambda path: path.write_text("planted"))
-        names = [[name.format(home=home) for name in each] for each in (moves, goes)]
-        plan = dict(zip(("moves", "goes"), names, strict=True))
-        (new / "publish.json").write_text(json.dumps(plan))
-
-    return put
-
-
 def settings(change):
-    """Other settings in dataset.yaml."""
+    """Other settings in the record and in dataset.yaml."""
 
     def put(root, home):
         path = root / "dataset.yaml"
         values = yaml.safe_load(path.read_text("utf-8"))
         change(values["configuration"], home)
         path.write_text(yaml.safe_dump(values), "utf-8")
+        record = json.loads((root / RECORD).read_text("utf-8"))
+        change(record["configuration"], home)
+        (root / RECORD).write_text(json.dumps(record))
 
     return put
 
@@ -84,11 +67,6 @@ HARM = {
     "link to nothing outside": link("corrected", "{home}/new"),
     "link of the lock": link(".lock", "{home}/.bashrc"),
     "hard link of the lock": lambda root, home: os.link(home / ".bashrc", root / ".lock"),
-    "move through a link": moving(
-        [".redo/link/.bashrc", "link/.bashrc"], ["link/docs"], {"link": "../home"}
-    ),
-    "move of absolute names": moving(["{home}/new"], ["{home}/docs"]),
-    "move of no output": moving(["training"], ["radiance"]),
     "pipe as the record of the sequence": pipe(RECORD),
     "endless settings": link("dataset.yaml", "/dev/zero"),
     "record by ..": hashed("../home/.bashrc", 8),

@@ -6,24 +6,10 @@ import shutil
 import pytest
 import zarr
 
-from megalopta.dataset.store import hashes_of
-
 from ..harm import as_format_2
+from ..small import agreeing
 
 COUNTS, RESPONSES = "counts/grating", "results/grating/responses"
-
-
-def agreeing(root):
-    """Let the record of a dataset agree with what lies there."""
-    path = root / "sequences/grating.json"
-    record = json.loads(path.read_text("utf-8"))
-    for stage in record["stages"].values():
-        folders = {
-            name.partition(".zarr")[0] + ".zarr" for name in stage["files"] if ".zarr" in name
-        }
-        plain = [root / name for name in stage["files"] if ".zarr" not in name]
-        stage["files"] = hashes_of(root, [*plain, *(root / name for name in folders)])
-    path.write_text(json.dumps(record))
 
 
 VERBS = {
