@@ -16,10 +16,9 @@ from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import open_array, undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
-from megalopta.core.zarr_store import open_array
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark

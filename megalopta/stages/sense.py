@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.config.scene import own_fields
+from megalopta.config.sensing import SensingSettings
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError, refused_as, shell_command
@@ -349,18 +351,7 @@ def _check(settings: Configuration) -> None:
 STAGE = Stage(
     name="sense",
     command="sense",
-    fields=(
-        "light_levels",
-        "sensors",
-        "products",
-        "sub_frames",
-        "burst_hz",
-        "free_running",
-        "expectation",
-        "correct",
-        "calibration",
-        "imu",
-    ),
+    fields=own_fields(SensingSettings),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,

@@ -20,11 +20,10 @@ from rich.console import Console
 from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
-from megalopta.core.bounded import printable, read_json
+from megalopta.core.bounded import METADATA, open_store, printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.core.zarr_store import METADATA, open_store
 from megalopta.dataset.index import (
     TABLES,
     croissant,

@@ -40,9 +40,11 @@ def test_damage_of_a_part_is_named_after_the_file_and_keeps_its_remedy():
         raise DamagedFileError("material 'x' is empty; fill it")
 
 
-def test_words_about_the_file_are_kept_and_get_the_remedy():
+def test_words_about_the_file_do_not_name_it_twice():
     with (
-        pytest.raises(DamagedFileError, match=r"^a\.exr: no such file; render again$"),
+        pytest.raises(
+            DamagedFileError, match=r"^a\.exr is missing or damaged \(no such file\); render again$"
+        ),
         undamaged("a.exr", "render again"),
     ):
         raise FileNotFoundError("a.exr: no such file")

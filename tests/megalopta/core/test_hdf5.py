@@ -4,8 +4,8 @@ import h5py
 import numpy as np
 import pytest
 
+from megalopta.core.bounded import numbers_in, opened_hdf5
 from megalopta.core.errors import UserError
-from megalopta.core.hdf5 import numbers_in, opened_hdf5
 
 HOSTILE = {
     "external link": lambda file: file.__setitem__("a/b", h5py.ExternalLink("other.h5", "a/b")),

@@ -4,8 +4,8 @@ import pytest
 
 from megalopta.config.model import Configuration, load, parse
 from megalopta.config.recipe import load_plan
+from megalopta.core.bounded import named_path
 from megalopta.core.errors import UserError
-from megalopta.core.named_file import named_path
 from megalopta.sensor import load_sensor
 
 SECRET = "hunter2 is the password\n"

@@ -10,9 +10,8 @@ import zarr
 from numcodecs import Zstd, blosc
 from zarr.codecs import BloscCodec, GzipCodec, ZstdCodec
 
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import open_array, open_store, undamaged
 from megalopta.core.errors import UserError
-from megalopta.core.zarr_store import open_array, open_store
 
 from ..harm import as_format_2
 
