@@ -23,11 +23,11 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.core.progress import say
-from megalopta.dataset.layout import Tree
+from megalopta.dataset.index import read_lists
+from megalopta.dataset.store import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.render import open_footage
 from megalopta.render.footage.pictures import KINDS
-from megalopta.stages.ledger import Ledger
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 LAYOUTS = (
@@ -109,11 +109,9 @@ def _compare_with_record(root: Path) -> None:
     above = (root.resolve(), *root.resolve().parents)
     for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
         tree = Tree(home)
-        if tree.lone:
-            Ledger(tree.lone).finished()
-        elif lost := tree.read_manifest().keys() - set(tree.names()):
-            raise UserError(f"{tree.record_path(min(lost))} is missing; run: {tree.make_again}")
-        for name in [] if tree.lone else tree.names():
+        tree.check()
+        read_lists(home, tree.names())  # refuses a name without a record
+        for name in tree.names():
             tree.opened(name).compare_all("training/")
 
 

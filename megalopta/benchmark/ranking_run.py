@@ -16,13 +16,12 @@ from megalopta.benchmark.sequence_errors import METRICS, Example, example_of
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.folders import check_enclosed, locked
+from megalopta.core.folders import locked
 from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
-from megalopta.dataset.layout import Tree
-from megalopta.dataset.store import Dataset
+from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.registry import Method
-from megalopta.stages.ledger import Ledger
+from megalopta.stages.run import require
 
 FOLDER = "ranking"
 """Folder of the demo's ranking, inside its dataset"""
@@ -66,12 +65,12 @@ def run_ranking(
 def sequences_of(root: Path) -> list[Dataset]:
     """Open the rendered sequences of a folder. Raises UserError."""
     tree = Tree(root)
-    check_enclosed(root)
-    if tree.lone:
-        Ledger(tree.lone).require("render")
+    tree.check()
     datasets = [tree.opened(name) for name in tree.names()]
     if not datasets:
-        raise UserError(f"{root}: no finished sequence; run megalopta dataset make")
+        raise UserError(f"{root}: no finished sequence; run: {tree.make_again}")
+    if len(datasets) == 1:
+        require(datasets[0], "render")
     return datasets
 
 

@@ -23,7 +23,7 @@ from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.photons import BlackFrameError
-from megalopta.generation.cluster import connected
+from megalopta.stages.jobs import connected
 
 Curves = tuple[ErrorCurve, ...]
 Results = Mapping[Trial, Curves]

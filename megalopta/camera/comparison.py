@@ -34,6 +34,7 @@ from megalopta.config.model import load
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
+from megalopta.dataset.store import open_sequence
 from megalopta.sensor import AnalogCounter, Sensor, changed
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
@@ -42,8 +43,7 @@ from megalopta.sensor.compare.recordings import Comparison, compare_recordings
 from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
-from megalopta.stages.pipeline import run_stage
-from megalopta.stages.redo import open_dataset_whole
+from megalopta.stages.run import run_stage
 
 _95 = 1.959964
 _SHIFTS_PER_FRAME = 4
@@ -221,7 +221,7 @@ def rendered_dataset(scene: str, beside: Path) -> Path:
     if not root.is_dir():
         root, configuration = beside, load(scene)
     else:
-        configuration = open_dataset_whole(root).configuration
+        configuration = open_sequence(root).configuration
     run_stage(root, configuration, "render")
     return root
 

@@ -12,7 +12,6 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
-from megalopta.core.errors import UserError
 from megalopta.settings.verb_settings import VerbSettings
 
 VERBS["dataset"] = Verb("make a dataset of many sequences")
@@ -24,7 +23,6 @@ VERBS["dataset"] = Verb("make a dataset of many sequences")
     option("plan", "YAML file of the plan, or folder of a dataset to continue", Path),
     out("out/dataset", "dataset folder"),
     option("--only N", "only these sequences, such as 731 or 0-9,20"),
-    switch("--retry", "only sequences that failed before"),
     switch(
         "--dry-run",
         "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
@@ -37,18 +35,14 @@ VERBS["dataset"] = Verb("make a dataset of many sequences")
     ),
     example="megalopta dataset make plan.yaml --out data --workers 2",
 )
-def _make(options: Namespace) -> Path | None:
+def _make(options: Namespace) -> Path | str:
     from megalopta.config.recipe import load_plan
-    from megalopta.generation.dry_run import dry_run
-    from megalopta.generation.making import make, parse_indices
+    from megalopta.stages.estimate import estimate_plan
+    from megalopta.stages.make import make, parse_indices
 
     plan = load_plan(options.plan, options.overrides)
-    if options.only and options.retry:
-        raise UserError("dataset make: --only or --retry, not both")
     only = parse_indices(options.only, plan.sequences) if options.only else None
     if options.dry_run:
-        dry_run(options.out, plan, options.workers or 1, only)
-        return None
-    where = {"workers": options.workers, "scheduler": options.scheduler}
-    make(options.out, plan, only=only, retry=options.retry, **where)
+        return estimate_plan(options.out, plan, options.workers or 1, only)
+    make(options.out, plan, only=only, workers=options.workers, scheduler=options.scheduler)
     return Path(options.out)

@@ -21,7 +21,7 @@ from megalopta.cli.command import (
 
 @verb("info", "show versions, the rendering variant and what would make it faster")
 def _info(options: Namespace) -> str:
-    from megalopta.generation.versions import describe
+    from megalopta.stages.versions import describe
 
     return describe()
 
@@ -33,12 +33,12 @@ def _info(options: Namespace) -> str:
     DATASET,
 )
 def _report(options: Namespace) -> Iterator[Path]:
-    from megalopta.dataset.layout import is_of_many
+    from megalopta.dataset.opened import open_dataset
     from megalopta.dataset.store import open_sequence
     from megalopta.report.dataset_card import SHOWN, write_card, write_contact_sheet
     from megalopta.report.page import write_report
 
-    if is_of_many(options.dataset):
+    if len(open_dataset(options.dataset)) > 1:
         yield write_card(options.dataset)
         yield write_contact_sheet(options.dataset, SHOWN)
     else:

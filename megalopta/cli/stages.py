@@ -68,21 +68,20 @@ _FROM_CONFIGURATION = (
     example="megalopta render demo --out out/night --light.level full_moon --scene.trees 300",
 )
 def _render(options: Namespace) -> str | None:
-    from megalopta.dataset.layout import is_of_many
+    from megalopta.dataset.store import Tree
 
-    if options.configuration and is_of_many(Path(options.configuration)):
+    folder = Path(options.configuration or "demo")
+    if (folder / "dataset.yaml").exists() and Tree(folder).plan:
         _make_what_is_missing(options)
         return None
     if options.dry_run:
-        from megalopta.generation.dry_run import dry_run_of_frames
+        from megalopta.stages.estimate import estimate_frames
 
         if not (settings := _configuration(options)).scene.has_truth:
             raise UserError("--dry-run: pictures are not rendered, only copied; omit it")
-        return dry_run_of_frames(options.out, settings)
-    from megalopta.stages.pipeline import run_stage
-    from megalopta.stages.redo import finish_move
+        return estimate_frames(options.out, settings)
+    from megalopta.stages.run import run_stage
 
-    finish_move(options.out)  # which may be the configuration, too
     run_stage(options.out, _configuration(options), "render", options.redo)
     return None
 
@@ -108,8 +107,8 @@ def _demo(options: Namespace) -> Path:
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
-    from megalopta.stages.pipeline import run_all
     from megalopta.stages.registry import STAGES
+    from megalopta.stages.run import run_all
 
     dataset = run_all(options.out, asked, options.redo, later=2)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
@@ -121,22 +120,17 @@ def _demo(options: Namespace) -> Path:
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:
-    """Run a stage on the dataset that the options name, of one sequence or of many."""
-    from megalopta.config.model import Configuration
-    from megalopta.config.yaml_model import validated
-    from megalopta.dataset.layout import is_of_many
-    from megalopta.stages.pipeline import run_stage
-    from megalopta.stages.redo import open_dataset_whole
+    """Run a stage on every sequence of the dataset that the options name."""
+    from megalopta.dataset.store import Tree
+    from megalopta.stages.make import add_exposures, measure
 
-    if is_of_many(options.dataset):
-        _run_on_many(stage, options)
-        return
-    if options.workers or options.scheduler:
-        given = "--workers" if options.workers else "--scheduler"
-        raise UserError(f"{options.dataset}: a dataset of one sequence; omit {given}")
-    stored = open_dataset_whole(options.dataset).configuration.model_dump(mode="json")
-    changed = validated(Configuration, stored, str(options.dataset), options.overrides)
-    run_stage(options.dataset, changed, stage, options.redo)
+    root, where = options.dataset, (options.workers, options.scheduler)
+    if stage != "sense" or Tree(root).plan is None:
+        measure(root, stage, options.overrides, options.redo, *where)
+    elif options.redo:
+        raise UserError(f"{root}: sequences of a plan, to which sense adds exposures; omit --redo")
+    else:
+        add_exposures(root, options.overrides, *where)
 
 
 verb(
@@ -220,7 +214,7 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
     from megalopta.stages.importing import PictureOptions, pictures_configuration, usual_folder
-    from megalopta.stages.pipeline import check_stage, run_stage
+    from megalopta.stages.run import check_stage, run_stage
 
     asked = PictureOptions(**given)
     settings = pictures_configuration(options.input, asked, options.overrides, options.out)
@@ -251,7 +245,7 @@ def _configuration(options: Namespace) -> "Configuration":
 def _make_what_is_missing(options: Namespace) -> None:
     """Make the sequences that a dataset of many still lacks."""
     from megalopta.config.recipe import load_plan
-    from megalopta.generation.making import make
+    from megalopta.stages.make import make
 
     if options.redo or options.dry_run:
         raise UserError(
@@ -259,20 +253,6 @@ def _make_what_is_missing(options: Namespace) -> None:
             "make it again, and see megalopta dataset make --help for --dry-run"
         )
     make(options.out, load_plan(Path(options.configuration), options.overrides))
-
-
-def _run_on_many(stage: str, options: Namespace) -> None:
-    from megalopta.generation.adding import add_exposures, measure
-
-    root, where = options.dataset, (options.workers, options.scheduler)
-    if stage != "sense":
-        measure(root, stage, options.overrides, options.redo, *where)
-    elif options.redo:
-        raise UserError(
-            f"{root}: a dataset of many sequences, to which sense adds exposures; omit --redo"
-        )
-    else:
-        add_exposures(root, options.overrides, *where)
 
 
 VERBS["scene"] = Verb("export a scene")

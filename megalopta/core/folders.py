@@ -54,13 +54,13 @@ def ensure_directory(path: Path) -> Path:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes; create it if it does not exist.
+def locked(folder: Path, name: str = LOCK_NAME) -> Iterator[None]:
+    """Lock a folder, or a name in it, against other processes; create it if it does not exist.
 
     A second process reports who holds the lock, and waits. Raises UserError if the folder cannot be
     created or written to, or the lock's file is something else.
     """
-    path = ensure_directory(folder) / LOCK_NAME
+    path = ensure_directory(folder) / name
     _check_lock(path)
     lock = FileLock(path)
     try:
@@ -121,13 +121,6 @@ def check_enclosed(root: Path) -> None:
                 )
         elif not entry.is_dir(follow_symlinks=False):
             _check_file(entry)
-
-
-def check_no_links(path: Path) -> None:
-    """Refuse a path that is a link, or a folder that contains one. Raises UserError."""
-    links = (each.path for each in _entries(path) if each.is_symlink())
-    if link := str(path) if path.is_symlink() else next(links, None):
-        raise UserError(f"{link}: a link instead of a file; remove it")
 
 
 def _entries(root: Path) -> Iterator[os.DirEntry[str]]:

@@ -19,7 +19,7 @@ class Format(NamedTuple):
 
 FORMATS: Mapping[str, Format] = {
     "dataset": Format(2, 2),  # dataset.yaml of one sequence or of many, and its results
-    "sequence": Format(2, 2),  # sequences/SEQ.json
+    "sequence": Format(3, 3),  # sequences/SEQ.json
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
     "recording": Format(2, 2),  # recording.yaml

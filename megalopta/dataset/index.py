@@ -1,4 +1,4 @@
-"""The index of finished sequences, rebuilt from the records: manifest, tables and splits.
+"""The index of finished sequences, rebuilt from the records: tables and splits.
 
 `splits/train/Sintel/training/flow/SEQ` links to `training/flow/SEQ`, so that loaders of MPI-Sintel
 read one split of a dataset. A copy with resolved links (`cp -rL`) is self-contained.
@@ -23,9 +23,8 @@ from megalopta import __version__
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.dataset.layout import MANIFEST, Tree
 from megalopta.dataset.record import SequenceRecord
-from megalopta.dataset.store import file_hash, frame_file
+from megalopta.dataset.store import Tree, frame_file
 
 _SAMPLE = "sample"
 """Split of the first few sequences."""
@@ -210,33 +209,25 @@ def _field(table: str, name: str, kind: str) -> dict[str, Any]:
 
 
 def write_index(tree: Tree, plan: Plan) -> None:
-    """Write manifest, tables, splits and Croissant file, with one record in memory at a time."""
+    """Write tables, splits and Croissant file, with one record in memory at a time."""
     names: dict[str, list[str]] = {split: [] for split in plan.splits}
     names |= {_SAMPLE: []} if plan.sample else {}
     with ExitStack() as open_files:
-        temporary = open_files.enter_context(files.atomic_write(tree.root / MANIFEST))
-        manifest = open_files.enter_context(temporary.open("w", encoding="utf-8"))
         tables = TableWriter(tree.root / "index", open_files)
         for record in map(tree.record, tree.names()):
-            if record.split not in names:
+            if record.split not in names or record.statistics is None:
                 raise DamagedFileError(
-                    f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is "
-                    "not in the plan); remove it and run megalopta dataset make again"
+                    f"{tree.record_path(record.sequence)} is damaged (its split {record.split!r} "
+                    "or its statistics); remove it and run megalopta dataset make again"
                 )
             tables.add(record)
-            line = {
-                "sequence": record.sequence,
-                "configuration": record.configuration_hash,
-                "record": file_hash(tree.record_path(record.sequence)),
-            }
-            manifest.write(json.dumps(line) + "\n")
             for split in splits_of(record, plan):
                 names[split].append(record.sequence)
                 for link, target in split_links(tree.root, split, record).items():
                     _link(link, target)
         tables.finish()
-    for split, found in names.items():
-        lines = "".join(f"{name}\n" for name in found)
+    for split, members in names.items():
+        lines = "".join(f"{name}\n" for name in members)
         files.write_text(tree.root / "splits" / f"{split}.txt", lines)
     files.write_json(tree.root / "croissant.json", croissant(tree.root, plan))
 

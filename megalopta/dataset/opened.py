@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.dataset.index import read_lists
-from megalopta.dataset.layout import Tree
 from megalopta.dataset.sequence import LazyFrames, Sequence
+from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
 _KEPT = 64
@@ -115,8 +115,7 @@ class OpenedDataset:
 
     def __init__(self, root: Path) -> None:
         self.root, self._tree = root, Tree(root)
-        if not self._tree.lone:
-            self._tree.plan()
+        self._tree.check()
         self.names = tuple(self._tree.names())
         self._open = lru_cache(maxsize=_KEPT)(lambda name: Sequence(self._tree.opened(name)))
 

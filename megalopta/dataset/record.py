@@ -1,7 +1,11 @@
-"""Record of a sequence: software of each stage, and the hash of every file."""
+"""Record of a sequence: its settings, the software of each stage, and the hash of every file.
 
-import json
+sequences/SEQ.json     the finished stages; what it does not list is no output
+sequences/SEQ.begun    the stages in progress, with settings and software, without files
+"""
+
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +16,6 @@ from megalopta.config.model import Configuration
 from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.format_numbers import check_format
-from megalopta.core.freshness import digest
 from megalopta.core.validation import checked
 
 MADE = ("render", "sense")
@@ -26,8 +29,7 @@ KINDS = (
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
 _EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 _MATRIX = 16
-_LONE_REMEDY = "restore it, or render into a new folder"
-_REMEDY = "remove it and run megalopta dataset make again"
+_REMEDY = "restore it, or remove it and make the sequence again"
 
 
 class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -81,24 +83,21 @@ class StageRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
     """Version of the program"""
     files: dict[str, tuple[int, str]] | None = None
     """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal); None
-    until the stage is finished"""
+    of a stage in progress"""
 
 
 class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """Record of a sequence; for one of many, also its place, settings and statistics."""
+    """Record of a sequence; for one of a plan, also its place and statistics."""
 
     format: int
     """Format of this file (`format_numbers`)"""
     sequence: str
     """Its name"""
+    configuration: dict[str, Any] = {}
+    """Settings of all stages"""
     stages: dict[str, StageRecord] = {}
-    """Records of the stages that were begun"""
     index: int = Field(default=0, ge=0)
     split: str = "all"
-    replaced: str | None = None
-    """Hash of the record that this one replaced, with more output"""
-    configuration: dict[str, Any] = {}
-    """Settings of one of many; those of a dataset of one are in dataset.yaml"""
     statistics: SequenceStatistics | None = None
     poses: tuple[tuple[FiniteFloat, ...], ...] = ()
     """Pose of every frame: matrix (4, 4), row by row, from camera axes (+x right, +y down, +z
@@ -128,10 +127,10 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         """Statistics of its exposures, if measured."""
         return self.statistics.exposures if self.statistics else ()
 
-    @property
-    def configuration_hash(self) -> str:
-        """Hash of all settings."""
-        return digest(json.dumps(self.configuration, sort_keys=True))
+    def without(self, stages: Collection[str]) -> "SequenceRecord":
+        """Return the record without some stages."""
+        left = {name: stage for name, stage in self.stages.items() if name not in stages}
+        return self.model_copy(update={"stages": left})
 
     def to_json(self) -> str:
         """Return the text of the file."""
@@ -143,29 +142,26 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         return int(self.configuration["trajectory"]["frames"])
 
 
-def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
-    """Return the record of a named sequence, one of many or alone.
+def read_record(path: Path, name: str) -> SequenceRecord:
+    """Return the record of a named sequence.
 
     Raises UserError, with the remedy, if it is missing or damaged.
     """
-    remedy = _LONE_REMEDY if is_lone else _REMEDY
     try:
         values = bounded.read_json(path)
         check_format("sequence", values, path)
         record = checked(SequenceRecord, values)
         _check_names(record, name)
-        if not is_lone:
-            _check_is_of_many(record)
     except OSError as problem:
-        raise UserError(f"{path}: {problem.strerror}; {remedy}") from None
+        raise UserError(f"{path}: {problem.strerror}; {_REMEDY}") from None
     except (AttributeError, TypeError):
-        raise _damaged(path, "no record", remedy) from None
+        raise _damaged(path, "no record") from None
     except ValueError as problem:
-        raise _damaged(path, bounded.quoted(str(problem)), remedy) from None
+        raise _damaged(path, bounded.quoted(str(problem))) from None
     return record
 
 
-def is_output(path: str, sequence: str) -> bool:
+def _is_output(path: str, sequence: str) -> bool:
     """True if a path in a dataset is output of a sequence, and does not lead elsewhere."""
     kind, found, rest = f"{path}/".partition(f"/{sequence}/")
     parts = set(rest.removesuffix("/").split("/")) if rest else set()
@@ -182,7 +178,7 @@ def stored_settings(record: SequenceRecord, path: Path) -> Configuration:
         raise _damaged(path, bounded.quoted(reason, 400)) from None
     if settings.name != record.sequence:
         raise _damaged(path, f"configuration: it belongs to {bounded.quoted(settings.name, 60)!r}")
-    if settings.trajectory.frames != len(record.poses):
+    if record.poses and settings.trajectory.frames != len(record.poses):
         raise _damaged(path, f"{len(record.poses)} poses of {settings.trajectory.frames} frames")
     return settings
 
@@ -195,19 +191,12 @@ def _check_names(record: SequenceRecord, name: str) -> None:
         raise ValueError(f"{bounded.quoted(record.split, 60)!r} cannot name a split")
     if strangers := record.stages.keys() - STAGE_NAMES:
         raise ValueError(f"{bounded.quoted(min(strangers), 60)!r} is not a stage")
+    if record.statistics and sequence_name(record.index) != name:
+        raise ValueError(f"index {record.index} is that of {sequence_name(record.index)!r}")
     for path in record.files:
-        if not is_output(path, name) or path.endswith(f"/{name}"):
+        if not _is_output(path, name) or path.endswith(f"/{name}"):
             raise ValueError(f"{bounded.quoted(path, 60)!r} is not a file of this sequence")
 
 
-def _check_is_of_many(record: SequenceRecord) -> None:
-    """Refuse, with ValueError, an incomplete record of one of many."""
-    if sequence_name(record.index) != record.sequence:
-        raise ValueError(f"index {record.index} is that of {sequence_name(record.index)!r}")
-    is_made = all(name in record.stages and record.stages[name].files for name in MADE)
-    if record.statistics is None or not record.configuration or not is_made:
-        raise ValueError("missing stages, configuration or statistics")
-
-
-def _damaged(path: Path, why: str, remedy: str = _REMEDY) -> DamagedFileError:
-    return DamagedFileError(f"{path} is damaged ({why}); {remedy}")
+def _damaged(path: Path, why: str) -> DamagedFileError:
+    return DamagedFileError(f"{path} is damaged ({why}); {_REMEDY}")

@@ -280,7 +280,7 @@ class Sequence:
 
         Raises UserError without such a camera.
         """
-        from megalopta.dataset.stereo import read_disparity
+        from megalopta.dataset.sintel import read_disparity
 
         if self.configuration.stereo_with is None:
             raise UserError(f"{self.name}: no second camera side by side, and thus no disparity")
@@ -395,7 +395,7 @@ class Sequence:
     def _exposure(self, wanted: str | None) -> str:
         there = self.exposures
         if not there:
-            again = shell_command("sense", self.dataset.home)
+            again = shell_command("sense", self.dataset.root)
             raise UserError(f"{self.name}: no counts yet; run: {again}")
         name = there[0] if wanted is None else wanted
         if name not in there:

@@ -1,8 +1,7 @@
-"""The dataset on disk: one folder, MPI-Sintel's tree with additions.
+"""The dataset on disk: one folder, MPI-Sintel's tree with additions, of one sequence or of many.
 
-dataset.yaml                 complete configuration and version of the program
-sequences/SEQ.json           software of each stage, and every file's hash
-timings.json                 seconds of each stage
+dataset.yaml                 version of the program, and the configuration or plan that it was given
+sequences/SEQ.json           record: settings and software of each stage, and every file's hash
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
 training/classes|instances|clusters|normals|albedo|tracks/SEQ/  labels on request
@@ -13,7 +12,14 @@ radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is
 truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter
 pictures/SEQ/                for pictures, instead of EXR and truth: a file, or a folder of files
 counts/SEQ/SENSOR-LEVEL.zarr, and other products next to it (docs/file-formats.md)
-results/SEQ/                 detector responses, errors, photon benchmark
+results/SEQ/                 detector responses, errors, photon benchmark, seconds of each stage
+
+Made of a plan, also, from the records at any time (`dataset.index`):
+
+index/, croissant.json       tables of frames, sequences and exposures, and their description
+splits/SPLIT.txt, splits/SPLIT/Sintel/  names of a split, and links to it as MPI-Sintel's tree
+
+A record is written last, and is the only truth: what it does not list is no output.
 """
 
 import hashlib
@@ -27,20 +33,17 @@ from typing import Any
 
 from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
-from megalopta.config.yaml_model import validated
+from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME, check_enclosed
 from megalopta.core.format_numbers import check_format, written
-from megalopta.dataset.publishing import PLAN
-from megalopta.dataset.record import SequenceRecord
+from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
-REDO_FOLDER = ".redo"
-"""Folder of redone output while the old one stays."""
-STAGING_FOLDER = ".making"
-"""Folder of the unfinished output of many sequences, in SEQ/data."""
+BOOKS = ("index", "splits", "sequences", "card")
+"""Folders without files of sequences."""
 _PICTURES = (
     *("clean", "final", "occlusions", "invalid", "flow_kitti"),
     *("disparities", "occlusions_stereo", "disparities_kitti"),
@@ -75,7 +78,7 @@ class Dataset:
     configuration: Configuration
     """Configuration of its content"""
     record: SequenceRecord | None = field(default=None, repr=False, compare=False)
-    """Record of one of many sequences, whose files are compared"""
+    """Its record, whose files are compared"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @cached_property
@@ -84,22 +87,15 @@ class Dataset:
         return self.record.files if self.record else {}
 
     @property
-    def home(self) -> Path:
-        """Folder known to the user; redone and unfinished output is in folders inside it."""
-        if self.root.parent.parent.name == STAGING_FOLDER:
-            return self.root.parents[2]
-        return self.root.parent if self.root.name == REDO_FOLDER else self.root
-
-    @property
     def render_again(self) -> str:
         """Command that completes and repairs the rendering."""
-        return shell_command("render", self.home, "--out", self.home)
+        return shell_command("render", self.root, "--out", self.root)
 
     def require_truth(self) -> None:
         """Refuse, with UserError, a dataset of pictures, whose motion and depth are unknown."""
         if not self.configuration.scene.has_truth:
             raise UserError(
-                f"{self.home}: made of pictures, whose true motion and depth are unknown; give a "
+                f"{self.root}: made of pictures, whose true motion and depth are unknown; give a "
                 "dataset of rendered frames"
             )
 
@@ -107,6 +103,20 @@ class Dataset:
     def record_path(self) -> Path:
         """Record of the sequence."""
         return self.root / "sequences" / f"{self.sequence}.json"
+
+    @property
+    def begun_path(self) -> Path:
+        """Record of the stages in progress."""
+        return self.record_path.with_suffix(".begun")
+
+    @property
+    def former(self) -> SequenceRecord:
+        """Its record; an empty one if nothing is finished."""
+        return self.record or SequenceRecord(
+            format=written("sequence"),
+            sequence=self.sequence,
+            configuration=self.configuration.model_dump(mode="json"),
+        )
 
     @property
     def sequence(self) -> str:
@@ -153,8 +163,8 @@ class Dataset:
     @property
     def exposures(self) -> tuple[str, ...]:
         """Names of the stored exposures, such as "spadcam-starlight"."""
-        if self.record:
-            return tuple(each.name for each in self.record.exposures)
+        if self.record and self.record.exposures:
+            return tuple(exposure.name for exposure in self.record.exposures)
         wanted = self.configuration.exposures
         return tuple(exposure_name(*pair) for pair in wanted if self.counts(*pair).exists())
 
@@ -215,8 +225,8 @@ class Dataset:
             return
         if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
-                f"{self.home / name} {what}; find other damage with: "
-                f"{shell_command('check', 'files', self.home)}"
+                f"{self.root / name} {what}; find other damage with: "
+                f"{shell_command('check', 'files', self.root)}"
             )
         if is_hashed:
             self._compared.add(name)
@@ -227,83 +237,121 @@ def frame_file(kind: str, sequence: str, index: int) -> str:
     return f"{kind}/{sequence}/frame_{index + 1:04d}.{SUFFIXES[kind]}"
 
 
+@dataclass(frozen=True)
+class Tree:
+    """A dataset's folder and its sequences, which exist once their records do."""
+
+    root: Path
+
+    @property
+    def make_again(self) -> str:
+        """Command that completes and repairs the dataset."""
+        verb = ("dataset", "make") if self.plan else ("render",)
+        return shell_command(*verb, self.root, "--out", self.root)
+
+    def check(self) -> None:
+        """Refuse, with UserError, a folder without a dataset, or that leads elsewhere."""
+        _ = self._header
+
+    @property
+    def plan(self) -> Plan | None:
+        """Plan that it is made from, if any. Raises UserError if there is no dataset."""
+        if "plan" not in self._header:
+            return None
+        with bounded.undamaged(self.root / "dataset.yaml", "give one of `megalopta dataset make`"):
+            return Plan.model_validate(self._header["plan"])
+
+    @cached_property
+    def _header(self) -> dict[str, Any]:
+        check_enclosed(self.root)
+        path = self.root / "dataset.yaml"
+        try:
+            header = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
+        except OSError:
+            raise UserError(
+                f"{self.root}: no dataset here; make one with: megalopta render, of pictures: "
+                "megalopta sense, of many sequences: megalopta dataset make"
+            ) from None
+        except (TypeError, ValueError):
+            raise UserError(f"{path} is damaged; make the dataset again in a new folder") from None
+        check_format("dataset", header, path)
+        return header
+
+    def names(self) -> list[str]:
+        """Names of the sequences in order."""
+        return sorted(
+            path.stem
+            for path in (self.root / "sequences").glob("*.json")
+            if not files.is_temporary(path)
+        )
+
+    def record_path(self, name: str) -> Path:
+        """Record of a sequence."""
+        return self.root / "sequences" / f"{name}.json"
+
+    def record(self, name: str) -> SequenceRecord:
+        """Read the record of a sequence. Raises UserError."""
+        return read_record(self.record_path(name), name)
+
+    def opened(self, name: str) -> Dataset:
+        """A sequence, with its record. Raises UserError."""
+        record = self.record(name)
+        settings = stored_settings(record, self.record_path(name))
+        return Dataset(self.root, settings, record)
+
+    def at(self, configuration: Configuration) -> Dataset:
+        """A sequence, finished or not, with settings that may differ from its record's."""
+        dataset = Dataset(self.root, configuration)
+        if not os.path.lexists(dataset.record_path):
+            return dataset
+        return Dataset(self.root, configuration, self.record(configuration.name))
+
+    def write_header(self, **body: Any) -> None:
+        """Write dataset.yaml with a `configuration`, or the `plan` of many."""
+        header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
+        files.write_text(self.root / "dataset.yaml", strict_yaml.dump({**header, **body}))
+
+    def exists(self) -> bool:
+        """True if a dataset was begun here. Raises UserError for a folder of something else."""
+
+        def is_others(path: Path) -> bool:
+            return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
+
+        root = self.root
+        if (root / "dataset.yaml").exists():
+            return True
+        if root.exists() and (not root.is_dir() or any(map(is_others, root.iterdir()))):
+            raise UserError(f"{root} exists and is not a dataset; choose a new folder")
+        return False
+
+    def sweep(self) -> None:
+        """Remove temporary files of killed writers, but those of sequences."""
+        for folder in (self.root, *(self.root / name for name in BOOKS)):
+            for path in filter(files.is_temporary, folder.glob(".part-*")):
+                files.remove(path)
+
+
 def open_sequence(root: Path) -> Dataset:
-    """Open an existing dataset with its configuration, without changes.
+    """Open a dataset of one sequence.
 
-    Raises UserError if there is none, it is damaged, leads out of its folder, or an unfinished move
-    of new output.
+    Raises UserError if there is none or more, it is damaged, or leads out of its folder.
     """
-    if os.path.lexists(root / "dataset.yaml"):  # other folders may be large
-        check_enclosed(root)
-    dataset = read_dataset(root)
-    if os.path.lexists(root / REDO_FOLDER / PLAN):
+    tree = Tree(root)
+    plan, names = tree.plan, tree.names()
+    if len(names) > 1:
         raise UserError(
-            f"{root}: the program stopped while it replaced old output; to "
-            f"finish, run: {dataset.render_again}"
+            f"{root}: a dataset of {len(names)} sequences, and this takes one; see megalopta "
+            "dataset --help"
         )
-    return dataset
-
-
-def read_header(root: Path) -> dict[str, Any]:
-    """Read dataset.yaml, with a `configuration`, or the `plan` of many. Raises UserError."""
-    path = root / "dataset.yaml"
-    try:
-        record = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
-    except OSError:
-        raise UserError(
-            f"{root}: no dataset here; make one with: megalopta render, of pictures: megalopta "
-            "sense, of many sequences: megalopta dataset make"
-        ) from None
-    except (TypeError, ValueError):
-        raise UserError(f"{path} is damaged; make the dataset again in a new folder") from None
-    check_format("dataset", record, path)
-    return record
-
-
-def read_dataset(root: Path) -> Dataset:
-    """Read the configuration of one sequence, whatever else is in the folder. Raises UserError."""
-    record, path = read_header(root), root / "dataset.yaml"
-    if "plan" in record:
-        raise UserError(
-            f"{root}: a dataset of many sequences, not of one; see megalopta dataset --help"
-        )
-    with bounded.undamaged(path, "render into a new folder"):
-        values = dict(record["configuration"])
-    return Dataset(root, validated(Configuration, values, str(path), folder=root))
-
-
-def existing(root: Path) -> Dataset | None:
-    """Return the dataset in a folder, None if it is empty. Raises UserError for other content."""
-    if (root / "dataset.yaml").exists():
-        return open_sequence(root)
-    refuse_others_folder(root)
-    return None
-
-
-def refuse_others_folder(root: Path) -> None:
-    """Refuse a folder with other content than a dataset that was about to begin."""
-
-    def is_others(path: Path) -> bool:
-        return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
-
-    if root.exists() and (not root.is_dir() or any(map(is_others, root.iterdir()))):
-        raise UserError(f"{root} exists and is not a dataset; choose a new folder")
+    if not names:
+        again = tree.make_again if plan else shell_command("render", root, "--out", root)
+        raise UserError(f"{root}: no finished sequence; run: {again}")
+    return tree.opened(names[0])
 
 
 def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
     """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
     return f"{sensor.name}-{level_text(level)}"
-
-
-def write_configuration(dataset: Dataset) -> None:
-    """Write dataset.yaml."""
-    write_header(dataset.root, configuration=dataset.configuration.model_dump(mode="json"))
-
-
-def write_header(root: Path, **body: Any) -> None:
-    """Write dataset.yaml with a `configuration`, or the `plan` of many."""
-    header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
-    files.write_text(root / "dataset.yaml", strict_yaml.dump({**header, **body}))
 
 
 def files_in(paths: Iterable[Path]) -> Iterable[Path]:
@@ -316,7 +364,7 @@ def files_in(paths: Iterable[Path]) -> Iterable[Path]:
 def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
     """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
     return {
-        str(path.relative_to(root)): (path.stat().st_size, file_hash(path))
+        str(path.relative_to(root)): (path.stat().st_size, _hash_of(path, _state(path.stat())))
         for path in sorted(files_in(paths))
     }
 
@@ -342,10 +390,13 @@ def file_difference(path: Path, size: int, digest: str, is_hashed: bool = True) 
         return "is missing"
     if not stat.S_ISREG(found.st_mode):
         return "is missing"
-    state = found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
-    if found.st_size != size or (is_hashed and _hash_of(path, state) != digest):
+    if found.st_size != size or (is_hashed and _hash_of(path, _state(found)) != digest):
         return "differs from its record"
     return None
+
+
+def _state(found: os.stat_result) -> tuple[int, ...]:
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
 
 
 @lru_cache(maxsize=_KEPT_HASHES)

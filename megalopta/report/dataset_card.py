@@ -24,10 +24,9 @@ from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
 from megalopta.dataset.index import table_path
-from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
-from megalopta.dataset.store import LICENSE, exposure_name
+from megalopta.dataset.store import LICENSE, Tree, exposure_name
 from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import level_name, number
@@ -113,7 +112,8 @@ _TEMPLATE = Path(__file__).with_name("dataset_card.md")
 
 def write_card(root: Path) -> Path:
     """Write README.md and its pictures into a dataset; return its path. Raises UserError."""
-    plan = Tree(root).plan()
+    if not (plan := Tree(root).plan):
+        raise UserError(f"{root}: a dataset without a plan; give one of `megalopta dataset make`")
     sequences, exposures = (_rows(root, name) for name in ("sequences", "exposures"))
     if not sequences:
         raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")

@@ -15,7 +15,6 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
-from megalopta.generation import versions
 from megalopta.plotting.sections import (
     Section,
     block,
@@ -50,6 +49,7 @@ from megalopta.report.source import (
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.stages import versions
 
 OUTCOME = (
     "sensor",

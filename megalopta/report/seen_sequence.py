@@ -47,8 +47,8 @@ from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.flow import responses_path
-from megalopta.stages.ledger import Ledger
 from megalopta.stages.registry import STAGES
+from megalopta.stages.run import finished, has_output, require
 
 _Read = TypeVar("_Read")
 _FLOW = TypeAdapter(list[FlowRecord])
@@ -62,7 +62,7 @@ def seen_sequence(root: Path, treatment: Treatment) -> Seen:
     """
     sequence = open_dataset(root)[0]
     if sequence.configuration.scene.has_truth:
-        Ledger(sequence.dataset).require("render")
+        require(sequence.dataset, "render")
     # the last frame has no next frame, and so no motion
     end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
     frames, (height, width) = range(0, max(end, 1), treatment.summed), sequence.shape
@@ -116,13 +116,13 @@ class ShownSequence:
     @cached_property
     def finished(self) -> list[str]:
         """Finished stages; unfinished output, which is not shown, is reported."""
-        ledger = Ledger(self.sequence.dataset)
-        finished = ledger.finished()
+        dataset = self.sequence.dataset
+        stages = finished(dataset)
         for stage in STAGES:
-            if stage not in finished and ledger.has(stage):
-                what = f"{ledger.dataset.home}: stage {stage!r}"
+            if stage not in stages and has_output(dataset, stage):
+                what = f"{dataset.root}: stage {stage!r}"
                 say(f"{what} is not finished with this configuration, and not shown")
-        return finished
+        return stages
 
     @cached_property
     def records(self) -> list[FlowRecord]:

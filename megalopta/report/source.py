@@ -43,9 +43,9 @@ from megalopta.report.images import (
 from megalopta.report.seen_sequence import ShownSequence, checked_json
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
-from megalopta.stages.ledger import Ledger
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES
+from megalopta.stages.run import require, timings
 from megalopta.stages.sense import open_exposure, require_expectation
 
 if TYPE_CHECKING:
@@ -190,13 +190,12 @@ class Report:
     def __init__(self, dataset: Dataset) -> None:
         self.dataset, self.settings = dataset, dataset.configuration
         self.units = sorted({sensor.unit for sensor in self.settings.sensors})
-        ledger = Ledger(dataset)
-        ledger.require("render")
+        require(dataset, "render")
         again = f"run: {shell_command('render', dataset.root, '--out', dataset.root, '--redo')}"
         self.scene: Record = checked_json(dataset.scene_record, dict, again)
         self.finished = self.shown.finished
-        timings = ledger.timings()
-        self.timings = {stage: timings[stage] for stage in STAGES if stage in timings}
+        spent = timings(dataset)
+        self.timings = {stage: spent[stage] for stage in STAGES if stage in spent}
         # before pictures take seconds to draw
         self.flow = self.shown.records
         self.benchmarks: list[BenchmarkResult] = []

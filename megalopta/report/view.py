@@ -97,10 +97,10 @@ def view(
 
 def _contact_sheet(root: Path, folder: Path, asked: ViewOptions) -> Path | None:
     """Write the contact sheet of a dataset of many sequences; None of one."""
-    from megalopta.dataset.layout import is_of_many
+    from megalopta.dataset.opened import open_dataset
     from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 
-    if not is_of_many(root):
+    if len(open_dataset(root)) <= 1:
         return None
     if asked != ViewOptions():
         raise UserError(

@@ -18,12 +18,12 @@ from megalopta.config.recipe import Plan
 from megalopta.core import files
 from megalopta.core.validation import plain_types
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.generation.adding import Exposing
 from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.sensor import IMAGE_SENSORS
 from megalopta.settings.verb_settings import FILE
 from megalopta.stages.importing import DEFAULTS
+from megalopta.stages.make import Exposing
 from megalopta.stages.registry import STAGES
 
 _MODELS = Configuration, Sweep, RankingSettings, DesignSettings, Plan, Exposing

@@ -50,7 +50,7 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     path = corrected_path(dataset, sensor, level)
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
-    with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
+    with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
         found = StoredFrames.open(path, "detections")
         settings = dataset.configuration
         if found.shape != (settings.trajectory.frames, *settings.camera.shape):

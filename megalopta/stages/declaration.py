@@ -31,3 +31,5 @@ class Stage:
     """True if output of another model is recomputed without request"""
     check: Callable[[Configuration], None] = lambda _: None
     """Refuses, with ValueError, an unsuitable configuration"""
+    rehearse: Callable[[Configuration], object] = lambda _: None
+    """The same by more work, before old output is removed"""

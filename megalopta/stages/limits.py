@@ -1,7 +1,7 @@
 """Memory and disk that a stage needs; too much is refused before anything is built.
 
 Bytes are right within a factor of two, measured on the demo and the grating; rendering noise does
-not compress. The time of a sequence is measured, not predicted (`generation/dry_run.py`).
+not compress. The time of a sequence is measured, not predicted (`stages/estimate.py`).
 """
 
 import os

@@ -17,7 +17,7 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset import labels, sintel, stereo
+from megalopta.dataset import labels, sintel
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import SUFFIXES, Dataset
 from megalopta.plotting.text import three_digits
@@ -251,7 +251,7 @@ class FrameWriter:
             there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], there])
             flow = self._renderer.flow(both, 0, 1, [time, time])
-            stereo.write_disparity(self._dataset, index, flow, baseline)
+            sintel.write_disparity(self._dataset, index, flow, baseline)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -422,4 +422,5 @@ STAGE = Stage(
     model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
     machinery=_machinery,
     check=_check,
+    rehearse=lambda settings: build(settings) if settings.scene.has_truth else None,
 )

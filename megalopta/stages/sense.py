@@ -57,6 +57,14 @@ LIGHT_SPEED_M_S = 299_792_458.0
 
 
 def sense(dataset: Dataset) -> None:
+    """Expose what is missing, and write readings of the IMU and images."""
+    expose(dataset)
+    _write_imu(dataset)
+    if dataset.configuration.scene.has_truth:
+        _write_final_images(dataset)
+
+
+def expose(dataset: Dataset) -> None:
     """Expose what is missing: every frame is read once, for all sensors at all levels."""
     wanted = dataset.configuration.products
     missing = [
@@ -81,9 +89,6 @@ def sense(dataset: Dataset) -> None:
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
         write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
-    _write_imu(dataset)
-    if dataset.configuration.scene.has_truth:
-        _write_final_images(dataset)
 
 
 def _write_imu(dataset: Dataset) -> None:
@@ -251,7 +256,7 @@ def _warn_of_noise(dataset: Dataset) -> None:
 def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
     """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
     path = dataset.counts(sensor, level)
-    with undamaged(path, f"run: {shell_command('sense', dataset.home, '--redo')}"):
+    with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
         settings = dataset.configuration
         return open_counts(path, (settings.trajectory.frames, *settings.camera.shape))
 
@@ -260,8 +265,8 @@ def require_expectation(dataset: Dataset) -> None:
     """Refuse, with UserError, readings that were stored without their expectation."""
     if not dataset.configuration.expectation:
         raise UserError(
-            f"{dataset.home}: its readings have no stored mean and variance; add "
-            f"them with: {shell_command('sense', dataset.home, '--expectation', 'true', '--redo')}"
+            f"{dataset.root}: its readings have no stored mean and variance; add "
+            f"them with: {shell_command('sense', dataset.root, '--expectation', 'true', '--redo')}"
         )
 
 

@@ -1,50 +1,36 @@
 """`megalopta check files`: a dataset against its records and its plan.
 
 Every file is compared with its hash, shapes with the configuration, and unknown files are reported.
-For many sequences, also the records with the manifest, the index with the Croissant file, and the
-truth of a few sequences with a second derivation.
+Of a plan, also its number of sequences, the index, and the truth of a few sequences with a second
+derivation.
 """
 
-import json
 import shlex
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow.parquet as pq
 from rich.console import Console
 
-from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
+from megalopta.config.recipe import Plan
 from megalopta.core import files
 from megalopta.core.bounded import METADATA, open_store, printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.dataset.index import (
-    TABLES,
-    croissant,
-    read_lists,
-    split_links,
-    splits_of,
-    table_path,
-)
-from megalopta.dataset.layout import BOOKS, MANIFEST, Tree
-from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
-from megalopta.dataset.store import Dataset, file_difference, files_in, whole_of
-from megalopta.generation.staging import staged_sequences
+from megalopta.dataset import index
+from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, files_in, whole_of
 from megalopta.render import read_size
-from megalopta.stages.ledger import Ledger
-from megalopta.stages.registry import STAGES, provenance_changes
+from megalopta.stages.registry import STAGES
+from megalopta.stages.run import entry
 from megalopta.verification.truth import check_truth
 
-_OWN = (
-    *("dataset.yaml", "manifest.jsonl", "timings.json", "report.html", "croissant.json"),
-    *("README.md", "index.html", "failed.jsonl", LOCK_NAME),
-)
+_OWN = ("dataset.yaml", "report.html", "croissant.json", "README.md", "index.html", LOCK_NAME)
+_RANKING = "ranking"
+"""Folder of a ranking, which the demo writes"""
 _STRANGE = "belongs to no sequence of this dataset"
 
 
@@ -54,7 +40,6 @@ class FileFault(NamedTuple):
     path: Path
     what: str
     remedy: str
-    """Remedy."""
 
 
 Faults = Iterator[FileFault]
@@ -72,24 +57,58 @@ def run_check_files(root: Path, truths: int = 0) -> bool:
             printable(f"{fault.path}: {fault.what}; {fault.remedy}"),
             markup=False, highlight=False, soft_wrap=True,
         )  # fmt: skip
-    console.print(f"{_checked(tree, truths)}: {len(faults) or 'no'} faults")
+    names, checked = tree.names(), ""
+    if plan := tree.plan:
+        checked = f" of {plan.sequences}, truth of {min(truths, len(names))} rederived"
+    console.print(f"sequences: {len(names)}{checked}; {len(faults) or 'no'} faults")
     return not faults
 
 
 def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     """Return everything that is modified, missing, or unknown."""
-    return list(_lone_faults(tree.lone) if tree.lone else _faults_of_many(tree, truths))
+    plan, names, known = tree.plan, tree.names(), set[Path]()
+    chosen = names[:: max(1, len(names) // truths)][:truths] if plan and truths else []
+    found: list[FileFault] = []
+    with progress("Checking sequences", len(names), "sequence") as advance:
+        for name in names:
+            try:
+                dataset = tree.opened(name)
+            except UserError as problem:
+                found.append(FileFault(tree.record_path(name), "is damaged", str(problem)))
+            else:
+                known |= {tree.root / path for path in dataset.former.files}
+                known.add(dataset.result("timings.json"))
+                faults = list(_file_faults(dataset, plan))
+                found += faults if faults or name not in chosen else _truth_faults(dataset)
+            advance()
+    if plan:
+        found += _plan_faults(tree, plan, names)
+    found += [
+        FileFault(path, "is of a sequence that is not finished", f"run: {tree.make_again}")
+        for path in sorted((tree.root / "sequences").glob("*.begun"))
+    ]
+    return [*found, *_unknown(tree.root, known)]
 
 
-def _checked(tree: Tree, truths: int) -> str:
-    """Return a summary of the checks."""
-    if tree.lone:
-        ledger = Ledger(tree.lone)
-        entries = {stage: entry for stage in STAGES if (entry := ledger.entry(stage))}
-        total = sum(len(entry.files or {}) for entry in entries.values())
-        return f"{total} files of {', '.join(entries) or 'no finished stage'}"
-    made = len(tree.names())
-    return f"{made} of {tree.plan().sequences} sequences, truth of {min(truths, made)} rederived"
+def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
+    """Yield modified files of finished stages, each store once."""
+    root, faults = dataset.root, dict[Path, FileFault]()
+    for stage in STAGES:
+        finished = entry(dataset, stage)
+        for name, (size, digest) in (finished.files or {} if finished else {}).items():
+            path = root / name
+            if what := file_difference(path, size, digest) or wrong_shape(dataset, path):
+                whole = whole_of(path, root)
+                if plan:
+                    again = shell_command("dataset", "make", root, "--out", root)
+                    remedy = f"remove {dataset.record_path} and run: {again}"
+                else:
+                    out = ("--out", root) if stage == "render" else ()
+                    again = shell_command(*STAGES[stage].command.split(), root, *out)
+                    remove = f"remove {shlex.quote(str(whole))} and " if whole.exists() else ""
+                    remedy = f"{remove}run: {again}"
+                faults[whole] = FileFault(path, what, remedy)
+    yield from faults.values()
 
 
 def wrong_shape(dataset: Dataset, path: Path) -> str | None:
@@ -110,177 +129,47 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
     return None
 
 
-def _lone_faults(dataset: Dataset) -> Faults:
-    """Yield faults of one sequence. Unfinished output has no hashes yet and is not checked."""
-    ledger, root = Ledger(dataset), dataset.root
-    known = set(files_in([dataset.record_path, root / FOLDER]))
-    for stage in STAGES:
-        if entry := ledger.entry(stage):
-            with progress(f"Checking files of {stage}", len(entry.files or {}), "file") as advance:
-                yield from _file_faults(dataset, entry, partial(_mend, root, stage), advance)
-            known.update(root / name for name in entry.files or {})
-        else:
-            known.update(files_in(ledger.outputs(stage)))
-    yield from _unknown(root, known)
-
-
-def _mend(root: Path, stage: str, whole: Path) -> str:
-    out = ("--out", root) if stage == "render" else ()
-    remove = f"remove {shlex.quote(str(whole))} and " if whole.exists() else ""
-    return f"{remove}run: {shell_command(*STAGES[stage].command.split(), root, *out)}"
-
-
-def _file_faults(
-    dataset: Dataset,
-    entry: StageRecord,
-    remedy: Callable[[Path], str],
-    advance: Callable[[], None] = lambda: None,
-) -> Faults:
-    """Yield modified files of a stage, each store once."""
-    faults: dict[Path, FileFault] = {}
-    for name, (size, hashed) in (entry.files or {}).items():
-        path = dataset.root / name
-        if what := file_difference(path, size, hashed) or wrong_shape(dataset, path):
-            whole = whole_of(path, dataset.root)
-            faults[whole] = FileFault(path, what, remedy(whole))
-        advance()
-    yield from faults.values()
-
-
-def _unknown(root: Path, known: set[Path], *folders: str) -> Faults:
-    """Yield files that no sequence wrote, except in the dataset's own folders."""
-    known = known | {root / name for name in _OWN}
-    for top in root.iterdir():
-        if top.name not in folders and not files.is_temporary(top):
-            for path in sorted(set(files_in([top])) - known):
-                yield FileFault(path, _STRANGE, "move it elsewhere")
-
-
-def _faults_of_many(tree: Tree, truths: int) -> Faults:
-    names, again = tree.names(), f"run: {tree.make_again}"
-    yield from _unmade(tree, names, again)
-    yield from _manifest_faults(tree, names, again)
-    yield from _index_faults(tree, names, again)
-    plan, known = tree.plan(), set[Path]()
-    machinery: dict[str, str] = {}
-    splits: dict[str, list[str]] = {split: [] for split in plan.splits}
-    splits |= {"sample": []} if plan.sample else {}
-    chosen = set(names[:: max(1, len(names) // truths)][:truths]) if truths else set()
-    with progress("Checking sequences", len(names), "sequence") as advance:
-        for name in names:
-            try:
-                record = tree.record(name)
-                known.update(tree.root / path for path in record.files)
-                machinery[name] = _machinery(record)
-                for split in splits_of(record, plan):
-                    splits.setdefault(split, []).append(name)
-                    links = split_links(tree.root, split, record)
-                    if lost := next((link for link in links if not link.is_symlink()), None):
-                        yield FileFault(lost, "is missing", again)
-                yield from _sequence_faults(tree.dataset(record), name in chosen, again)
-            except UserError as problem:
-                yield FileFault(tree.record_path(name), "is damaged", str(problem))
-            advance()
-    yield from _mixture(tree, machinery, again)
-    yield from _list_faults(tree, names, splits, again)
-    yield from _unfinished(tree, again)
-    yield from _unknown(tree.root, known, *BOOKS, tree.staging.name)
-
-
-def _unmade(tree: Tree, names: list[str], again: str) -> Faults:
-    wanted = tree.plan().sequences
-    if (missing := wanted - len(names)) > 0:
-        there = set(names)
-        first = next(n for n in map(sequence_name, range(wanted)) if n not in there)
+def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
+    """Yield missing sequences, and faults of tables, of their description, and of splits."""
+    root, again = tree.root, f"run: {tree.make_again}"
+    if (missing := plan.sequences - len(names)) > 0:
+        first = next(n for n in map(sequence_name, range(plan.sequences)) if n not in names)
         what = f"{missing} sequences of the plan are missing, this is the first"
         yield FileFault(tree.record_path(first), what, again)
-
-
-def _manifest_faults(tree: Tree, names: list[str], again: str) -> Faults:
-    path = tree.root / MANIFEST
-    try:
-        hashes = tree.read_manifest()
-    except UserError as problem:
-        yield FileFault(path, "is damaged", str(problem))
-        return
-    if sorted(hashes) != names:
-        yield FileFault(path, f"lists {len(hashes)} sequences, but there are {len(names)}", again)
-    for name in set(names) & hashes.keys():
-        record = tree.record_path(name)
-        with suppress(UserError):  # reported where the record is read
-            if not tree.is_as_written(name, hashes):
-                yield FileFault(record, "differs from the manifest", f"remove it and {again}")
-            elif not tree.is_known(name, hashes):
-                yield FileFault(record, "has more output than the index knows", again)
-
-
-def _index_faults(tree: Tree, names: list[str], again: str) -> Faults:
-    """Yield faults of the tables and of their description."""
-    for name in TABLES:
+    for table in index.TABLES:
         try:
-            table = table_path(tree.root, name)
-            rows = pq.read_metadata(table).num_rows
+            path = index.table_path(root, table)
+            rows = pq.read_metadata(path).num_rows
         except (UserError, OSError, ValueError) as problem:
-            path = tree.root / "index" / f"{name}.parquet"
+            path = root / "index" / f"{table}.parquet"
             yield FileFault(path, f"is unreliable ({problem})", again)
             continue
-        if name == "sequences" and rows != len(names):
-            yield FileFault(table, f"has {rows} rows for {len(names)} sequences", again)
-    described = tree.root / "croissant.json"
-    try:
-        description = read_json(described)
-    except (UserError, OSError, ValueError):
-        description = None
-    version = description.get("version") if isinstance(description, dict) else None
+        if table == "sequences" and rows != len(names):
+            yield FileFault(path, f"has {rows} rows for {len(names)} sequences", again)
+    described = root / "croissant.json"
     with suppress(UserError, OSError, ValueError, KeyError):  # of tables that are told above
-        if description != croissant(tree.root, tree.plan(), str(version)):
+        description = read_json(described)
+        if description != index.croissant(root, plan, str(description["version"])):
             yield FileFault(described, "differs from the plan and the tables", again)
-
-
-def _list_faults(
-    tree: Tree, names: list[str], splits: Mapping[str, list[str]], again: str
-) -> Faults:
-    """Yield faults of the lists of splits."""
     try:
-        found = read_lists(tree.root, names)
+        lists = index.read_lists(root, names)
     except UserError as problem:
-        yield FileFault(tree.root / "splits", "are unreliable", str(problem))
+        yield FileFault(root / "splits", "are unreliable", str(problem))
         return
-    for split in sorted(splits.keys() | found.keys()):
-        if list(found.get(split, [None])) != splits.get(split, []):
-            path = tree.root / "splits" / f"{split}.txt"
+    wanted: dict[str, list[str]] = {split: [] for split in (*plan.splits, *lists)}
+    for name in names:
+        with suppress(UserError):  # of a record that is told above
+            record = tree.record(name)
+            for split in index.splits_of(record, plan):
+                wanted.setdefault(split, []).append(name)
+                for link in index.split_links(root, split, record):
+                    if not link.is_symlink():
+                        yield FileFault(link, "is missing", again)
+                        break
+    for split, members in wanted.items():
+        if list(lists.get(split, [])) != members:
+            path = root / "splits" / f"{split}.txt"
             yield FileFault(path, "is missing or differs from the records", again)
-
-
-def _sequence_faults(dataset: Dataset, with_truth: bool, again: str) -> Faults:
-    assert dataset.record
-    remedy, stages = f"remove {dataset.record_path} and {again}", dataset.record.stages.values()
-    faults = [each for entry in stages for each in _file_faults(dataset, entry, lambda _: remedy)]
-    yield from faults if faults or not with_truth else _truth_faults(dataset)
-
-
-def _machinery(record: SequenceRecord) -> str:
-    """Return the software of a sequence with the requested backend, which may differ."""
-    made = {stage: record.stages[stage].made_with for stage in MADE}
-    backend = record.configuration.get("render", {}).get("backend")
-    return json.dumps({"backend": backend, "made": made}, sort_keys=True)
-
-
-def _mixture(tree: Tree, machinery: Mapping[str, str], again: str) -> Faults:
-    """Yield sequences made by other software than most: their bytes are not of one program."""
-    usual: dict[str, dict[str, dict[str, str]]] = {}
-    for each, _ in Counter(machinery.values()).most_common():
-        usual.setdefault(json.loads(each)["backend"], json.loads(each)["made"])
-    for name, each in machinery.items():
-        own = json.loads(each)
-        most = usual[own["backend"]]
-        changes = {stage: provenance_changes(most[stage], own["made"][stage]) for stage in MADE}
-        if what := "; ".join(f"{stage}: {change}" for stage, change in changes.items() if change):
-            yield FileFault(
-                tree.record_path(name),
-                f"was made by other software than most sequences ({what})",
-                f"remove it and, with the program that made the others, {again}",
-            )
 
 
 def _truth_faults(dataset: Dataset) -> Faults:
@@ -291,20 +180,20 @@ def _truth_faults(dataset: Dataset) -> Faults:
     except (UserError, ValueError) as problem:
         yield FileFault(place, f"cannot be rederived ({problem})", "regenerate the sequence")
         return
-    for each in residuals:
-        if not each.passed:
+    for residual in residuals:
+        if not residual.passed:
             yield FileFault(
                 place,
-                f"flow of {each.name} differs by {each.median:.2g} px from a second derivation",
+                f"flow of {residual.name} differs by {residual.median:.2g} px from a second "
+                "derivation",
                 "this is a bug of megalopta; report it",
             )
 
 
-def _unfinished(tree: Tree, again: str) -> Faults:
-    staged = [each.folder for each in staged_sequences(tree)]
-    if staged:
-        yield FileFault(tree.staging, "holds unfinished sequences", again)
-    for path in sorted(set(tree.staging.glob("*")) - set(staged)):
-        yield FileFault(path, _STRANGE, "move it elsewhere")
-    if tree.failures.exists():
-        yield FileFault(tree.failures, "lists failed sequences", f"{again} --retry")
+def _unknown(root: Path, known: set[Path]) -> Faults:
+    """Yield files that no sequence wrote, except in the dataset's own folders."""
+    known = known | {root / name for name in _OWN}
+    for top in root.iterdir():
+        if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
+            for path in sorted(set(files_in([top])) - known):
+                yield FileFault(path, _STRANGE, "move it elsewhere")

@@ -34,7 +34,7 @@ from megalopta.core.progress import progress
 from megalopta.dataset.reprojection import View, motions_of, rederived_flow
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, read_attributes, read_radiance, read_truth
-from megalopta.stages.ledger import Ledger
+from megalopta.stages.run import require
 
 LARGEST_MEDIAN_PX = 1e-3
 LARGEST_SHIFT_PX = 0.3
@@ -67,7 +67,7 @@ class Residual:
 def run_check_truth(dataset: Dataset) -> bool:
     """Check all frames of a dataset and print the table; return True if all passed."""
     dataset.require_truth()
-    Ledger(dataset).require("render")
+    require(dataset, "render")
     console, rows = Console(), check_truth(dataset)
     console.print(
         "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: "

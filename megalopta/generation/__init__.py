@@ -1,1 +1,0 @@
-"""Make datasets from a recipe, in one process or several."""

@@ -1,0 +1,105 @@
+"""Estimate the cost of a plan, or of one sequence, from small frames of at most three sequences.
+
+Two strips of a frame, as wide as the image, are rendered and exposed. The first compiles; the time
+and bytes of the second are multiplied by the pixels of all frames. The result is good to a factor
+of two. Where light may be baked, the time is an upper bound, as it is baked only if that takes
+less work.
+"""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from megalopta.config.drawing import configuration_of
+from megalopta.config.model import Configuration
+from megalopta.config.recipe import Plan
+from megalopta.core.progress import duration, say, silent
+from megalopta.dataset.store import Dataset, files_in
+from megalopta.render import dr
+from megalopta.stages.jobs import threads_of
+from megalopta.stages.limits import needed_bytes, size
+from megalopta.stages.make import write_flow_files
+from megalopta.stages.registry import STAGES
+from megalopta.stages.render import FrameWriter, write_previews
+from megalopta.stages.run import check_stage
+
+_DRAWN = 200
+"""Most sequences of a plan that are drawn"""
+_MEASURED = 3
+_FEWEST_ROWS, _PIXELS, _PATHS = 8, 8192, 60_000
+
+
+def estimate_plan(
+    root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None
+) -> str:
+    """Return the estimated cost of a plan in a line, without making anything.
+
+    The time is that of this machine, with as many parallel sequences as there are workers, each
+    with its share of the cores.
+    """
+    dr.set_thread_count(threads_of(workers))
+    indices = list(only) if only is not None else range(plan.sequences)
+    drawn = [configuration_of(plan, n) for n in indices[:: max(1, len(indices) // _DRAWN)]]
+    share = len(indices) / len(drawn)
+    frames = round(share * sum(settings.trajectory.frames for settings in drawn))
+    seconds, bytes_ = cost_of(drawn, plan)
+    text = f"about {size(share * bytes_)}, about {duration(share * seconds / workers)}"
+    more = f" with {workers} workers" if workers > 1 else ""
+    return f"{root}: {len(indices)} sequences, {frames} frames, {text}{more}"
+
+
+def estimate_frames(root: Path, settings: Configuration) -> str:
+    """Return the estimated cost of rendering a sequence, in a line. Raises UserError if absurd."""
+    check_stage("render", settings, root)
+    camera, frames = settings.camera, settings.trajectory.frames
+    seconds, bytes_ = cost_of([settings])
+    return (
+        f"{root}: {frames} frames of {camera.width} × {camera.height}, about {size(bytes_)}, about "
+        f"{duration(seconds)}, up to {size(needed_bytes(settings, 'render')[0])} of memory"
+    )
+
+
+def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[float, float]:
+    """Return seconds and bytes of some sequences, from one of each third, by scene and size."""
+    ordered = sorted(drawn, key=lambda settings: (settings.scene.kind, _pixels(settings)))
+    total = np.zeros(2)
+    for part in np.array_split(np.arange(len(ordered)), min(_MEASURED, len(ordered))):
+        members = [ordered[index] for index in part]
+        middle = members[len(members) // 2]
+        say(f"measuring {middle.scene.kind}, {middle.camera.width} × {middle.camera.height} px")
+        setup_s, of_pixel = _measured(middle, plan)
+        total += [len(members) * setup_s, 0] + sum(map(_pixels, members)) * of_pixel
+    return float(total[0]), float(total[1])
+
+
+def _measured(settings: Configuration, plan: Plan | None) -> tuple[float, np.ndarray]:
+    """Return seconds before the second frame, and seconds and bytes of a pixel of a frame."""
+    camera, shading = settings.camera, settings.render
+    rows = min(_PIXELS, _PATHS / shading.samples_per_pixel) / camera.width
+    strip = camera.with_rows(min(max(int(rows), _FEWEST_ROWS), camera.height))
+    integrator = "path" if shading.integrator == "auto" else shading.integrator
+    changes = {"camera": strip, "render": shading.model_copy(update={"integrator": integrator})}
+    whole = settings.model_copy(update=changes)
+    path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, 2)})
+    with TemporaryDirectory(prefix="megalopta-probe-") as folder, silent():
+        dataset = Dataset(Path(folder), whole.model_copy(update={"trajectory": path}))
+        start = time.perf_counter()
+        writer = FrameWriter(dataset, whole)
+        writer.write(0)
+        first = time.perf_counter()
+        writer.write(path.frames - 1)
+        write_previews(dataset)
+        if plan:
+            STAGES["sense"].work(dataset)
+            write_flow_files(dataset, plan.flow_files)
+        seconds = time.perf_counter() - first
+        bytes_ = sum(file.stat().st_size for file in files_in([dataset.root])) / path.frames
+    return first - start, np.array([seconds, bytes_]) / (strip.width * strip.height)
+
+
+def _pixels(settings: Configuration) -> int:
+    """Return the pixels of all frames."""
+    return settings.camera.width * settings.camera.height * settings.trajectory.frames

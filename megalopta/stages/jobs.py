@@ -1,0 +1,207 @@
+"""Run a job for every number: in this process, in processes of this machine, or on a Dask cluster.
+
+A job is a picklable function of its number. Its output must not depend on where it runs.
+"""
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.progress import progress
+from megalopta.dataset.record import MADE
+from megalopta.render import choose_variant, dr, llvm_in_use
+from megalopta.stages.registry import STAGES
+from megalopta.stages.versions import versions
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Job = Callable[[int], object]
+
+_one_at_a_time = threading.Lock()
+_PR_SET_PDEATHSIG = 1
+_CERTIFICATES = (
+    "name the certificates by DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
+    "…__CLIENT__KEY in the environment"
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a job."""
+
+    index: int
+    problem: str | None = None
+    """Reason of failure"""
+    ends_all: bool = False
+    """True if all others would fail alike, such as on a full disk"""
+
+
+def run_jobs(
+    title: str,
+    job: Job,
+    indices: Collection[int],
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Generator[Outcome, None, None]:
+    """Run a job for every index, in any order; yield the outcomes, show progress.
+
+    `workers` are processes of this machine; the job of one that dies is tried once more.
+    `scheduler` is the address of a Dask cluster to use instead, such as tcp://host:8786, whose
+    workers see the same files. Without both, jobs run in this process. Raises UserError if the
+    cluster does not answer.
+    """
+    outcomes: Generator[Outcome, None, None]
+    if scheduler is not None:
+        outcomes = _by_cluster(job, indices, scheduler)
+    elif workers is not None:
+        outcomes = _by_workers(job, indices, workers)
+    else:
+        outcomes = (attempt(job, index) for index in indices)
+    with progress(title, len(indices), "sequence") as advance, closing(outcomes):
+        for outcome in outcomes:
+            yield outcome
+            advance()
+
+
+def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
+    """Run a job and return its outcome; errors are reported, not raised."""
+    with _one_at_a_time:  # one renderer per process
+        try:
+            if threads:
+                dr.set_thread_count(threads)
+            job(index)
+        except UserError as problem:
+            return Outcome(index, str(problem))
+        except OSError as problem:
+            refused = machine_problem(problem)
+            return Outcome(index, refused or _brief(problem), ends_all=refused is not None)
+        except Exception as problem:
+            return Outcome(index, _brief(problem))
+    return Outcome(index)
+
+
+def _brief(problem: BaseException) -> str:
+    """Return an error and its place, in one line."""
+    last = traceback.extract_tb(problem.__traceback__)[-1:]
+    place = f" at {last[0].filename}:{last[0].lineno}" if last else ""
+    return f"{type(problem).__name__}: {' '.join(str(problem).split())[:500]}{place}"
+
+
+def threads_of(workers: int) -> int:
+    """Return the number of threads of each of some workers on this machine."""
+    return max(1, (os.cpu_count() or 1) // workers)
+
+
+def _by_workers(job: Job, indices: Collection[int], count: int) -> Generator[Outcome, None, None]:
+    """Each process is an executor of its own, so that its death concerns one job."""
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # imports nothing from the working folder
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    spawn = multiprocessing.get_context("spawn")  # never fork after Mitsuba
+    left, tried = deque(indices), set[int]()
+    idle: list[ProcessPoolExecutor] = []
+    busy: dict[Future[Outcome], tuple[int, ProcessPoolExecutor]] = {}
+    try:
+        while left or busy:
+            while left and len(busy) < count:
+                worker = idle.pop() if idle else ProcessPoolExecutor(1, spawn, _begin)
+                index = left.popleft()
+                busy[worker.submit(attempt, job, index, threads_of(count))] = index, worker
+            for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                index, worker = busy.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    idle.append(worker)
+                    yield future.result()
+                elif index not in tried:
+                    tried.add(index)
+                    left.append(index)
+                else:
+                    yield Outcome(index, "its process died twice; free memory, or lower --workers")
+    finally:
+        for worker in (*idle, *(worker for _, worker in busy.values())):
+            for process in list((worker._processes or {}).values()):
+                process.kill()  # output is complete or absent
+            worker.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    """Prepare a worker: it ends with its parent, by nothing else, and prints nothing."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
+    if sys.platform == "linux":  # at once, even while a compiler holds the GIL
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries may print
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(nowhere, stream.fileno())
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+    os._exit(0)
+
+
+def _by_cluster(
+    job: Job, indices: Collection[int], scheduler: str
+) -> Generator[Outcome, None, None]:
+    from distributed import as_completed  # slow to load
+
+    with connected(scheduler) as client:
+        futures = {
+            client.submit(_alike, job, index, environment(), pure=False): index for index in indices
+        }
+        for future in as_completed(futures):
+            problem = future.exception()
+            if problem:  # of the cluster, not of the job
+                what = f"its workers died or cannot run it ({_brief(problem)})"
+                yield Outcome(futures[future], what)
+            else:
+                yield future.result()
+
+
+def _alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
+    """Run a job if the environment is the wanted one: another might give other output."""
+    there = environment()
+    if names := [name for name in wanted if there.get(name) != wanted[name]]:
+        own, asked = (", ".join(f"{n} {e.get(n)}" for n in names) for e in (there, wanted))
+        what = f"a worker has {own}, this program {asked}; install the same there"
+        return Outcome(index, what, ends_all=True)
+    return attempt(job, index)
+
+
+@cache
+def environment() -> Mapping[str, str]:
+    """Return everything that output depends on: versions, models, and Mitsuba's back end."""
+    models = "-".join(STAGES[stage].model() for stage in MADE)
+    variant, llvm = choose_variant().name, llvm_in_use()[1]
+    return {**versions(), "models": models, "variant": variant, "LLVM": llvm}
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator["Client"]:
+    """Yield a client of a cluster. Raises UserError if there is none at the address."""
+    from distributed import Client  # slow to load
+
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError, TypeError, RuntimeError) as problem:
+        remedy = _CERTIFICATES if scheduler.startswith("tls:") else "start one with: dask scheduler"
+        raise UserError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); {remedy}"
+        ) from None
+    with client:
+        yield client

@@ -1,0 +1,447 @@
+"""Make the sequences of a plan, and add output to all sequences of a dataset.
+
+Each sequence is one job: in this process, in processes of this machine, or on a Dask cluster. The
+index is made again from the records at the end.
+"""
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from megalopta.config.drawing import (
+    check_plan,
+    configuration_of,
+    repeated,
+    sequence_name,
+    split_of,
+)
+from megalopta.config.model import Configuration, differences
+from megalopta.config.recipe import FlowFile, Plan
+from megalopta.config.yaml_model import validated
+from megalopta.core import files
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.core.progress import say, silent
+from megalopta.core.record import Record
+from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
+from megalopta.dataset.index import write_index
+from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistics
+from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
+from megalopta.dataset.store import Dataset, Tree, exposure_name, files_in, hashes_of
+from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
+from megalopta.render import out_of_view
+from megalopta.sensor.formats.products import ProductName, product_stem
+from megalopta.stages.jobs import run_jobs
+from megalopta.stages.registry import STAGES, provenance, provenance_changes
+from megalopta.stages.run import check_stage, foresee, run, run_stage
+from megalopta.stages.sense import expose, open_exposure
+
+_COUNTED = 10_000
+"""Sequences of which the splits are counted."""
+_COMPARED = 50
+"""Finished sequences that are compared with the plan and with the software."""
+_FLOW, _DISPARITY = "training/flow", "training/disparities"
+READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
+"""Readers of the files that are written in other layouts, too, by folder"""
+_Layout: TypeAlias = tuple[FlowFile, str, str, Callable[[Path, Any], None]]
+_LAYOUTS: tuple[_Layout, ...] = (
+    ("kitti_png", _FLOW, "training/flow_kitti", write_kitti_png),
+    ("flo5", _FLOW, "training/flow_flo5", write_flo5),
+    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", write_kitti_disparity),
+)
+"""Files in other layouts: folder of the source, folder and writer"""
+
+
+def make(
+    root: Path,
+    plan: Plan,
+    *,
+    only: Iterable[int] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Tree:
+    """Make the missing sequences of a plan, or `only` some of them.
+
+    `workers` are processes of this machine, `scheduler` is the address of a Dask cluster; without
+    both, all are made in this process. Raises UserError if the folder holds other files or
+    sequences of another plan, if the machine refuses, such as a full disk, or, after all others are
+    made, if sequences failed.
+    """
+    tree = Tree(root.absolute())
+    for configuration in check_plan(plan):
+        for stage in MADE:
+            check_stage(stage, configuration, tree.root)
+    whole = _whole_plan(tree, plan)
+    filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    for name in (name for name, share in plan.splits.items() if share and name not in filled):
+        say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
+    with locked(tree.root):
+        tree.sweep()
+        tree.write_header(plan=whole.model_dump(mode="json"))
+        there = set(tree.names())
+        asked = range(plan.sequences) if only is None else only
+        todo = [index for index in asked if sequence_name(index) not in there]
+        if todo:
+            _check_same_machinery(tree)
+        try:
+            _run("Making sequences", partial(_make, tree.root, plan), todo, workers, scheduler)
+        finally:
+            write_index(tree, whole)
+    return tree
+
+
+def parse_indices(text: str, sequences: int) -> list[int]:
+    """Parse numbers of sequences, such as "731" or "0-9,20". Raises UserError."""
+    found: set[int] = set()
+    for part in text.split(","):
+        match = re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip())
+        if not match:
+            raise UserError(f"--only {text}: {part!r}; give numbers such as 731 or 0-9,20")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if not first <= last < sequences:
+            raise UserError(
+                f"--only {text}: the plan has sequences 0 to {sequences - 1}; give some of them"
+            )
+        found.update(range(first, last + 1))
+    return sorted(found)
+
+
+def _run(
+    title: str,
+    job: Callable[[int], object],
+    indices: Collection[int],
+    workers: int | None,
+    scheduler: str | None,
+) -> None:
+    """Run a job for sequences; raise UserError at once if all would fail, else at the end."""
+    failures: dict[int, str] = {}
+    with closing(run_jobs(title, job, indices, workers, scheduler)) as outcomes:
+        for outcome in outcomes:
+            if outcome.problem:
+                name = f"sequence {sequence_name(outcome.index)}"
+                if outcome.ends_all:
+                    raise UserError(f"{name}: {outcome.problem}")
+                failures[outcome.index] = outcome.problem
+                say(f"{name} failed: {outcome.problem}")
+    if failures:
+        first = min(failures)
+        raise UserError(
+            f"{len(failures)} of {len(indices)} sequences failed, such as {sequence_name(first)}: "
+            f"{failures[first]}; the same command tries them again"
+        )
+
+
+def _whole_plan(tree: Tree, plan: Plan) -> Plan:
+    """Return the plan of a folder: this one, with the largest number of sequences requested so far.
+
+    Raises UserError for a folder of other files, or with sequences of another plan.
+    """
+    root = tree.root
+    if not tree.exists():
+        return plan
+    if (former := tree.plan) is None:
+        raise UserError(f"{root}: a dataset without a plan; choose another folder")
+    old, new = (each.model_dump(mode="json") for each in (former, plan))
+    if changes := differences({**old, "sequences": 0}, {**new, "sequences": 0}):
+        raise UserError(
+            f"{root} was made from another plan ({'; '.join(changes[:3])}); choose another folder "
+            "(only the number of sequences may grow)"
+        )
+    for record in map(tree.record, _some(tree)):
+        drawn = configuration_of(plan, record.index).model_dump(mode="json")
+        if changes := differences(record.configuration, drawn):
+            raise UserError(
+                f"{root}: this plan or version of the program gives another sequence "
+                f"{record.sequence} ({'; '.join(changes[:3])}); choose another folder"
+            )
+    return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
+
+
+def _check_same_machinery(tree: Tree) -> None:
+    """Refuse to add sequences by other models, libraries or variants than the existing ones."""
+    for dataset in map(tree.opened, _some(tree)):
+        for stage in MADE:
+            before = dataset.former.stages[stage].made_with
+            if change := provenance_changes(before, provenance(stage, dataset.configuration)):
+                raise UserError(
+                    f"{tree.root}: sequence {dataset.sequence} was made by other software "
+                    f"({stage}: {change}); continue with that, choose another folder, or remove "
+                    f"{dataset.record_path.parent} to regenerate all"
+                )
+
+
+def _some(tree: Tree) -> list[str]:
+    names = tree.names()
+    return names[:: max(1, len(names) // _COMPARED)]
+
+
+def _make(root: Path, plan: Plan, index: int) -> None:
+    """Make a sequence, or its missing output. Raises UserError and OSError."""
+    dataset = Tree(root).at(configuration_of(plan, index))
+
+    def more(made: Dataset) -> Mapping[str, Any]:
+        write_flow_files(made, plan.flow_files)
+        poses = made.configuration.trajectory.poses().reshape(-1, 16).tolist()
+        return {
+            "index": index,
+            "split": split_of(plan, index),
+            "statistics": sequence_statistics(made),
+            "poses": tuple(map(tuple, poses)),
+        }
+
+    with silent():
+        run(dataset, foresee(dataset, MADE), more)
+
+
+def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
+    """Write forward flow, and the disparity of a stereo pair, in other layouts too."""
+    settings = dataset.configuration
+    frames = settings.trajectory.frames
+    counts = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
+    for source, count in counts.items():
+        writers = [
+            (folder, write)
+            for kind, of, folder, write in _LAYOUTS
+            if of == source and kind in kinds
+        ]
+        for index in range(count):
+            places = [(dataset.frame(folder, index), write) for folder, write in writers]
+            if missing := [place for place in places if not place[0].exists()]:
+                values = READERS[source](dataset.frame(source, index))
+                for path, write in missing:
+                    write(path, values)
+
+
+_FRAMES_LOOKED_AT = 8
+
+
+def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
+    """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
+    # among frames with a forward flow, unless there is only one
+    last = max(dataset.configuration.trajectory.frames - 2, 0)
+    frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
+    speeds, unmatched, depths, sky, textures = [], [], [], [], []
+    for index in frames:
+        truth = read_truth_frame(dataset, index)
+        flow, wraps = truth.flow_forward, dataset.configuration.camera.wraps
+        speed = np.hypot(flow[..., 0], flow[..., 1])
+        speeds.append(speed[~np.isnan(speed)])
+        unmatched.append(np.mean(truth.occluded_forward | out_of_view(flow, wraps)))
+        is_sky = np.isinf(truth.depth)
+        sky.append(np.mean(is_sky))
+        depths.append(truth.depth[~is_sky])
+        textures.append(_texture(read_radiance_frame(dataset, index).sum(axis=-1)))
+    speed, depth = np.concatenate(speeds), np.concatenate(depths)
+    return SequenceStatistics(
+        mean_speed_px=_rounded(speed.mean()) if speed.size else None,
+        median_speed_px=_rounded(np.median(speed)) if speed.size else None,
+        percentile_99_speed_px=_rounded(np.percentile(speed, 99)) if speed.size else None,
+        unmatched_fraction=_rounded(np.mean(unmatched)),
+        sky_fraction=_rounded(np.mean(sky)),
+        median_depth_m=_rounded(np.median(depth)) if depth.size else None,
+        texture=_rounded(np.mean(textures)),
+        exposures=tuple(exposure_statistics(dataset)),
+    )
+
+
+def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
+    """Measure the readings of every sensor at every level."""
+    for sensor, level in dataset.configuration.exposures:
+        opened = open_exposure(dataset, sensor, level)
+        yield ExposureStatistics(
+            name=exposure_name(sensor, level),
+            sensor=sensor.name,
+            level=level,
+            unit=sensor.unit,
+            exposure_s=sensor.exposure_s,
+            photons_per_pixel=_rounded(opened["photons"].mean()),
+            mean_reading=_rounded(opened["counts"].mean()),
+            saturated_fraction=_rounded(opened["saturated"].mean()),
+        )
+
+
+def _texture(light: NDArray[np.float32]) -> float:
+    """RMS of the differences between neighbors, relative to the mean."""
+    across, down = (np.diff(light.astype(np.float64), axis=axis).ravel() for axis in (1, 0))
+    square = np.mean(np.square(np.concatenate([across, down])))
+    return float(np.sqrt(square) / max(float(light.mean()), 1e-300))
+
+
+def _rounded(value: float | np.floating) -> float:
+    """Round to six digits: more would be noise."""
+    return float(f"{float(value):.6g}")
+
+
+def measure(
+    root: Path,
+    stage: str,
+    overrides: Mapping[str, str],
+    redo: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> None:
+    """Run a stage on every sequence, with changes of its settings.
+
+    Raises UserError, before anything is changed, if a setting concerns an earlier stage, or if the
+    stage has run with other settings and `redo` is not set.
+    """
+    tree = Tree(root.absolute())
+    change = partial(_changed, overrides=overrides)
+    if tree.plan is None:
+        for dataset in _sequences(tree):
+            run_stage(root, change(dataset.configuration), stage, redo)
+        return
+    job = partial(_measure, tree.root, change, stage, redo)
+    _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
+
+
+def _changed(settings: Configuration, overrides: Mapping[str, str]) -> Configuration:
+    values = settings.model_dump(mode="json")
+    return validated(Configuration, values, settings.name, overrides)
+
+
+def _sequences(tree: Tree) -> list[Dataset]:
+    datasets = list(map(tree.opened, tree.names()))
+    if not datasets:
+        raise UserError(f"{tree.root}: no finished sequence; run: {tree.make_again}")
+    return datasets
+
+
+Job: TypeAlias = Callable[[int, bool], object]
+"""Work on a sequence of a plan; with a true second value, it only checks whether it can be done"""
+
+
+def _on_all(tree: Tree, title: str, job: Job, workers: int | None, scheduler: str | None) -> None:
+    """Do a job on every finished sequence of a plan, after checking all, and renew the index."""
+    plan = tree.plan
+    assert plan is not None
+    with locked(tree.root):
+        tree.sweep()
+        indices = [tree.record(name).index for name in tree.names()]
+        with silent():
+            for index in indices:
+                job(index, True)
+        try:
+            _run(title, partial(job, is_checked=False), indices, workers, scheduler)
+        finally:
+            write_index(tree, plan)
+
+
+def _measure(
+    root: Path,
+    change: Callable[[Configuration], Configuration],
+    stage: str,
+    redo: bool,
+    index: int,
+    is_checked: bool,
+) -> None:
+    made = Tree(root).opened(sequence_name(index))
+    wanted = replace(made, configuration=change(made.configuration))
+    with silent():
+        work = foresee(wanted, (stage,), redo)
+        if is_checked:
+            check_stage(stage, wanted.configuration, root)
+        else:
+            run(wanted, work)
+
+
+class Exposing(Record, frozen=True):
+    """Exposures to add to a dataset."""
+
+    sensors: Annotated[tuple[str | dict[str, Any], ...], Field(min_length=1)] = ("spadcam",)
+    """Sensors, as in a configuration: presets' names, or `{preset: spadcam, exposure_s: 0.01}`"""
+
+    light_levels: Annotated[tuple[str | float, ...], Field(min_length=1)] = ("twilight",)
+    """Levels, by name or in lux"""
+
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Of a dataset of many: exposures of each, with independent noise; later ones are SENSOR-r2,
+    SENSOR-r3, …"""
+
+    products: tuple[ProductName, ...] = ("counts",)
+    """Output of each, as in a configuration"""
+
+
+def add_exposures(
+    root: Path,
+    wanted: Exposing | Mapping[str, str],
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> None:
+    """Add missing exposures to every sequence of a plan.
+
+    `wanted` may also be settings of the command line. Raises UserError if there is no dataset, or a
+    sensor cannot expose a sequence.
+    """
+    if not isinstance(wanted, Exposing):
+        wanted = validated(Exposing, {}, "sense", wanted)
+    tree = Tree(root.absolute())
+    job = partial(_expose, tree.root, wanted)
+    _on_all(tree, "Exposing sequences", job, workers, scheduler)
+
+
+def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> None:
+    """Add missing exposures to a sequence; its record lists them when all are complete.
+
+    Files of a run that was killed lie beside the listed ones, and are removed.
+    """
+    made = Tree(root).opened(sequence_name(index))
+    record = made.former
+    values = {
+        **made.configuration.model_dump(mode="json"),
+        **exposing.model_dump(mode="json", exclude={"repeats"}),
+    }
+    settings = repeated(validated(Configuration, values, "sense"), exposing.repeats)
+    wanted = replace(made, configuration=settings)
+    missing = False
+    for sensor, level in settings.exposures:
+        name = exposure_name(sensor, level)
+        if name not in made.exposures:
+            missing = True
+        elif open_exposure(wanted, sensor, level).sensor != sensor:
+            raise UserError(
+                f"{name} exists with other settings; give the sensor another name, such as "
+                "{preset: spadcam, name: fast, exposure_s: 0.01}"
+            )
+    if is_checked:
+        check_stage("sense", settings, root)
+        model = STAGES["sense"].model()
+        if (known := record.stages["sense"].made_with["model"]) != model:
+            raise UserError(
+                f"{root}: sequence {made.sequence} was exposed by another sensor model (sense: "
+                f"model: {known} → {model}); use the program that made it, or regenerate the "
+                "dataset in another folder"
+            )
+        return
+    if not missing:
+        return
+    folders = [root / kind / made.sequence for kind in ("counts", "corrected")]
+    with locked(made.record_path.parent, f".{made.sequence}.lock"), silent():
+        for path in [path for folder in folders for path in folder.glob("*")]:
+            if product_stem(path) not in made.exposures:
+                files.remove(path)
+        expose(wanted)
+        known = {name for name in record.files if name.startswith(("counts/", "corrected/"))}
+        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in known]
+        sensed = record.stages["sense"]
+        files_of = {**(sensed.files or {}), **hashes_of(root, added)}
+        assert record.statistics is not None
+        measured = [
+            exposure
+            for exposure in exposure_statistics(replace(wanted, record=None))
+            if exposure.name not in made.exposures
+        ]
+        exposures = (*record.exposures, *measured)
+        update = {
+            "statistics": record.statistics.model_copy(update={"exposures": exposures}),
+            "stages": {**record.stages, "sense": sensed.model_copy(update={"files": files_of})},
+        }
+        files.write_text(made.record_path, record.model_copy(update=update).to_json())

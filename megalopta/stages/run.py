@@ -1,0 +1,328 @@
+"""Run the stages of a sequence: keep what is fresh, refuse or redo what is stale, make the rest.
+
+fresh     finished with these settings by this model of the program, and every file is whole
+stale     of other settings, or of software that gives other numbers: refused with the differences;
+          with `redo`, the new settings are checked, then the old output is removed and made again
+missing   made; where it was begun with the same settings and software, what is there is kept
+
+A file appears whole or not at all, and the record of a sequence is written after its files. A kill
+at any moment so leaves files that no record lists, which the next run removes, or continues if
+SEQ.begun says that they are of the same settings and software.
+"""
+
+import json
+import os
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from megalopta import __version__
+from megalopta.config.model import Configuration, differences
+from megalopta.core import bounded, files
+from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.folders import locked
+from megalopta.core.freshness import digest
+from megalopta.core.progress import numbered_stage, say, step
+from megalopta.dataset.record import SequenceRecord, StageRecord, read_record, stored_settings
+from megalopta.dataset.store import Dataset, Tree, file_difference, hashes_of, whole_of
+from megalopta.stages.limits import refuse_absurd
+from megalopta.stages.registry import (
+    STAGES,
+    provenance,
+    provenance_changes,
+    stage_configuration,
+    with_dependents,
+)
+
+
+def run_stage(
+    root: str | Path, configuration: Configuration, name: str, redo: bool = False
+) -> Dataset:
+    """Bring one stage of a dataset of one sequence to its end. Raises UserError."""
+    check_stage(name, configuration, Path(root))
+    tree = Tree(Path(root))
+    is_new = not tree.exists()
+    if not is_new and (tree.plan or set(tree.names()) - {configuration.name}):
+        raise UserError(f"{root}: holds other sequences; choose another folder")
+    try:
+        with locked(tree.root):
+            tree.sweep()
+            return _described(tree, configuration, name, redo)
+    finally:
+        if is_new and tree.root.is_dir() and not any(tree.root.iterdir()):
+            tree.root.rmdir()
+
+
+def _described(tree: Tree, configuration: Configuration, name: str, redo: bool) -> Dataset:
+    """Run a stage, and write dataset.yaml; without any output it is as before."""
+    dataset, path = tree.at(configuration), tree.root / "dataset.yaml"
+    work = foresee(dataset, (name,), redo)
+    before = path.read_text("utf-8") if path.exists() else None
+    tree.write_header(configuration=configuration.model_dump(mode="json"))
+    try:
+        return run(dataset, work)
+    except Exception:
+        with suppress(OSError):  # it has records
+            dataset.record_path.parent.rmdir()
+        if before and not dataset.begun_path.exists():
+            files.write_text(path, before)
+        elif not dataset.record_path.parent.exists():
+            files.remove(path)
+        raise
+
+
+def run_all(
+    root: str | Path, configuration: Configuration, redo: bool = False, later: int = 0
+) -> Dataset:
+    """Run every stage, after checking that the configuration suits all of them.
+
+    Lines of progress count as many stages more as follow `later`.
+    """
+    for name in STAGES:
+        check_stage(name, configuration, Path(root))
+    for number, name in enumerate(STAGES, 1):
+        with numbered_stage(number, len(STAGES) + later):
+            dataset = run_stage(root, configuration, name, redo)
+    return dataset
+
+
+def check_stage(name: str, configuration: Configuration, root: Path) -> None:
+    """Refuse, with UserError, a configuration that a stage or this machine cannot serve."""
+    refuse_absurd(configuration, name, root)
+    with refused_as(name):
+        STAGES[name].check(configuration)
+
+
+@dataclass(frozen=True)
+class Work:
+    """Stages of a sequence to make or to complete, and those whose output is removed before."""
+
+    todo: tuple[str, ...]
+    removed: tuple[str, ...]
+
+
+def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work:
+    """Return the work that stages of a sequence need. Nothing is changed here.
+
+    Raises UserError for stale output without `redo`, and for needed stages that are not finished.
+    """
+    root, settings, former = dataset.root, dataset.configuration, dataset.former
+    known = former.stages
+    stale = [name for name in known if known[name].settings != stage_hash(settings, name)]
+    changes = _differences(dataset, stale)
+    if stale and not redo:
+        raise UserError(
+            f"{root} holds {' and '.join(stale)} output of another configuration ({changes}); "
+            "choose another folder, or add --redo to replace it"
+        )
+    begun = _begun(dataset).stages
+    todo, gone = [], set(stale)
+    for name in stages:
+        if name not in known:
+            now = begin(dataset, name)
+            if name not in begun or begun[name] != now:
+                gone.add(name)
+        elif redo:
+            gone.add(name)
+        else:
+            change = provenance_changes(known[name].made_with, provenance(name, settings))
+            if not damaged(dataset, name) and not change.startswith("model: "):
+                say(f"{name}: {root} already has it")
+                continue
+            if change and not STAGES[name].is_derived:
+                raise UserError(
+                    f"{root}: its {name!r} output was made with other software ({change}), which "
+                    "gives other numbers; add --redo to recompute all of it"
+                )
+            if change:
+                say(f"{name}: made by another version of the program; recomputing")
+                gone.add(name)
+        todo.append(name)
+    removed = with_dependents(gone)
+    for need in {need for name in stages for need in STAGES[name].needs}.difference(stages):
+        if need in removed:
+            raise UserError(
+                f"{root}: --redo of {stages[0]!r} alone would remove the {need!r} output, which "
+                f"differs ({changes}); run with --redo first: megalopta {STAGES[need].command}"
+            )
+        require(dataset, need)
+    return Work(tuple(todo), tuple(removed))
+
+
+def _differences(dataset: Dataset, stages: Collection[str]) -> str:
+    """Return what stages depend on and differs from the record, at most three settings."""
+    if not stages:
+        return ""
+    old = stored_settings(dataset.former, dataset.record_path)
+    before, now = (stage_configuration(each, *stages) for each in (old, dataset.configuration))
+    listed = differences(before, now)
+    more = f" and {len(listed) - 3} more" if len(listed) > 3 else ""
+    return "; ".join(listed[:3]) + more
+
+
+More = Callable[[Dataset], Mapping[str, Any]]
+"""Makes more output of a dataset, and returns more fields of its record"""
+
+
+def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
+    """Do the work on a sequence, and return it with its record."""
+    settings, former = dataset.configuration, dataset.former
+    if not work.todo:
+        files.remove(dataset.begun_path)
+        return dataset
+    with locked(dataset.record_path.parent, f".{dataset.sequence}.lock"):
+        for name in set(work.todo).intersection(work.removed, former.stages):
+            with refused_as(name):
+                STAGES[name].rehearse(settings)
+        kept = former.without(work.removed)
+        forget(dataset, work.removed)
+        if dataset.begun_path.exists():
+            _sweep(dataset, work.todo)
+        begun = {name: begin(dataset, name) for name in work.todo}
+        described = {"configuration": settings.model_dump(mode="json")}
+        marked = former.model_copy(update={**described, "stages": begun})
+        files.write_text(dataset.begun_path, marked.to_json())
+        try:
+            for name in work.todo:
+                _remove_damaged(dataset, name)
+                start = time.perf_counter()
+                with step(name):
+                    STAGES[name].work(replace(dataset, record=kept.without([name])))
+                spent = {**timings(dataset), name: round(time.perf_counter() - start, 3)}
+                files.write_json(dataset.result("timings.json"), spent)
+            fields = more(replace(dataset, record=kept)) if more else {}
+        except Exception:
+            if not any(has_output(dataset, name) for name in work.todo):
+                files.remove(dataset.begun_path)
+            raise
+        made = {
+            name: begun[name].model_copy(
+                update={"files": hashes_of(dataset.root, STAGES[name].outputs(dataset))}
+            )
+            for name in work.todo
+        }
+        stages = {name: made.get(name) or kept.stages.get(name) for name in STAGES}
+        finished = {name: stage for name, stage in stages.items() if stage}
+        update = {**described, **fields, "stages": finished}
+        record = former.model_copy(update=update)
+        files.write_text(dataset.record_path, record.to_json())
+        files.remove(dataset.begun_path)
+    return replace(dataset, record=record)
+
+
+def _remove_damaged(dataset: Dataset, name: str) -> None:
+    """Remove modified output of a finished stage, so that it is made again."""
+    for path in sorted({whole_of(path, dataset.root) for path in damaged(dataset, name)}):
+        say(f"{name}: {path} is missing or damaged; recomputing")
+        files.remove(path)
+
+
+def forget(dataset: Dataset, stages: Collection[str]) -> None:
+    """Remove stages from the record, then their output."""
+    former = dataset.former
+    if set(stages) & former.stages.keys():
+        left = former.without(stages)
+        if left.stages:
+            files.write_text(dataset.record_path, left.to_json())
+        else:
+            files.remove(dataset.record_path)
+        files.remove(dataset.root / "report.html")
+    for name in stages:
+        for path in STAGES[name].outputs(dataset):
+            files.remove(path)
+
+
+def _sweep(dataset: Dataset, stages: Collection[str]) -> None:
+    """Remove temporary files of a killed writer of stages."""
+    for name in stages:
+        for path in STAGES[name].outputs(dataset):
+            for part in path.parent.glob(f".part-*-{path.name}"):
+                files.remove(part)
+            files.sweep(path)
+
+
+def _begun(dataset: Dataset) -> SequenceRecord:
+    """Record of the stages in progress; an empty one if there are none."""
+    path = dataset.begun_path
+    if not os.path.lexists(path):
+        return dataset.former.model_copy(update={"stages": {}})
+    return read_record(path, dataset.sequence)
+
+
+def has_output(dataset: Dataset, stage: str) -> bool:
+    """True if any output of a stage exists, finished or not."""
+    return any(map(files.holds_files, STAGES[stage].outputs(dataset)))
+
+
+def entry(dataset: Dataset, stage: str) -> StageRecord | None:
+    """Record of a stage finished with this configuration.
+
+    Raises UserError if it names a file that the stage does not write.
+    """
+    found = dataset.former.stages.get(stage)
+    if not found or found.settings != stage_hash(dataset.configuration, stage):
+        return None
+    names = [str(path.relative_to(dataset.root)) for path in STAGES[stage].outputs(dataset)]
+    inside = tuple(f"{name}/" for name in names)
+    for name in found.files or {}:
+        if name not in names and not name.startswith(inside):
+            raise UserError(
+                f"{dataset.record_path} is damaged ({bounded.quoted(name, 60)!r} is no output of "
+                f"stage {stage!r}); restore it, or render into a new folder"
+            )
+    return found
+
+
+def damaged(dataset: Dataset, stage: str) -> list[Path]:
+    """Files of a finished stage that are missing or have another size or hash."""
+    found = entry(dataset, stage)
+    with step(f"comparing files of {stage}"):
+        known = (found.files or {} if found else {}).items()
+        return [dataset.root / n for n, file in known if file_difference(dataset.root / n, *file)]
+
+
+def finished(dataset: Dataset) -> list[str]:
+    """Return the finished stages. Raises UserError if one of them is damaged."""
+    stages = [stage for stage in STAGES if entry(dataset, stage)]
+    for stage in stages:
+        require(dataset, stage)
+    return stages
+
+
+def require(dataset: Dataset, stage: str) -> None:
+    """Refuse, with UserError, a stage that is damaged or not finished with this configuration."""
+    root, broken = dataset.root, damaged(dataset, stage)
+    if entry(dataset, stage) and not broken:
+        return
+    target = (root, "--out", root) if stage == "render" else (root,)
+    what = (
+        f"{broken[0]} is missing or damaged"
+        if broken
+        else f"{root}: stage {stage!r} is not finished with this configuration"
+    )
+    raise UserError(f"{what}; run first: {shell_command(*STAGES[stage].command.split(), *target)}")
+
+
+def timings(dataset: Dataset) -> dict[str, float]:
+    """Seconds of the last run of each stage."""
+    path = dataset.result("timings.json")
+    with bounded.undamaged(path, "remove it (it holds only times)"):
+        spent = dict(bounded.read_json(path)) if path.exists() else {}
+        return {str(stage): float(seconds) for stage, seconds in spent.items()}
+
+
+def begin(dataset: Dataset, stage: str) -> StageRecord:
+    """Record of a stage that begins: settings, model and libraries."""
+    return StageRecord(
+        settings=stage_hash(dataset.configuration, stage),
+        made_with=provenance(stage, dataset.configuration),
+        version=__version__,
+    )
+
+
+def stage_hash(configuration: Configuration, stage: str) -> str:
+    """Hash of every setting that a stage's output depends on."""
+    return digest(json.dumps(stage_configuration(configuration, stage), sort_keys=True))
