@@ -21,9 +21,9 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
+from megalopta.cli.settings import VerbSettings
 from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval

@@ -26,14 +26,12 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from megalopta.core.errors import DamagedFileError, TooLargeError, UserError
 
 if TYPE_CHECKING:
     import h5py
     import zarr
+    from numpy.typing import NDArray
     from pydantic import ValidationInfo
 
 
@@ -55,10 +53,6 @@ _NUMBERS += ("float16", "float32", "float64")
 _CODECS = ("bytes", "transpose", "crc32c", "blosc", "zstd", "gzip", "sharding_indexed")
 _MOST_AXES, _MOST_ARRAYS, _MOST_CHUNKS = 6, 1000, 10**6
 _LARGEST_SIDE = 2**48
-_HEADERS = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
 
 
 def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
@@ -295,15 +289,19 @@ def file_content(path: str | Path, field: str) -> bytes:
         raise ValueError(f"{field}: {said}") from None
 
 
-def plain_array(content: bytes, kinds: str = "fiu") -> NDArray[Any] | None:
+def plain_array(content: bytes, kinds: str = "fiu") -> "NDArray[Any] | None":
     """Return the numbers in the content of a .npy file; None if it holds less, more or others.
 
     `kinds` are the possible kinds of numbers (`numpy.dtype.kind`). Nothing is unpickled, and no
     memory is allocated for numbers that are only claimed.
     """
+    import numpy as np
+    from numpy.lib import format as npy
+
     file = io.BytesIO(content)
+    headers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
     try:
-        header = _HEADERS[np.lib.format.read_magic(file)]
+        header = headers[npy.read_magic(file)]
         shape, is_fortran, dtype = header(file)
         if dtype.kind not in kinds:
             return None
@@ -315,7 +313,7 @@ def plain_array(content: bytes, kinds: str = "fiu") -> NDArray[Any] | None:
 
 def zipped_arrays(
     path: Path, names: Iterable[str] | None = None, kinds: str = "biuf"
-) -> dict[str, NDArray[Any]]:
+) -> "dict[str, NDArray[Any]]":
     """Return arrays of an uncompressed .npz file, all by default.
 
     Raises errors of any type if one is missing, or the file is anything else, for `undamaged`.
@@ -387,8 +385,10 @@ def dataset_in(
 
 def numbers_in(
     file: "h5py.File", name: str, kinds: str, axes: int, bytes_each: float = 16
-) -> NDArray[Any]:
+) -> "NDArray[Any]":
     """Read an array of a file; as `dataset_in`."""
+    import numpy as np
+
     return np.asarray(dataset_in(file, name, kinds, axes, bytes_each)[()])
 
 
@@ -473,6 +473,8 @@ def _check_array(path: Path, said: Mapping[str, Any]) -> None:
     if chunks > _MOST_CHUNKS:
         raise ValueError(f"{path.name} has {chunks} chunks; at most {_MOST_CHUNKS} are read")
     _check_codecs(path.name, said["codecs"])
+    import numpy as np
+
     check_decoded(path, chunk, 2 * np.dtype(said["data_type"]).itemsize)
 
 

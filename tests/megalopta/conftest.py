@@ -8,8 +8,8 @@ from filelock import FileLock
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
-from megalopta.generation.making import make
-from megalopta.stages.pipeline import run_all
+from megalopta.stages.make import make
+from megalopta.stages.run import run_all
 
 from .small import TINY, copied, small
 
@@ -128,3 +128,17 @@ def single_copy(single_dataset, tmp_path):
 @pytest.fixture
 def small_copy(small_dataset, tmp_path):
     return copied(small_dataset, tmp_path / "data")
+
+
+@pytest.fixture
+def run():
+    """Runs a command and returns its exit code."""
+
+    def run(words):
+        try:
+            cli.main(words)
+        except SystemExit as stopped:
+            return stopped.code or 0
+        return 0
+
+    return run

@@ -1,10 +1,13 @@
 """Small sequences: their settings, how to make them, and what is in their folders."""
 
 import hashlib
+import json
 import os
 import shutil
 
-from megalopta.stages.pipeline import run_stage
+from megalopta.dataset.store import Tree, hashes_of, open_sequence
+from megalopta.stages.registry import with_dependents
+from megalopta.stages.run import forget, run_stage
 
 
 def small(width, height, frames, samples=1, sensors=None, levels=None):
@@ -44,6 +47,25 @@ def content(root):
         for path in sorted(root.rglob("*"))
         if path.is_file() and path.name != "timings.json"
     }
+
+
+def without(root, *stages):
+    """The dataset in a folder without some stages and those that need them."""
+    dataset = open_sequence(root)
+    forget(dataset, with_dependents(stages))
+    return Tree(root).at(dataset.configuration)
+
+
+def agreeing(root):
+    """Let the record of a dataset agree with what lies there; return the dataset."""
+    (path,) = (root / "sequences").glob("*.json")
+    record = json.loads(path.read_text("utf-8"))
+    for stage in record["stages"].values():
+        places = {name.partition(".zarr/")[0] for name in stage["files"]}
+        found = [root / (p if (root / p).exists() else f"{p}.zarr") for p in places]
+        stage["files"] = hashes_of(root, found)
+    path.write_text(json.dumps(record))
+    return open_sequence(root)
 
 
 def copied(root, target):

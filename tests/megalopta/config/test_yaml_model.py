@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from megalopta.cli.settings import VerbSettings
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings
 
 
 @pytest.mark.parametrize(
