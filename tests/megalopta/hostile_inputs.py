@@ -60,7 +60,6 @@ EXPORT, MESHES = f"scene export {OF_MESHES}", f"render {OF_MESHES}"
 ANIMATED = EXPORT.replace("[{file}]", '[{"file":"{file}","animate":true}]')
 VIEW = "view {file} --out=v"
 CALIBRATE = "spadcam calibrate {file}@0:1e-3 good.npy@1e5:1e-3 --out=d.yaml"
-COMPARE = "spadcam compare {file}@0:1e-3 --device=good.yaml --out=c.html"
 TAGS = "spadcam tags {file} --out=t"
 LINOSPAD = TAGS + " --linospad2=2212b --columns=64"
 PATH = MESHES.replace("{file}", "good.ply").replace(
@@ -86,7 +85,7 @@ READ: dict[str, tuple[str, ...]] = {
     **{f"t.{name}": (EXPORT.replace("{file}", "t.gltf"),) for name in ("bin", "png")},
     "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
     **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply")},
-    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE, COMPARE)),
+    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE)),
     **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5", "r.npz"), (VIEW,)),
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
@@ -517,7 +516,7 @@ def odd_places():
     """Cases of things that are no file, in turn under the verbs."""
     for turn, (name, commands) in enumerate(READ.items()):
         kind = [*PLACES][turn % len(PLACES)]
-        if (name, kind) != ("board.jsonl", "nothing"):
+        if (name, kind) not in (("board.jsonl", "nothing"), ("t.mtl", "nothing")):
             put = in_folder(name, PLACES[kind])
             yield Case(f"{name}-is-{kind}", worded(commands[0], name), put, must_tell=True)
 
