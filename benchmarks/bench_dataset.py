@@ -29,8 +29,8 @@ from typing import Any
 
 from megalopta.config.recipe import Plan
 from megalopta.dataset.index import write_index
-from megalopta.dataset.layout import Tree
-from megalopta.generation.making import make
+from megalopta.dataset.store import Tree
+from megalopta.stages.make import make
 
 OVERHEAD_REQUIRED, GAIN_REQUIRED, GROWTH_ALLOWED = 0.10, 1.7, 0.05
 _TRACED = "baked light", "ray tracing", "truth rays", "photon drawing"
@@ -113,7 +113,7 @@ def overhead(folder: Path) -> dict[str, Any]:
     tree = make(folder, FOREST)
     total, cpu = time.perf_counter() - start, time.process_time() - cpu
     start = time.perf_counter()
-    write_index(tree, tree.plan())
+    write_index(tree, tree.plan)
     index = time.perf_counter() - start
     return {
         "total": total,

@@ -9,7 +9,7 @@ from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
 from megalopta.plotting.style import method_style
 from megalopta.sensor import open_counts
-from megalopta.stages.pipeline import run_all
+from megalopta.stages.run import run_all
 
 
 def photons(dataset: Dataset, path: Path) -> None:

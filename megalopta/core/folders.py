@@ -11,7 +11,7 @@ import platform
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -79,6 +79,13 @@ def locked(folder: Path, name: str = LOCK_NAME) -> Iterator[None]:
         # A process that waits for the removed file notices, and creates a new one.
         path.unlink(missing_ok=True)
         lock.release()
+
+
+def remove_stale_lock(path: Path) -> None:
+    """Remove the lock of a process that was killed; one that is held stays."""
+    _check_lock(path)
+    with suppress(Timeout), FileLock(path).acquire(timeout=0):
+        path.unlink()
 
 
 def _check_lock(path: Path) -> None:

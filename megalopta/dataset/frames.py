@@ -1,7 +1,8 @@
 """Read a dataset's frames, a chunk at a time."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -20,12 +21,26 @@ if TYPE_CHECKING:
 FRAMES_AT_ONCE = 16
 """Most frames in memory, in every stage."""
 _PIXELS_AT_ONCE = 2**23
+_KEPT_BYTES = 2**27
+_kept: dict[tuple[Path, int, int, int], Any] = {}
+"""Decoded files, by path, inode, time and bytes, the last read ones last"""
 
 
 def frames_at_once(settings: Configuration) -> int:
     """Return the number of frames of a sequence in memory; fewer of large ones."""
     pixels = settings.camera.width * settings.camera.height
     return min(FRAMES_AT_ONCE, settings.trajectory.frames, max(1, _PIXELS_AT_ONCE // pixels))
+
+
+def decoded(path: Path, read: Callable[[Path], Any]) -> Any:
+    """Return what a reader makes of a file, which is decoded once by all stages of a process."""
+    found = path.stat()
+    key = path, found.st_ino, found.st_mtime_ns, found.st_size
+    if key not in _kept:
+        _kept[key] = read(path)
+        while len(_kept) > 1 and sum(size for *_, size in _kept) > _KEPT_BYTES:
+            del _kept[next(iter(_kept))]
+    return _kept[key]
 
 
 def read_radiance_frames(dataset: Dataset) -> Iterator[tuple[int, NDArray[np.float32]]]:
@@ -93,7 +108,7 @@ def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     dataset.require_truth()
     path = dataset.exposed_truth(index)
     with undamaged(path, _again(dataset)):
-        truth = read_truth(path)
+        truth: Truth = decoded(path, read_truth)
         camera = dataset.configuration.camera
         if truth.depth.shape != (camera.height, camera.width):
             raise ValueError(f"{path} differs in image size from dataset.yaml")
@@ -106,7 +121,8 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
         return light_of(dataset).at(index)
     path = dataset.exposed_radiance(index)
     with undamaged(path, _again(dataset)):
-        radiance, bands = read_radiance(path)
+        radiance: NDArray[np.float32]
+        radiance, bands = decoded(path, read_radiance)
         camera, expected = dataset.configuration.camera, dataset.configuration.render.bands_nm
         if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
             raise ValueError(f"{path} differs in image size or bands from dataset.yaml")

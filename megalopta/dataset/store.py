@@ -36,7 +36,7 @@ from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError, shell_command
-from megalopta.core.folders import LOCK_NAME, check_enclosed
+from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
@@ -109,7 +109,7 @@ class Dataset:
         """Record of the stages in progress."""
         return self.record_path.with_suffix(".begun")
 
-    @property
+    @cached_property
     def former(self) -> SequenceRecord:
         """Its record; an empty one if nothing is finished."""
         return self.record or SequenceRecord(
@@ -277,17 +277,19 @@ class Tree:
         check_format("dataset", header, path)
         return header
 
+    @property
+    def records(self) -> Path:
+        """Folder of the records."""
+        return self.root / "sequences"
+
     def names(self) -> list[str]:
         """Names of the sequences in order."""
-        return sorted(
-            path.stem
-            for path in (self.root / "sequences").glob("*.json")
-            if not files.is_temporary(path)
-        )
+        paths = self.records.glob("*.json")
+        return sorted(path.stem for path in paths if not files.is_temporary(path))
 
     def record_path(self, name: str) -> Path:
         """Record of a sequence."""
-        return self.root / "sequences" / f"{name}.json"
+        return self.records / f"{name}.json"
 
     def record(self, name: str) -> SequenceRecord:
         """Read the record of a sequence. Raises UserError."""
@@ -325,10 +327,12 @@ class Tree:
         return False
 
     def sweep(self) -> None:
-        """Remove temporary files of killed writers, but those of sequences."""
+        """Remove temporary files and locks of killed writers, but not the output of stages."""
         for folder in (self.root, *(self.root / name for name in BOOKS)):
             for path in filter(files.is_temporary, folder.glob(".part-*")):
                 files.remove(path)
+        for path in self.records.glob(".*.lock"):
+            remove_stale_lock(path)
 
 
 def open_sequence(root: Path) -> Dataset:

@@ -70,12 +70,12 @@ def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[f
         members = [ordered[index] for index in part]
         middle = members[len(members) // 2]
         say(f"measuring {middle.scene.kind}, {middle.camera.width} × {middle.camera.height} px")
-        setup_s, of_pixel = _measured(middle, plan)
+        setup_s, of_pixel = measured(middle, plan)
         total += [len(members) * setup_s, 0] + sum(map(_pixels, members)) * of_pixel
     return float(total[0]), float(total[1])
 
 
-def _measured(settings: Configuration, plan: Plan | None) -> tuple[float, np.ndarray]:
+def measured(settings: Configuration, plan: Plan | None) -> tuple[float, np.ndarray]:
     """Return seconds before the second frame, and seconds and bytes of a pixel of a frame."""
     camera, shading = settings.camera, settings.render
     rows = min(_PIXELS, _PATHS / shading.samples_per_pixel) / camera.width

@@ -33,10 +33,6 @@ Job = Callable[[int], object]
 
 _one_at_a_time = threading.Lock()
 _PR_SET_PDEATHSIG = 1
-_CERTIFICATES = (
-    "name the certificates by DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
-    "…__CLIENT__KEY in the environment"
-)
 
 
 @dataclass(frozen=True)
@@ -86,11 +82,9 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
             job(index)
         except UserError as problem:
             return Outcome(index, str(problem))
-        except OSError as problem:
-            refused = machine_problem(problem)
-            return Outcome(index, refused or _brief(problem), ends_all=refused is not None)
         except Exception as problem:
-            return Outcome(index, _brief(problem))
+            refused = machine_problem(problem) if isinstance(problem, OSError) else None
+            return Outcome(index, refused or _brief(problem), ends_all=refused is not None)
     return Outcome(index)
 
 
@@ -162,18 +156,18 @@ def _by_cluster(
 
     with connected(scheduler) as client:
         futures = {
-            client.submit(_alike, job, index, environment(), pure=False): index for index in indices
+            client.submit(attempt_alike, job, index, environment(), pure=False): index
+            for index in indices
         }
         for future in as_completed(futures):
-            problem = future.exception()
-            if problem:  # of the cluster, not of the job
+            if problem := future.exception():  # of the cluster, not of the job
                 what = f"its workers died or cannot run it ({_brief(problem)})"
                 yield Outcome(futures[future], what)
             else:
                 yield future.result()
 
 
-def _alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
+def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
     """Run a job if the environment is the wanted one: another might give other output."""
     there = environment()
     if names := [name for name in wanted if there.get(name) != wanted[name]]:
@@ -199,9 +193,9 @@ def connected(scheduler: str) -> Iterator["Client"]:
     try:
         client = Client(scheduler, timeout=10)
     except (OSError, ValueError, TypeError, RuntimeError) as problem:
-        remedy = _CERTIFICATES if scheduler.startswith("tls:") else "start one with: dask scheduler"
         raise UserError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); {remedy}"
+            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); start one "
+            "with: dask scheduler, and for tls: name certificates as docs/how-to/cluster.md says"
         ) from None
     with client:
         yield client

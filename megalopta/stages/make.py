@@ -86,7 +86,7 @@ def make(
     with locked(tree.root):
         tree.sweep()
         tree.write_header(plan=whole.model_dump(mode="json"))
-        there = set(tree.names())
+        there = set(tree.names()) - {path.stem for path in tree.records.glob("*.begun")}
         asked = range(plan.sequences) if only is None else only
         todo = [index for index in asked if sequence_name(index) not in there]
         if todo:
@@ -294,7 +294,7 @@ def measure(
     stage has run with other settings and `redo` is not set.
     """
     tree = Tree(root.absolute())
-    change = partial(_changed, overrides=overrides)
+    change = partial(_changed, overrides=overrides, source=str(root))
     if tree.plan is None:
         for dataset in _sequences(tree):
             run_stage(root, change(dataset.configuration), stage, redo)
@@ -303,9 +303,8 @@ def measure(
     _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
 
 
-def _changed(settings: Configuration, overrides: Mapping[str, str]) -> Configuration:
-    values = settings.model_dump(mode="json")
-    return validated(Configuration, values, settings.name, overrides)
+def _changed(settings: Configuration, overrides: Mapping[str, str], source: str) -> Configuration:
+    return validated(Configuration, settings.model_dump(mode="json"), source, overrides)
 
 
 def _sequences(tree: Tree) -> list[Dataset]:

@@ -18,6 +18,7 @@ from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
 from megalopta.dataset import labels, sintel
+from megalopta.dataset.frames import decoded
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import SUFFIXES, Dataset
 from megalopta.plotting.text import three_digits
@@ -384,11 +385,14 @@ def write_previews(dataset: Dataset) -> None:
     configuration = dataset.configuration
     white = configuration.scene.white(configuration.light)
     frames = range(configuration.trajectory.frames)
-    read = (read_radiance(dataset.radiance(index)) for index in frames)
-    curve = ToneCurve.of(linear_srgb(*each, white) for each in read)
+    curve = ToneCurve.of(linear_srgb(*_sharp(dataset, index), white) for index in frames)
     for index in frames:
-        image = preview(*read_radiance(dataset.radiance(index)), white, curve)
+        image = preview(*_sharp(dataset, index), white, curve)
         sintel.write_png(dataset.frame("training/clean", index), image)
+
+
+def _sharp(dataset: Dataset, index: int) -> Any:
+    return decoded(dataset.radiance(index), read_radiance)
 
 
 def _outputs(dataset: Dataset) -> list[Path]:

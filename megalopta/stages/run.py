@@ -43,10 +43,13 @@ def run_stage(
 ) -> Dataset:
     """Bring one stage of a dataset of one sequence to its end. Raises UserError."""
     check_stage(name, configuration, Path(root))
-    tree = Tree(Path(root))
+    return _bring_to_end(Tree(Path(root)), configuration, name, redo)
+
+
+def _bring_to_end(tree: Tree, configuration: Configuration, name: str, redo: bool) -> Dataset:
     is_new = not tree.exists()
     if not is_new and (tree.plan or set(tree.names()) - {configuration.name}):
-        raise UserError(f"{root}: holds other sequences; choose another folder")
+        raise UserError(f"{tree.root}: holds other sequences; choose another folder")
     try:
         with locked(tree.root):
             tree.sweep()
@@ -85,7 +88,7 @@ def run_all(
         check_stage(name, configuration, Path(root))
     for number, name in enumerate(STAGES, 1):
         with numbered_stage(number, len(STAGES) + later):
-            dataset = run_stage(root, configuration, name, redo)
+            dataset = _bring_to_end(Tree(Path(root)), configuration, name, redo)
     return dataset
 
 
@@ -100,7 +103,8 @@ def check_stage(name: str, configuration: Configuration, root: Path) -> None:
 class Work:
     """Stages of a sequence to make or to complete, and those whose output is removed before."""
 
-    todo: tuple[str, ...]
+    todo: Mapping[str, StageRecord]
+    """Records of them as they begin"""
     removed: tuple[str, ...]
 
 
@@ -119,16 +123,20 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
             "choose another folder, or add --redo to replace it"
         )
     begun = _begun(dataset).stages
-    todo, gone = [], set(stale)
+    todo, gone = dict[str, StageRecord](), set(stale)
     for name in stages:
+        now = StageRecord(
+            settings=stage_hash(settings, name),
+            made_with=provenance(name, settings),
+            version=__version__,
+        )
         if name not in known:
-            now = begin(dataset, name)
-            if name not in begun or begun[name] != now:
+            if begun.get(name) != now:
                 gone.add(name)
         elif redo:
             gone.add(name)
         else:
-            change = provenance_changes(known[name].made_with, provenance(name, settings))
+            change = provenance_changes(known[name].made_with, now.made_with)
             if not damaged(dataset, name) and not change.startswith("model: "):
                 say(f"{name}: {root} already has it")
                 continue
@@ -140,16 +148,17 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
             if change:
                 say(f"{name}: made by another version of the program; recomputing")
                 gone.add(name)
-        todo.append(name)
+        todo[name] = now
     removed = with_dependents(gone)
-    for need in {need for name in stages for need in STAGES[name].needs}.difference(stages):
+    needs = {need for name in stages for need in STAGES[name].needs}.difference(stages)
+    for need in (name for name in STAGES if name in needs):
         if need in removed:
             raise UserError(
                 f"{root}: --redo of {stages[0]!r} alone would remove the {need!r} output, which "
                 f"differs ({changes}); run with --redo first: megalopta {STAGES[need].command}"
             )
         require(dataset, need)
-    return Work(tuple(todo), tuple(removed))
+    return Work(todo, tuple(removed))
 
 
 def _differences(dataset: Dataset, stages: Collection[str]) -> str:
@@ -170,10 +179,10 @@ More = Callable[[Dataset], Mapping[str, Any]]
 def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
     """Do the work on a sequence, and return it with its record."""
     settings, former = dataset.configuration, dataset.former
-    if not work.todo:
-        files.remove(dataset.begun_path)
-        return dataset
+    described = {"configuration": settings.model_dump(mode="json")}
     with locked(dataset.record_path.parent, f".{dataset.sequence}.lock"):
+        if not work.todo:  # stages to come may have other settings
+            return _entered(dataset, former.model_copy(update=described))
         for name in set(work.todo).intersection(work.removed, former.stages):
             with refused_as(name):
                 STAGES[name].rehearse(settings)
@@ -181,13 +190,11 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
         forget(dataset, work.removed)
         if dataset.begun_path.exists():
             _sweep(dataset, work.todo)
-        begun = {name: begin(dataset, name) for name in work.todo}
-        described = {"configuration": settings.model_dump(mode="json")}
-        marked = former.model_copy(update={**described, "stages": begun})
+        marked = former.model_copy(update={**described, "stages": dict(work.todo)})
         files.write_text(dataset.begun_path, marked.to_json())
         try:
             for name in work.todo:
-                _remove_damaged(dataset, name)
+                _remove_damaged(replace(dataset, record=kept), name)
                 start = time.perf_counter()
                 with step(name):
                     STAGES[name].work(replace(dataset, record=kept.without([name])))
@@ -199,17 +206,22 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
                 files.remove(dataset.begun_path)
             raise
         made = {
-            name: begun[name].model_copy(
+            name: begun.model_copy(
                 update={"files": hashes_of(dataset.root, STAGES[name].outputs(dataset))}
             )
-            for name in work.todo
+            for name, begun in work.todo.items()
         }
-        stages = {name: made.get(name) or kept.stages.get(name) for name in STAGES}
-        finished = {name: stage for name, stage in stages.items() if stage}
-        update = {**described, **fields, "stages": finished}
-        record = former.model_copy(update=update)
+        stages = {**kept.stages, **made}
+        ordered = {name: stages[name] for name in STAGES if name in stages}
+        update = {**described, **fields, "stages": ordered}
+        return _entered(dataset, former.model_copy(update=update))
+
+
+def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
+    """Write the record of a sequence; nothing of it is in progress any more."""
+    if record != dataset.record:
         files.write_text(dataset.record_path, record.to_json())
-        files.remove(dataset.begun_path)
+    files.remove(dataset.begun_path)
     return replace(dataset, record=record)
 
 
@@ -312,15 +324,6 @@ def timings(dataset: Dataset) -> dict[str, float]:
     with bounded.undamaged(path, "remove it (it holds only times)"):
         spent = dict(bounded.read_json(path)) if path.exists() else {}
         return {str(stage): float(seconds) for stage, seconds in spent.items()}
-
-
-def begin(dataset: Dataset, stage: str) -> StageRecord:
-    """Record of a stage that begins: settings, model and libraries."""
-    return StageRecord(
-        settings=stage_hash(dataset.configuration, stage),
-        made_with=provenance(stage, dataset.configuration),
-        version=__version__,
-    )
 
 
 def stage_hash(configuration: Configuration, stage: str) -> str:

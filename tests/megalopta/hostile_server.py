@@ -19,7 +19,7 @@ WARM = (
     "av", "cv2", "h5py", "mitsuba", "numpy", "onnxruntime", "OpenEXR", "scipy.spatial.transform", "tifffile",
     "trimesh", "zarr", "megalopta.benchmark.pairs_on_disk", "megalopta.benchmark.ranking_run",
     "megalopta.benchmark.scores", "megalopta.benchmark.without_truth", "megalopta.camera.calibrating",
-    "megalopta.camera.device_comparison", "megalopta.flow", "megalopta.render", "megalopta.stages.make",
+    "megalopta.camera.device_comparison", "megalopta.flow", "megalopta.stages.make", "megalopta.render",
     "megalopta.render.exporting", "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
     "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.capture_files",
     "megalopta.verification.files", "megalopta.verification.truth",

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.generation import versions
 from megalopta.render import choose_variant, variant
 from megalopta.render.variant import TRIED_LLVM, find_llvm, llvm_version
+from megalopta.stages import versions
 
 RENDER = """
 from pathlib import Path

@@ -17,7 +17,7 @@ from megalopta.core.array_store import ArrayStore
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import counting, small
 

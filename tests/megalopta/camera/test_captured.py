@@ -12,7 +12,7 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.formats.tiff import tiff_writer
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import small
 

@@ -8,7 +8,7 @@ from megalopta.camera.stimuli import Flat, Plate, Rendered
 from megalopta.config.model import load
 from megalopta.render import read_radiance
 from megalopta.sensor import detection_rate, preset
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import small
 

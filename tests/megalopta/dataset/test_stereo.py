@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from megalopta.config.model import load
-from megalopta.dataset.stereo import read_disparity, write_disparity, write_kitti_disparity
+from megalopta.dataset.sintel import read_disparity, write_disparity, write_kitti_disparity
 from megalopta.dataset.store import Dataset
 
 

@@ -12,14 +12,14 @@ import pytest
 from megalopta.config.model import Configuration, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError, shell_command
-from megalopta.dataset.store import Dataset
+from megalopta.dataset.store import open_sequence
 from megalopta.report.page import write_report
 from megalopta.report.source import select
-from megalopta.stages.ledger import Ledger
-from megalopta.stages.pipeline import run_all
 from megalopta.stages.registry import STAGES
+from megalopta.stages.run import run_all
 
 from ..accessibility import needs_axe, violations
+from ..small import agreeing, without
 
 pytestmark = pytest.mark.slow
 
@@ -91,10 +91,10 @@ def page(dataset):
     return read(write_report(dataset))
 
 
-def rewrite(dataset, stage, path, text):
+def rewrite(dataset, path, text):
     """Put other text into a file of a finished stage."""
     path.write_text(text)
-    Ledger(dataset).finish(stage)
+    return agreeing(dataset.root)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def lean(tmp_path_factory):
 @pytest.fixture
 def copied_lean(lean, tmp_path):
     root = shutil.copytree(lean.root, tmp_path / 'copy<cam> & "co"')
-    return Dataset(root, lean.configuration)
+    return open_sequence(root)
 
 
 def test_a_report_has_all_its_sections(page):
@@ -142,8 +142,7 @@ def test_every_picture_says_what_it_shows(page):
     [("benchmark", {"benchmark photons"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
 )
 def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied_lean, forgotten, missing):
-    Ledger(copied_lean).forget(forgotten)
-    page = read(write_report(copied_lean))
+    page = read(write_report(without(copied_lean.root, forgotten)))
     assert set(SECTIONS) <= set(page.values("id"))
     for verb in ("sense", "flow", "benchmark photons"):
         run = f"Run {shell_command(*verb.split(), copied_lean.root)}"
@@ -165,7 +164,7 @@ def test_a_damaged_file_is_told_in_one_sentence(copied_lean, refused, stage, nam
     path = copied_lean.scene_record if stage == "render" else copied_lean.result(name)
     run = f"run: {shell_command(*STAGES[stage].command.split(), copied_lean.root)}"
     for text in texts:
-        rewrite(copied_lean, stage, path, text)
+        rewrite(copied_lean, path, text)
         told = refused("report", copied_lean.root)
         assert name in told, text
         assert run in told, text
@@ -195,8 +194,7 @@ def test_keyboards_and_screen_readers_find_their_way(theme, dataset, tmp_path):
 
 
 def test_the_path_of_a_dataset_is_escaped(copied_lean):
-    Ledger(copied_lean).forget("benchmark")
-    path = write_report(copied_lean)
+    path = write_report(without(copied_lean.root, "benchmark"))
     assert "copy&lt;cam&gt; &amp;" in path.read_text("utf-8")
     page = read(path)
     assert str(copied_lean.root) in page.text
@@ -204,14 +202,13 @@ def test_the_path_of_a_dataset_is_escaped(copied_lean):
 
 
 def test_a_dataset_without_frames_is_refused(copied_lean):
-    Ledger(copied_lean).forget("render")
     with pytest.raises(UserError, match="'render' is not finished .*run first: megalopta render"):
-        write_report(copied_lean)
+        write_report(without(copied_lean.root, "render"))
 
 
 def test_a_missing_record_is_told_with_its_detector_sensor_and_light(copied_lean):
     records = json.loads(copied_lean.result("flow.json").read_text())
     kept = [each for each in records if each["method"] != "EMD"]
-    rewrite(copied_lean, "flow", copied_lean.result("flow.json"), json.dumps(kept))
+    changed = rewrite(copied_lean, copied_lean.result("flow.json"), json.dumps(kept))
     with pytest.raises(UserError, match=rf"lacks the errors of EMD on {SENSOR} at 0\.5lux"):
-        write_report(copied_lean)
+        write_report(changed)

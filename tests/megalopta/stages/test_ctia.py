@@ -7,7 +7,7 @@ import zarr
 from megalopta.config.model import load, parse
 from megalopta.report.page import write_report
 from megalopta.sensor import DacBias, FloatingGateBias
-from megalopta.stages.pipeline import run_all
+from megalopta.stages.run import run_all
 from megalopta.stages.sense import STAGE, open_exposure
 
 from ..small import small

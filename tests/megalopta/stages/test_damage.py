@@ -8,8 +8,7 @@ import pytest
 
 from megalopta.cli import main as cli
 from megalopta.dataset.store import open_sequence
-from megalopta.stages.ledger import Ledger
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import finished, run_stage
 
 from ..small import content
 
@@ -81,7 +80,7 @@ def test_damage_to_what_a_stage_needs_is_named(whole_copy, tmp_path, refused):
 
 def test_a_hash_is_computed_once_while_nothing_changes(whole_copy, monkeypatch):
     dataset, opened = open_sequence(whole_copy), []
-    Ledger(dataset).finished()
+    finished(dataset)
     monkeypatch.setattr("hashlib.file_digest", lambda *given: opened.append(given))
     run_stage(whole_copy, dataset.configuration, "flow")
     assert opened == []

@@ -4,7 +4,7 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.render import choose_variant
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import small
 

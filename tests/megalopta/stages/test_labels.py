@@ -10,9 +10,9 @@ import trimesh
 import megalopta
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
-from megalopta.dataset.layout import Tree
+from megalopta.dataset.store import Tree
 from megalopta.render import read_truth
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 from megalopta.verification.files import check_files
 
 

@@ -8,7 +8,7 @@ from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages.limits import needed_bytes, refuse_absurd, size
-from megalopta.stages.pipeline import run_all
+from megalopta.stages.run import run_all
 
 from ..small import TINY
 

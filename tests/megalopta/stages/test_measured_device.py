@@ -14,7 +14,7 @@ from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor import read_counts
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import TINY, content
 

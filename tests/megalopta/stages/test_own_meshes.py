@@ -14,7 +14,7 @@ from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.reprojection import motions_of
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ...scenes.meshes.files import Gltf
 from ..small import small

@@ -10,7 +10,6 @@ from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.shot import Shot
 from megalopta.sensor.sub_frames import NextFrames
-from megalopta.stages.ledger import Ledger
 from megalopta.stages.sense import open_exposure
 
 from ..small import made
@@ -37,9 +36,9 @@ def folder(sensed):
     return sensed.root / "counts" / sensed.sequence
 
 
-def test_every_product_is_in_the_manifest(sensed, folder):
-    line = Ledger(sensed).entry("sense")
-    names = {name.split("/")[-1] for name in line.files if "/counts" in f"/{name}"}
+def test_every_product_is_in_the_record(sensed, folder):
+    sense = sensed.record.stages["sense"]
+    names = {name.split("/")[-1] for name in sense.files if "/counts" in f"/{name}"}
     assert {
         "ideal-1e-05lux.events.h5", "ideal-1e-05lux.events.npz", "ideal-1e-05lux.binary.npy",
         "ideal-1e-05lux.tiff",

@@ -14,7 +14,7 @@ from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages.run import run_stage
 
 from ..small import TINY, small
 

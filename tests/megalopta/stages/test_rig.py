@@ -11,8 +11,8 @@ import megalopta
 from megalopta.config.model import parse
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
-from megalopta.generation.making import make
 from megalopta.render import read_truth
+from megalopta.stages.make import make
 from megalopta.stages.render import build
 
 pytestmark = pytest.mark.slow

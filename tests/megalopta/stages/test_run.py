@@ -9,28 +9,23 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.config.light_scale import light_scale
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
-from megalopta.dataset.store import open_sequence
+from megalopta.dataset.store import Tree, open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.report.dataset_card import write_card, write_contact_sheet
-from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
-from megalopta.stages import flow as stage_flow, registry
-from megalopta.stages.ledger import Ledger
-from megalopta.stages.measurement import SequenceMeasurement
-from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages import registry
 from megalopta.stages.registry import STAGES as ORDER
+from megalopta.stages.render import FrameWriter
+from megalopta.stages.run import finished as finished_stages, has_output, run_all, run_stage
 from megalopta.verification.files import check_files, run_check_files
 
-from ..small import content, counting
+from ..small import content, counting, without
 
 
 @pytest.fixture(scope="session")
@@ -129,8 +124,8 @@ def test_redo_replaces_what_disagrees_and_keeps_the_rest(whole_copy):
     dataset = run_stage(copy.root, changed, "sense", redo=True)
     assert content(copy.root / "radiance") == rendering
     assert dataset.counts(changed.sensors[0], 0.5).exists()
-    assert not Ledger(dataset).has("flow")
-    assert Ledger(dataset).is_finished("sense")
+    assert not has_output(dataset, "flow")
+    assert finished_stages(dataset) == ["render", "sense", "benchmark"]
 
 
 def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
@@ -171,7 +166,7 @@ def test_light_that_is_too_bright_for_events_leaves_no_trace(tiny, tmp_path):
     with pytest.raises(UserError, match="events in a frame"):
         run_stage(dataset.root, tiny.model_copy(update=bright), "sense")
     assert content(dataset.root) == before
-    assert not Ledger(dataset).has("sense")
+    assert not has_output(dataset, "sense")
 
 
 def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path):
@@ -180,7 +175,7 @@ def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path
     assert sequence.exposures == ()
     with pytest.raises(UserError, match="no counts yet; run: megalopta sense"):
         sequence.counts()
-    with pytest.raises(UserError, match="a dataset of one sequence, not of many"):
+    with pytest.raises(UserError, match="a dataset without a plan"):
         write_card(tmp_path / "data")
     for name in ("imu", "tracks", "albedo", "leaf_clusters"):
         with pytest.raises(UserError, match=r"no .*; (render|sense) with `"):
@@ -189,34 +184,14 @@ def test_a_rendered_dataset_is_read_and_shown_before_it_is_sensed(tiny, tmp_path
     assert page.count("data:image/gif") == 3  # light, flow and depth
 
 
-@pytest.mark.slow
-def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
-    before = content(copy.root)
-    Ledger(copy).forget("flow")
-    for _ in range(2):  # in the second exposure that it comes to
-        methods = len(copy.configuration.methods)
-        monkeypatch.setattr(
-            stage_flow, "SequenceMeasurement", counting(SequenceMeasurement, [], methods + 1)
-        )
-        with pytest.raises(KeyboardInterrupt):
-            run_stage(copy.root, copy.configuration, "flow")
-    monkeypatch.setattr(
-        stage_flow, "SequenceMeasurement", counting(SequenceMeasurement, calls := [])
-    )
-    run_stage(copy.root, copy.configuration, "flow")
-    assert len(calls) == methods * 2  # two of four exposures were there
-    run_stage(copy.root, copy.configuration, "benchmark")
-    assert content(copy.root) == before
-
-
 def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
-    Ledger(copy).forget("benchmark")
+    without(copy.root, "benchmark")
     repeats = copy.configuration.benchmark.repeats
     monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "benchmark")
     a_repeat = len(drawn) // repeats
-    Ledger(copy).forget("benchmark")
+    without(copy.root, "benchmark")
     monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, [], a_repeat + 1))
     with pytest.raises(KeyboardInterrupt):
         run_stage(copy.root, copy.configuration, "benchmark")
@@ -224,16 +199,6 @@ def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     run_stage(copy.root, copy.configuration, "benchmark")
     assert len(drawn) == a_repeat * (repeats - 1)
     assert content(copy.root) == before
-
-
-def test_frames_of_another_renderer_are_refused_until_they_are_to_be_made_again(copy, monkeypatch):
-    other = dataclasses.replace(registry.STAGES["render"], model=lambda: "another")
-    monkeypatch.setitem(registry.STAGES, "render", other)
-    before = content(copy.root)
-    with pytest.raises(UserError, match="'render' output was made by another version .* --redo"):
-        run_all(copy.root, copy.configuration)
-    assert content(copy.root) == before
-    run_stage(copy.root, copy.configuration, "flow")  # what is there is still measured
 
 
 def test_damage_is_named_with_its_remedy(copy, capsys):
@@ -260,20 +225,71 @@ def test_noise_of_the_rendering_is_measured(finished):
     assert record["illuminance"] is None  # the grating glows by itself
 
 
-def test_named_levels_bring_their_color_and_their_illuminance():
-    settings = load("demo", {"render.bands_nm": "[[380, 770]]"})
-    bands = tuple((float(a), float(a + 10)) for a in range(380, 770, 10))
-    fine = settings.model_copy(
-        update={"render": settings.render.model_copy(update={"bands_nm": bands})}
-    )
-    before, expected = (LEVELS[each].spectrum() for each in ("twilight", "starlight"))
-    after = np.array([before(np.mean(band)) for band in bands]) * light_scale(fine, "starlight")
-    spectrum = Spectrum(tuple(float(np.mean(band)) for band in bands), tuple(after))
-    # One band per 10 nm, of spectra with a corner every 20 nm
-    ratio = luminous(spectrum) / luminous(before)
-    assert ratio == pytest.approx(1e-3, rel=1e-2)
-    shape = after / [expected(np.mean(band)) for band in bands]
-    np.testing.assert_allclose(shape, shape.mean(), rtol=0.012)  # where a corner is sharp
+@pytest.fixture
+def begun(whole, tmp_path, monkeypatch):
+    """A dataset whose rendering stopped in its third frame."""
+    write = FrameWriter.write
+
+    def interrupted(self, index):
+        if index == 2:
+            raise KeyboardInterrupt
+        write(self, index)
+
+    root = tmp_path / "begun"
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(FrameWriter, "write", interrupted)
+        run_stage(root, load(str(whole)), "render")
+    return root
+
+
+def test_what_was_begun_goes_on_to_the_same_bytes(begun, whole, monkeypatch):
+    assert "run: megalopta render" in check_files(Tree(begun))[0].remedy
+    write, written = FrameWriter.write, []
+    monkeypatch.setattr(FrameWriter, "write", counting(write, written))
+    run_all(begun, load(str(whole)))
+    assert [index for _, index in written] == [2, 3]
+    assert content(begun) == content(whole)
+
+
+@pytest.mark.parametrize("what", ["settings", "model", "machinery"])
+def test_frames_of_other_settings_or_software_are_not_mixed(begun, monkeypatch, what):
+    settings = load(str(begun), {"seed": "7"} if what == "settings" else {})
+    if what != "settings":
+        changed = (
+            {"model": lambda: "9"} if what == "model" else {"machinery": lambda _: {"drjit": "9"}}
+        )
+        other = dataclasses.replace(registry.STAGES["render"], **changed)
+        monkeypatch.setitem(registry.STAGES, "render", other)
+    write, written = FrameWriter.write, []
+    monkeypatch.setattr(FrameWriter, "write", counting(write, written))
+    run_stage(begun, settings, "render")
+    assert [index for _, index in written] == [0, 1, 2, 3]
+    assert check_files(Tree(begun)) == []
+
+
+@pytest.mark.parametrize(("stage", "is_derived"), [("render", False), ("flow", True)])
+def test_output_of_another_model_is_refused_unless_it_is_derived(
+    whole_copy, monkeypatch, stage, is_derived
+):
+    other = dataclasses.replace(registry.STAGES[stage], model=lambda: "another")
+    monkeypatch.setitem(registry.STAGES, stage, other)
+    before, settings = content(whole_copy), load(str(whole_copy))
+    if is_derived:
+        run_stage(whole_copy, settings, stage)
+        assert open_sequence(whole_copy).record.stages[stage].made_with == {"model": "another"}
+        return
+    with pytest.raises(UserError, match="was made with other software .* add --redo"):
+        run_stage(whole_copy, settings, stage)
+    assert content(whole_copy) == before
+    run_stage(whole_copy, settings, "flow")  # what is there is still measured
+
+
+def test_a_finished_stage_is_kept_whatever_draws_its_noise(whole_copy, capsys):
+    before = content(whole_copy)
+    run_stage(whole_copy, load(str(whole_copy), {"render.backend": "scalar"}), "render")
+    assert "already has it" in capsys.readouterr().err
+    changed = {name for name, text in content(whole_copy).items() if text != before[name]}
+    assert changed == {"dataset.yaml", "sequences/grating.json"}
 
 
 def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
@@ -292,7 +308,7 @@ def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
 
 
 def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
-    record = Ledger(finished).record
+    record = finished.record
     assert list(record.stages) == list(ORDER)
     for name, (size, digest) in record.files.items():
         data = (finished.root / name).read_bytes()

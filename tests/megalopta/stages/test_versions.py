@@ -2,8 +2,8 @@
 
 from importlib.metadata import PackageNotFoundError
 
-from megalopta.generation import versions
 from megalopta.render import choose_variant
+from megalopta.stages import versions
 
 
 def test_a_cuda_device_is_told_of_and_left_alone_by_auto(monkeypatch):

@@ -5,11 +5,10 @@ import signal
 import time
 
 from megalopta.core.errors import UserError
-from megalopta.core.progress import progress, silent, step
 
 
 class Job:
-    """Writes a file; refuses number 3; dies once at number 4, so that another must do it."""
+    """Writes a file; refuses number 3; dies once at number 4, and always at number 5."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -23,6 +22,8 @@ class Job:
         if index == 4 and not begun.exists():
             begun.touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        if index == 5:
+            os._exit(1)
         (self.folder / f"{index}").touch()
 
 
@@ -43,22 +44,3 @@ class EndsOnce(Slow):
     def __call__(self, index):
         if index > 0:
             super().__call__(index)
-
-
-def half(index):
-    """Say for two seconds that half of it is done."""
-    with silent(), step("baking"), progress("Light", 2, "part") as advance:
-        advance()
-        time.sleep(2)
-
-
-def die(index):
-    """Take the worker along."""
-    os._exit(1)
-
-
-class NeverArrives:
-    """Ends the process that unpickles it."""
-
-    def __reduce__(self):
-        return os._exit, (1,)

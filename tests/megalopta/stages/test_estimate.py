@@ -1,0 +1,46 @@
+"""What an estimate measures and multiplies, and that it leaves nothing."""
+
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.cli import main
+from megalopta.config.model import load
+from megalopta.stages import estimate
+from megalopta.stages.run import run_stage
+
+
+def test_frames_and_pixels_multiply_and_at_most_three_sequences_are_measured(monkeypatch):
+    seen, cost = [], (7.0, np.array([1e-3, 8]))
+    monkeypatch.setattr(estimate, "measured", lambda settings, plan: seen.append(settings) or cost)
+    sizes = {"camera.width": "10", "camera.height": "10", "trajectory.frames": "3"}
+    seconds, bytes_ = estimate.cost_of([load("grating", sizes)] * 9)
+    assert len(seen) == 3
+    assert seconds == pytest.approx(9 * 7 + 9 * 0.3)
+    assert bytes_ == pytest.approx(9 * 300 * 8)
+
+
+@pytest.mark.slow
+def test_the_stated_size_is_that_of_the_files_within_a_factor_of_two(tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    sizes = {"camera.width": "128", "camera.height": "128", "render.samples_per_pixel": "4"}
+    settings = load("grating", {**sizes, "trajectory.frames": "4"})
+    _, bytes_ = estimate.cost_of([settings])
+    assert not list(temporary.iterdir())
+    dataset = run_stage(tmp_path / "data", settings, "render")
+    made = sum(path.stat().st_size for path in dataset.root.rglob("*") if path.is_file())
+    assert made / 2 < bytes_ < 2 * made
+
+
+@pytest.mark.slow
+def test_a_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
+    plan, out = tmp_path / "plan.yaml", tmp_path / "data"
+    plan.write_text(yaml.safe_dump(small_plan.model_dump(mode="json")))
+    words = ["dataset", "make", str(plan), "--out", str(out), "--dry-run", "--sequences", "50"]
+    main.main(words)
+    told = capsys.readouterr().out
+    assert "50 sequences, 150 frames, about" in told
+    assert "MB" in told
+    assert not out.exists()
