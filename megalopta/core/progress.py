@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -26,15 +25,6 @@ _silences: list[object] = []
 _steps: list[str] = []
 _shares: list[Callable[[], str]] = []
 _stages: list[str] = []
-_clocks: list[dict[str, "Spent"]] = []
-
-
-@dataclass
-class Spent:
-    """Total time of all runs of a step."""
-
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
 
 
 @contextmanager
@@ -61,37 +51,15 @@ def silent() -> Iterator[None]:
 
 @contextmanager
 def step(name: str) -> Iterator[None]:
-    """Name the work inside, for lines of progress and clocks of steps."""
-    wall, cpu = time.monotonic(), time.process_time()
-    try:
-        with _held(_steps, name):
-            yield
-    finally:
-        for clock in _clocks:
-            spent = clock.setdefault(name, Spent())
-            spent.seconds += time.monotonic() - wall
-            spent.cpu_seconds += time.process_time() - cpu
+    """Name the work inside, for lines of progress."""
+    with _held(_steps, name):
+        yield
 
 
 @contextmanager
 def numbered_stage(number: int, total: int) -> Iterator[None]:
     """Begin lines of progress of the work inside with its number, if there are several stages."""
     with _held(_stages, f"stage {number} of {total} · " if total > 1 else ""):
-        yield
-
-
-@contextmanager
-def times_of_steps() -> Iterator[dict[str, Spent]]:
-    """Count the time of all steps inside, by name."""
-    clock: dict[str, Spent] = {}
-    with _held(_clocks, clock):
-        yield clock
-
-
-@contextmanager
-def elsewhere(share: Callable[[], str]) -> Iterator[None]:
-    """Show the progress of work that goes on in other processes, as `share` returns it."""
-    with _held(_shares, share):
         yield
 
 
@@ -152,12 +120,6 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def current_step() -> str:
-    """Return the current step and the progress of silent work in it; empty without any."""
-    # another thread may remove the last
-    return ", ".join((*_steps[-1:], *(share() for share in _shares[-1:])))
-
-
 @contextmanager
 def speaking(
     state: Callable[[], str], share: Callable[[], float | None] = lambda: 0.0
@@ -175,7 +137,9 @@ def speaking(
         while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
             if _speakers[-1] is not over:
                 continue
-            now, stage = current_step(), "".join(_stages[-1:])
+            # another thread may remove the last of these
+            now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
+            stage = "".join(_stages[-1:])
             line = f"{stage}{state()}; {now}".removesuffix("; ")
             if not is_terminal:
                 print(line, file=sys.stderr, flush=True)

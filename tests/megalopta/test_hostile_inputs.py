@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.dataset.store import hashes_of
 from megalopta.flow.formats import read_flow
 from megalopta.sensor.formats.reading import read_events, read_frames
 
 from . import hostile_inputs as hostile, hostile_server
 from .harm import as_format_2, link, pipe
+from .small import agreeing
 
 FEWEST = 500
 SAMPLE = (
@@ -114,10 +114,10 @@ RECORD = "sequences/grating.json"
 
 def another_name(root, home):
     """Settings that name a folder outside."""
-    path = root / "dataset.yaml"
-    values = yaml.safe_load(path.read_text("utf-8"))
-    values["configuration"]["name"] = "../../home/docs"
-    path.write_text(yaml.safe_dump(values), "utf-8")
+    for path in (root / "dataset.yaml", root / RECORD):
+        values = yaml.safe_load(path.read_text("utf-8"))
+        values["configuration"]["name"] = "../../home/docs"
+        path.write_text(json.dumps(values), "utf-8")
 
 
 def another_file(root, home):
@@ -130,13 +130,9 @@ def another_file(root, home):
 
 def pickled(root, home):
     """Stores whose chunks are pickles, and a record that agrees with them."""
-    record = json.loads((root / RECORD).read_text("utf-8"))
     for store in (root / "counts/grating").glob("*.zarr"):
         as_format_2(store, home / "ran")
-    files = record["stages"]["sense"]["files"]
-    plain = [root / name for name in files if ".zarr" not in name]
-    record["stages"]["sense"]["files"] = hashes_of(root, [*plain, root / "counts/grating"])
-    (root / RECORD).write_text(json.dumps(record))
+    agreeing(root)
 
 
 HARM = {
