@@ -101,8 +101,6 @@ def _check_letters(arguments: Sequence[str]) -> None:
 
 
 def _run(arguments: Sequence[str]) -> None:
-    if arguments and arguments[0] in RENAMED:
-        raise UserError(f"{arguments[0]}: renamed; use {RENAMED[arguments[0]]}")
     parser = program()
     command = parser
     for argument in arguments:
@@ -119,8 +117,6 @@ def _run(arguments: Sequence[str]) -> None:
                 print(each)
 
 
-RENAMED = {"sweep": "benchmark photons"}
-"""Verbs of former versions, and their present names"""
 HELP = ("-h", "--help", "--help-all")
 _SIMILAR = 0.8
 """Least similarity of a mistyped option to an option; no setting reaches it."""

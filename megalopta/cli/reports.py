@@ -112,7 +112,7 @@ def _view(options: Namespace) -> list[Path]:
 def _reproduce(options: Namespace) -> list[Path]:
     from megalopta.reproduction.drawing import Means, reproduce
 
-    means = Means(options.workers, options.cache, options.scheduler)
+    means = Means(options.workers, None, options.scheduler)
     return reproduce(options.figures, options.out, options.quick, means)
 
 

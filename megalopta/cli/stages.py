@@ -227,18 +227,9 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
 
 
 def _configuration(options: Namespace) -> "Configuration":
-    """Read the configuration that is named, or the demo's.
-
-    "airglow" is a light level and a configuration: at the end of a list it could be either.
-    """
+    """Read the configuration that is named, or the demo's."""
     from megalopta.config.model import load
 
-    for path, value in options.overrides.items():
-        last = value.rpartition(", ")[2].strip("]")
-        if options.configuration is None and "," in value and last in built_in_names():
-            raise UserError(
-                f"{last}: a value of --{path}, or the configuration? give the configuration first"
-            )
     return load(options.configuration or "demo", options.overrides)
 
 

@@ -11,7 +11,6 @@ from megalopta.config.sensing import SensingSettings
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import BenchmarkSettings
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
-from megalopta.flow.stimuli.photons import Normalization
 
 Reference = Literal["self", "perfect"]
 
@@ -47,23 +46,6 @@ class FlowSettings(Record, frozen=True):
         return purity if self.mixed == "weigh" else None
 
 
-class SequenceBenchmark(BenchmarkSettings, frozen=True):
-    """Photon benchmark of a sequence."""
-
-    both_normalizations: bool = False
-    """Measure with the other normalization too, to show its effect; doubles the work"""
-
-    @property
-    def measurements(self) -> tuple[BenchmarkSettings, ...]:
-        """Settings of one or both normalizations, the chosen one first."""
-        values = self.model_dump(exclude={"both_normalizations"})
-        other: Normalization = "per_sequence" if self.normalization == "per_frame" else "per_frame"
-        both = (self.normalization, other) if self.both_normalizations else (self.normalization,)
-        return tuple(
-            BenchmarkSettings.model_validate({**values, "normalization": each}) for each in both
-        )
-
-
 class MeasuringSettings(SensingSettings, frozen=True):
     """Measurements on the readings of a sequence."""
 
@@ -76,7 +58,7 @@ class MeasuringSettings(SensingSettings, frozen=True):
     flow: FlowSettings = FlowSettings()
     """References of the detectors' responses."""
 
-    benchmark: SequenceBenchmark = SequenceBenchmark(sizes=(60,))
+    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """Search for the photons that each detector needs."""
 
     @field_validator("methods")
