@@ -63,7 +63,8 @@ def validated(
     try:
         return checked(model, changed, {"folder": folder, "allows_code": allows_code})
     except MisfitError as problem:
-        places = [path.split(".") for path in overrides or {}]
+        whole = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
+        places = [path.split(".") for path in whole]
         is_typed = any(all(map(eq, place, problem.place)) for place in places)
         raise UserError(f"{'command line' if is_typed else source}: {problem}") from problem
 
@@ -76,7 +77,9 @@ def overridden(
     # `kind` and `preset`, which reset a mapping, come before its fields
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
-        put(changed, path, typed(_plain_data(overrides[path], f"--{path}")), model)
+        value = typed(_plain_data(overrides[path], f"--{path}"))
+        with refused_as("command line"):
+            put(changed, path, value, model)
     return changed
 
 
@@ -135,7 +138,7 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     if model is None:
         return {}
     if values.get("preset") and _has(model, "preset"):
-        found = getattr(model.model_validate(values), step)
+        found = getattr(checked(model, values), step)
     else:
         found = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
     if isinstance(found, BaseModel):
