@@ -1,4 +1,4 @@
-"""What is measured on readings: motion detectors, their references, the photon benchmark."""
+"""Measurements on readings: motion detectors, their references, the photon benchmark."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""How a scene is rendered: shutter, samples, label maps and tracks."""
+"""Rendering of a scene: shutter, samples, label maps and tracks."""
 
 from typing import Annotated, Literal
 

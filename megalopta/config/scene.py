@@ -1,4 +1,4 @@
-"""What stands where, what lights it, how the camera moves: the part of every configuration."""
+"""Scene, light, camera and its path: the part that every stage depends on."""
 
 import re
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""How light is sensed: light levels, sensors, products."""
+"""Exposures: light levels, sensors, products."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
