@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.config.drawing import configuration_of
 from megalopta.config.model import Configuration
@@ -71,11 +72,12 @@ def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[f
         middle = members[len(members) // 2]
         say(f"measuring {middle.scene.kind}, {middle.camera.width} × {middle.camera.height} px")
         setup_s, of_pixel = measured(middle, plan)
-        total += [len(members) * setup_s, 0] + sum(map(_pixels, members)) * of_pixel
+        total += sum(map(_pixels, members)) * of_pixel
+        total[0] += len(members) * setup_s
     return float(total[0]), float(total[1])
 
 
-def measured(settings: Configuration, plan: Plan | None) -> tuple[float, np.ndarray]:
+def measured(settings: Configuration, plan: Plan | None) -> tuple[float, NDArray[np.float64]]:
     """Return seconds before the second frame, and seconds and bytes of a pixel of a frame."""
     camera, shading = settings.camera, settings.render
     rows = min(_PIXELS, _PATHS / shading.samples_per_pixel) / camera.width

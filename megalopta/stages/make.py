@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -314,8 +314,11 @@ def _sequences(tree: Tree) -> list[Dataset]:
     return datasets
 
 
-Job: TypeAlias = Callable[[int, bool], object]
-"""Work on a sequence of a plan; with a true second value, it only checks whether it can be done"""
+class Job(Protocol):
+    """Work on a sequence of a plan, or the check whether it can be done."""
+
+    def __call__(self, index: int, is_checked: bool) -> object:
+        """Do the work, or check it. Raises UserError."""
 
 
 def _on_all(tree: Tree, title: str, job: Job, workers: int | None, scheduler: str | None) -> None:
@@ -327,7 +330,7 @@ def _on_all(tree: Tree, title: str, job: Job, workers: int | None, scheduler: st
         indices = [tree.record(name).index for name in tree.names()]
         with silent():
             for index in indices:
-                job(index, True)
+                job(index, is_checked=True)
         try:
             _run(title, partial(job, is_checked=False), indices, workers, scheduler)
         finally:
@@ -428,8 +431,8 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             if product_stem(path) not in made.exposures:
                 files.remove(path)
         expose(wanted)
-        known = {name for name in record.files if name.startswith(("counts/", "corrected/"))}
-        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in known]
+        listed = record.files
+        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in listed]
         sensed = record.stages["sense"]
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None

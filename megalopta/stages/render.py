@@ -391,8 +391,9 @@ def write_previews(dataset: Dataset) -> None:
         sintel.write_png(dataset.frame("training/clean", index), image)
 
 
-def _sharp(dataset: Dataset, index: int) -> Any:
-    return decoded(dataset.radiance(index), read_radiance)
+def _sharp(dataset: Dataset, index: int) -> tuple[Any, Any]:
+    radiance, bands_nm = decoded(dataset.radiance(index), read_radiance)
+    return radiance, bands_nm
 
 
 def _outputs(dataset: Dataset) -> list[Path]:

@@ -71,8 +71,10 @@ def test_what_was_not_measured_is_not_shown(page):
 def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_path, capsys):
     root = tmp_path / "data"
     shutil.copytree(exposed, root)
-    header = root / "dataset.yaml"
-    header.write_text(header.read_text("utf-8").replace("starlight", "twilight"), "utf-8")
+    (path,) = (root / "sequences").glob("*.json")
+    record = json.loads(path.read_text("utf-8"))
+    record["configuration"]["light_levels"] = ["twilight"]
+    path.write_text(json.dumps(record))
     view(root, tmp_path / "out", ViewOptions(summed=2))
     assert "stage 'sense' is not finished with this configuration" in capsys.readouterr().err
     assert [label for label, _ in panels(tmp_path / "out" / "view.html")] == ["light", "true flow"]
