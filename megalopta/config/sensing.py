@@ -193,7 +193,7 @@ def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
         return {"kind": "spad", **changes}
     name = changes.pop("preset")
     if isinstance(name, str) and name.endswith(_FILES):
-        base = load_sensor(named_path(name, folder))
+        base: ImageSensor = load_sensor(named_path(name, folder))
     elif isinstance(name, str) and name in IMAGE_SENSORS:
         base = IMAGE_SENSORS[name]
     else:

@@ -503,7 +503,7 @@ def _bounded_codecs() -> dict[str, str]:
     names = {}
     for name, codec, sizes in bounded:
 
-        class Bounded(codec):  # type: ignore[misc]
+        class Bounded(codec):  # type: ignore[misc,valid-type]
             _sizes = staticmethod(sizes)
 
             async def _decode_single(self, chunk_bytes: Any, chunk_spec: Any) -> Any:
