@@ -25,11 +25,16 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, check_decoded, read_bytes
+from megalopta.core.bounded import (
+    ARRAY_BYTES,
+    check_decoded,
+    numbers_in,
+    opened_hdf5,
+    plain_array,
+    read_bytes,
+)
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
-from megalopta.core.hdf5 import numbers_in, opened_hdf5
 from megalopta.core.pictures import checked_png, read_pfm, write_codes
 
 Flow = NDArray[np.float32]

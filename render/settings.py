@@ -46,10 +46,10 @@ class RenderSettings(Record, frozen=True):
     and 64 more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
-        (400, 475),
-        (475, 550),
-        (550, 625),
-        (625, 700),
+        (400.0, 475.0),
+        (475.0, 550.0),
+        (550.0, 625.0),
+        (625.0, 700.0),
     )
     """Spectral bands, lower and upper edge (nm). Direct light is known for each band as a whole;
     paths over other surfaces are traced for four bands at a time."""

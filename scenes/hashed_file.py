@@ -12,8 +12,14 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, read_bytes
-from megalopta.core.named_file import folder_of, named_path, unreadable
+from megalopta.core.bounded import (
+    ARRAY_BYTES,
+    check_file,
+    folder_of,
+    named_path,
+    read_bytes,
+    unreadable,
+)
 from megalopta.core.record import Record
 
 
@@ -35,10 +41,12 @@ class Hashed(Record, frozen=True):
     @classmethod
     def _hash_what_has_none(cls, values: Any, validation: ValidationInfo) -> Any:
         if isinstance(values, str | Path):
-            values = {"path": str(values)}
-        if not isinstance(values, dict) or "sha256" in values or "path" not in values:
+            values = {"path": values}
+        if not isinstance(values, dict) or "sha256" in values:
             return values
-        path = str(named_path(str(values["path"]), folder_of(validation)))
+        if not isinstance(values.get("path"), str | Path):
+            return values
+        path = str(named_path(values["path"], folder_of(validation)))
         return {**values, "path": path, "sha256": cls.hash_of(path)}
 
     def check(self) -> None:

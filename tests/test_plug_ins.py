@@ -70,7 +70,7 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
 def test_a_sensor_of_another_package_is_used_by_name_and_listed(with_plug_in):
     code = """
 from megalopta.config.model import load
-from megalopta.settings.verb_settings import VerbSettings
+from megalopta.cli.settings import VerbSettings
 demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
 print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
 print("ctia_ingaas_quiet, theirs." in " ".join(VerbSettings().help().split()))

@@ -30,8 +30,8 @@ from pydantic import Field, model_validator
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.config.light_scale import light_scale
-from megalopta.config.measuring import ONCE
 from megalopta.config.model import LightLevel, LightLevels
+from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import validated
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as

@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
-from megalopta.config.measuring import ONCE
 from megalopta.config.model import LightLevel, LightLevels
+from megalopta.config.scene import ONCE
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS

@@ -29,11 +29,11 @@ from megalopta.benchmark.panoramas import (
     natural_templates,
     template_from_file,
 )
-from megalopta.config.measuring import ONCE
+from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import mapping, put, validated, yaml_text
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import Typed, folder_of, named_path
 from megalopta.core.errors import UserError
-from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.flow.benchmark.search import photon_search
@@ -85,15 +85,15 @@ class PanoramaTemplate(Record, frozen=True):
     coding: Literal["linear", "srgb"] = "linear"
     """linear: light. srgb: gray values of a photograph of it, with the brightest 1 % white"""
 
-    @field_validator("name")
+    @field_validator("name", mode="before")
     @classmethod
-    def _path_from_its_file(cls, name: str, validation: ValidationInfo) -> str:
+    def _path_from_its_file(cls, name: Any, validation: ValidationInfo) -> Any:
         return path_from_its_file(name, validation)
 
 
-def path_from_its_file(name: str, validation: ValidationInfo) -> str:
+def path_from_its_file(name: Any, validation: ValidationInfo) -> Any:
     """Return a path relative to the file being read; a forest's name unchanged."""
-    if not Path(name).suffix:
+    if not isinstance(name, str) or not Path(name).suffix:
         return name
     return str(named_path(name, folder_of(validation)))
 
@@ -176,9 +176,13 @@ class Trial(Record, frozen=True):
     @field_validator("methods", mode="before")
     @classmethod
     def _functions_too(cls, methods: Any) -> Any:
-        """Accept a detector or a function from Python in place of a name."""
+        """Accept a detector or a function from Python, and code that the user named."""
         is_list = isinstance(methods, list | tuple)
-        return tuple(method(m) if callable(m) else m for m in methods) if is_list else methods
+        return (
+            [method(m) if callable(m) or isinstance(m, Typed) else m for m in methods]
+            if is_list
+            else methods
+        )
 
     @field_validator("methods")
     @classmethod
@@ -273,14 +277,12 @@ class Sweep(Record, frozen=True):
     templates: Annotated[tuple[Template, ...], ONCE] = ()
     """Templates that thresholds are averaged over; default: that of the trial"""
 
-    @field_validator("values")
+    @field_validator("values", mode="before")
     @classmethod
-    def _paths_from_their_file(
-        cls, values: tuple[Value, ...], validation: ValidationInfo
-    ) -> tuple[Value, ...]:
-        if validation.data.get("vary") != "template.name":
+    def _paths_from_their_file(cls, values: Any, validation: ValidationInfo) -> Any:
+        if validation.data.get("vary") != "template.name" or not isinstance(values, list | tuple):
             return values
-        return tuple(path_from_its_file(str(value), validation) for value in values)
+        return [path_from_its_file(value, validation) for value in values]
 
     @model_validator(mode="after")
     def _every_trial_is_possible(self) -> Self:
@@ -316,7 +318,7 @@ class Sweep(Record, frozen=True):
             self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)
         ):
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
-            put(fields, self.vary, value)
+            put(fields, self.vary, value, Trial)
             trial = checked(Trial, fields)
             # a quoted number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value

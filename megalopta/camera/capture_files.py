@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, plain_array
-from megalopta.core.bounded import TEXT_BYTES, check_count, printable, read_bytes
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import TEXT_BYTES, check_count, plain_array, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import write_text
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation

@@ -31,8 +31,8 @@ from megalopta.camera.motion_bench import (
 from megalopta.camera.recording import Beam, RecordingFrames
 from megalopta.camera.stimuli import Cycle
 from megalopta.config.model import load
-from megalopta.core.arrays import Floats, plain_array
-from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor import AnalogCounter, Sensor, changed

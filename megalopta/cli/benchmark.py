@@ -21,9 +21,9 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
+from megalopta.cli.settings import VerbSettings
 from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.benchmark.table import Interval
@@ -34,7 +34,7 @@ _UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
-_OF_SWEEPS = ("allow_code", "out", "cache")
+_OF_SWEEPS = ("allow_code", "out")
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -236,7 +236,7 @@ def _run_sweep(options: Namespace) -> list[Path]:
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    means = Means(options.workers, options.cache, options.scheduler)
+    means = Means(options.workers, None, options.scheduler)
     return reproduce_sweep(path.stem, sweep, out, means)
 
 

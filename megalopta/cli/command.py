@@ -1,7 +1,7 @@
 """Verbs of the command line: options, actions and errors.
 
-A verb is a function decorated with `verb` in any file of this folder. The parser loads these for
-every command, even `--help`: import slow modules where they run.
+A verb is a function decorated with `verb`. The parser loads all files of verbs for every command,
+even `--help`: import slow modules where they run.
 """
 
 import argparse
@@ -18,9 +18,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
+from megalopta.cli.settings import VerbSettings, Words
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings, Words
 
 Chosen = TypeVar("Chosen", bound=Any)
 Run: TypeAlias = Callable[[argparse.Namespace], object]
@@ -251,9 +251,8 @@ CLUSTER = (
 THREADS = (
     option("--workers N", "threads (default: one for each core)", at_least(1)),
     _SCHEDULER,
-    option("--cache", "folder of rendered panoramas (default: the user's)", Path),
 )
-"""Options for threads or a cluster, and for the cache of rendered panoramas."""
+"""Options for threads or a cluster."""
 
 
 def stopped_by_signals() -> threading.Event:

@@ -12,18 +12,16 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Collection, Iterator, Sequence
 from difflib import get_close_matches
-from importlib import import_module
 from io import TextIOWrapper
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import NoReturn
 
 from megalopta import __version__
+from megalopta.cli import benchmark, reports, spadcam, stages  # noqa: F401 - their verbs
 from megalopta.cli.command import VERBS, Command, Help
+from megalopta.cli.settings import Words
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
-from megalopta.settings.verb_settings import Words
 
 try:
     import resource
@@ -103,8 +101,6 @@ def _check_letters(arguments: Sequence[str]) -> None:
 
 
 def _run(arguments: Sequence[str]) -> None:
-    if arguments and arguments[0] in RENAMED:
-        raise UserError(f"{arguments[0]}: renamed; use {RENAMED[arguments[0]]}")
     parser = program()
     command = parser
     for argument in arguments:
@@ -121,8 +117,6 @@ def _run(arguments: Sequence[str]) -> None:
                 print(each)
 
 
-RENAMED = {"sweep": "benchmark photons"}
-"""Verbs of former versions, and their present names"""
 HELP = ("-h", "--help", "--help-all")
 _SIMILAR = 0.8
 """Least similarity of a mistyped option to an option; no setting reaches it."""
@@ -130,8 +124,6 @@ _SIMILAR = 0.8
 
 def program() -> Command:
     """Return the parser with all verbs."""
-    for found in iter_modules([str(Path(__file__).parent)]):
-        import_module(f"megalopta.cli.{found.name}")
     parser = Command(
         prog="megalopta",
         add_help=False,

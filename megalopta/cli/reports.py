@@ -19,8 +19,16 @@ from megalopta.cli.command import (
 )
 
 
-@verb("info", "show versions, the rendering variant and what would make it faster")
-def _info(options: Namespace) -> str:
+@verb(
+    "info",
+    "show versions, the rendering variant and what would make it faster",
+    switch("--schema", "write JSON schemas of configurations and plans here, for editors"),
+)
+def _info(options: Namespace) -> str | list[Path]:
+    if options.schema:
+        from megalopta.config.schema import write_schemas
+
+        return write_schemas(Path())
     from megalopta.stages.versions import describe
 
     return describe()
@@ -104,7 +112,7 @@ def _view(options: Namespace) -> list[Path]:
 def _reproduce(options: Namespace) -> list[Path]:
     from megalopta.reproduction.drawing import Means, reproduce
 
-    means = Means(options.workers, options.cache, options.scheduler)
+    means = Means(options.workers, None, options.scheduler)
     return reproduce(options.figures, options.out, options.quick, means)
 
 

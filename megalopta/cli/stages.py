@@ -19,10 +19,10 @@ from megalopta.cli.command import (
     switch,
     verb,
 )
+from megalopta.cli.settings import VerbSettings
 from megalopta.config import built_in_names
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.progress import numbered_stage, say, step
-from megalopta.settings.verb_settings import VerbSettings
 
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
@@ -213,12 +213,12 @@ def _sense(options: Namespace) -> Path | None:
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
-    from megalopta.stages.importing import PictureOptions, pictures_configuration, usual_folder
+    from megalopta.stages.importing import PictureOptions, pictures_configuration
     from megalopta.stages.run import check_stage, run_stage
 
     asked = PictureOptions(**given)
-    settings = pictures_configuration(options.input, asked, options.overrides, options.out)
-    root = options.out or usual_folder(settings)
+    settings = pictures_configuration(options.input, asked, options.overrides)
+    root = options.out or Path("out") / settings.name
     check_stage("sense", settings, root)  # before the pictures are copied
     for stage in ("render", "sense"):
         run_stage(root, settings, stage, options.redo)
@@ -227,18 +227,9 @@ def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
 
 
 def _configuration(options: Namespace) -> "Configuration":
-    """Read the configuration that is named, or the demo's.
-
-    "airglow" is a light level and a configuration: at the end of a list it could be either.
-    """
+    """Read the configuration that is named, or the demo's."""
     from megalopta.config.model import load
 
-    for path, value in options.overrides.items():
-        last = value.rpartition(", ")[2].strip("]")
-        if options.configuration is None and "," in value and last in built_in_names():
-            raise UserError(
-                f"{last}: a value of --{path}, or the configuration? give the configuration first"
-            )
     return load(options.configuration or "demo", options.overrides)
 
 
@@ -253,6 +244,40 @@ def _make_what_is_missing(options: Namespace) -> None:
             "make it again, and see megalopta dataset make --help for --dry-run"
         )
     make(options.out, load_plan(Path(options.configuration), options.overrides))
+
+
+VERBS["dataset"] = Verb("make a dataset of many sequences")
+
+
+@verb(
+    "dataset make",
+    "make a dataset of any size from a plan; finished sequences are kept",
+    option("plan", "YAML file of the plan, or folder of a dataset to continue", Path),
+    out("out/dataset", "dataset folder"),
+    option("--only N", "only these sequences, such as 731 or 0-9,20"),
+    switch(
+        "--dry-run",
+        "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
+    ),
+    *CLUSTER,
+    settings=VerbSettings(("Plan",), argument="plan"),
+    often=(
+        *("sequences", "seed", "scenes", "lights", "cameras", "trajectories", "every"),
+        *("sensors", "light_levels", "repeats", "products", "splits"),
+    ),
+    example="megalopta dataset make plan.yaml --out data --workers 2",
+)
+def _make(options: Namespace) -> Path | str:
+    from megalopta.config.recipe import load_plan
+    from megalopta.stages.estimate import estimate_plan
+    from megalopta.stages.make import make, parse_indices
+
+    plan = load_plan(options.plan, options.overrides)
+    only = parse_indices(options.only, plan.sequences) if options.only else None
+    if options.dry_run:
+        return estimate_plan(options.out, plan, options.workers or 1, only)
+    make(options.out, plan, only=only, workers=options.workers, scheduler=options.scheduler)
+    return Path(options.out)
 
 
 VERBS["scene"] = Verb("export a scene")

@@ -5,7 +5,7 @@ from itertools import product
 from typing import Any
 
 from megalopta.config import built_in_text
-from megalopta.config.model import Configuration, fitted
+from megalopta.config.model import Configuration, fitted, with_suited_depth
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
@@ -56,9 +56,8 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
     values = mapping(built_in_text(preset), "preset")
-    kind = values["scene"]["kind"]
-    if fields.get("scene", {}).get("kind", kind) != kind:
-        values.get("render", {}).pop("max_depth", None)  # which suits the preset's own scene
+    kind = fields.get("scene", {}).get("kind", values["scene"]["kind"])
+    values = with_suited_depth(values, kind)
     values = merged(values, fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):

@@ -1,32 +1,18 @@
-"""Settings of the measurements on a sequence and their references, of label maps and tracks."""
+"""Measurements on readings: motion detectors, their references, the photon benchmark."""
 
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field
+from pydantic import Field, field_validator
 
+from megalopta.config.scene import ONCE
+from megalopta.config.sensing import SensingSettings
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import BenchmarkSettings, each_once
-from megalopta.flow.stimuli.photons import Normalization
-from megalopta.scenes import Camera
+from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 
 Reference = Literal["self", "perfect"]
-ONCE = AfterValidator(each_once)
-"""Refuses duplicates among the values of a field"""
-
-
-class CalibrationFrames(Record, frozen=True):
-    """Dark and flat frames that calibrate a sensor before its readings are corrected.
-
-    They are drawn from the same device, with a seed of their own.
-    """
-
-    frames: Annotated[int, Field(ge=2, le=100_000)] = 256
-    """Number of dark frames, and of flat frames, which fill the pixel to half of its capacity"""
-
-    hot_times: Annotated[float, Field(gt=1)] = 10.0
-    """Dark counts of a hot pixel, in multiples of the median; its neighbors replace it"""
 
 
 class FlowSettings(Record, frozen=True):
@@ -60,36 +46,25 @@ class FlowSettings(Record, frozen=True):
         return purity if self.mixed == "weigh" else None
 
 
-class SequenceBenchmark(BenchmarkSettings, frozen=True):
-    """Photon benchmark of a sequence."""
+class MeasuringSettings(SensingSettings, frozen=True):
+    """Measurements on the readings of a sequence."""
 
-    both_normalizations: bool = False
-    """Measure with the other normalization too, to show its effect; doubles the work"""
+    methods: Annotated[
+        tuple[str, ...],
+        ONCE,
+        Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
+    ] = THESIS_METHODS
 
-    @property
-    def measurements(self) -> tuple[BenchmarkSettings, ...]:
-        """Settings of one or both normalizations, the chosen one first."""
-        values = self.model_dump(exclude={"both_normalizations"})
-        other: Normalization = "per_sequence" if self.normalization == "per_frame" else "per_frame"
-        both = (self.normalization, other) if self.both_normalizations else (self.normalization,)
-        return tuple(
-            BenchmarkSettings.model_validate({**values, "normalization": each}) for each in both
-        )
+    flow: FlowSettings = FlowSettings()
+    """References of the detectors' responses."""
 
+    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
+    """Search for the photons that each detector needs."""
 
-LabelName = Literal["classes", "instances", "clusters", "normals", "albedo"]
-
-
-class TrackSettings(Record, frozen=True):
-    """Points to follow through all frames: a grid of pixel centers of some frames."""
-
-    spacing_px: Annotated[int, Field(ge=1)] = 8
-    """Distance between neighboring points (px)."""
-
-    frames: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
-    """Frames, from 0, in which the points are seen."""
-
-    def points(self, camera: Camera) -> NDArray[np.float64]:
-        """Image coordinates (N, 2) of the points, px, row by row."""
-        first, step = self.spacing_px // 2, self.spacing_px
-        return camera.pixel_centers()[first::step, first::step].reshape(-1, 2)
+    @field_validator("methods")
+    @classmethod
+    def _methods_are_known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
+        for method in methods:
+            if method not in METHODS:
+                raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
+        return methods

@@ -14,12 +14,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from megalopta.config import built_in_names
-from megalopta.config.measuring import ONCE
+from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import mapping, validated, yaml_text
-from megalopta.core.bounded import quoted
+from megalopta.core.bounded import folder_of, named_path, quoted
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
-from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.mount import Mount
 from megalopta.sensor import generator

@@ -4,14 +4,19 @@ An error is one sentence that names field, value and remedy.
 """
 
 from collections.abc import Mapping
+from copy import deepcopy
+from operator import eq
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_origin
 
 from pydantic import BaseModel
+from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from megalopta.core import bounded, strict_yaml
+from megalopta.core.bounded import typed
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.validation import Model, checked
+from megalopta.core.validation import MisfitError, Model, checked, inner_types
 
 
 def yaml_text(path: Path, what: str) -> str:
@@ -54,18 +59,28 @@ def validated(
     may name files in its `folder` only (`named_path`), and code only if `allows_code`; overrides,
     which the user typed, may name any.
     """
-    with refused_as(source):
-        record = checked(model, values, {"folder": folder, "allows_code": allows_code})
-    if not overrides:
-        return record
-    changed = record.model_dump(mode="json")
+    changed = overridden(model, values, overrides or {})
+    try:
+        return checked(model, changed, {"folder": folder, "allows_code": allows_code})
+    except MisfitError as problem:
+        whole = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
+        places = [path.split(".") for path in whole]
+        is_typed = any(all(map(eq, place, problem.place)) for place in places)
+        raise UserError(f"{'command line' if is_typed else source}: {problem}") from problem
+
+
+def overridden(
+    model: type[BaseModel], values: dict[str, Any], overrides: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the values of a model with overrides of the command line."""
+    changed = deepcopy(values) if overrides else values
     # `kind` and `preset`, which reset a mapping, come before its fields
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
-        value = overrides[path]
-        put(changed, path, _plain_data(value, f"--{path}"))
-    with refused_as("command line"):
-        return checked(model, changed, {"folder": None, "allows_code": True})
+        value = typed(_plain_data(overrides[path], f"--{path}"))
+        with refused_as("command line"):
+            put(changed, path, value, model)
+    return changed
 
 
 def to_yaml(record: BaseModel) -> str:
@@ -73,44 +88,82 @@ def to_yaml(record: BaseModel) -> str:
     return strict_yaml.dump(record.model_dump(mode="json"))
 
 
-def put(values: Any, path: str, value: Any) -> None:
+def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     """Set a value inside nested mappings and lists.
 
-    A null on the way becomes a mapping, and so does a missing part of a mapping with a `kind` or
-    `preset`. A new `kind` or `preset` resets its mapping. A single value for a list makes a list of
-    one. Raises UserError if the path leads into a plain value.
+    A missing part on the way is filled in with the model's default. A new `kind` or `preset` resets
+    its mapping. A single value for a list makes a list of one. Raises UserError if the path leads
+    into a plain value.
     """
     *parents, last = path.split(".")
+    types: list[Any] = [model]
     for step in parents:
-        values = _child(values, step, path)
+        values, types = _child(values, step, types, path), _inner(types, step)
     if isinstance(values, list):
-        _child(values, last, path)
+        _child(values, last, types, path)
         values[int(last)] = value
-    elif isinstance(values, dict):
-        if last == "kind" and values.get("kind") != value:
-            values.clear()
-        if last == "preset":
-            for other in values.keys() - {"kind"}:
-                del values[other]
-        makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
-        values[last] = [value] if makes_list else value
+        return
+    default = next((_kind(model) for model in types if _has(model, "kind")), None)
+    if last == "kind" and values.get("kind", default) != value:
+        values.clear()
+    if last == "preset":
+        for other in values.keys() - {"kind"}:
+            del values[other]
+    inner = [each for each in _inner(types, last) if each is not NoneType]
+    is_list = inner and all(get_origin(each) is tuple for each in inner)
+    values[last] = [value] if is_list and not isinstance(value, list) else value
+
+
+def _child(values: Any, step: str, types: list[Any], path: str) -> Any:
+    """Return the mapping or list at a step, made where it is missing."""
+    if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
+        if isinstance(values[int(step)], str):
+            values[int(step)] = {"preset": values[int(step)]}
+        return values[int(step)]
+    inner = _inner(types, step) or [Any]  # of an unknown field, which validation refuses
+    if isinstance(values, dict) and values.get(step) is None and any(map(_has_parts, inner)):
+        values[step] = _default(values, step, types)
+    if isinstance(values, dict) and isinstance(values.get(step), dict | list):
+        return values[step]
+    known = [str(index) for index in range(len(values))] if isinstance(values, list) else []
+    there_is = f"; the fields are {', '.join(known)}" if known else "; give it as a whole"
+    raise UserError(f"--{path}: no field {step!r}{there_is}")
+
+
+def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
+    """Return what a model has at a step where a file states nothing."""
+    models = [each for each in types if _has(each, step)]
+    kind = values.get("kind", ...)
+    model = next((each for each in models if _kind(each) == kind), models[0] if models else None)
+    if model is None:
+        return {}
+    if values.get("preset") and _has(model, "preset"):
+        found = getattr(checked(model, values), step)
     else:
-        raise UserError(f"--{path}: {'.'.join(parents)} has no fields; give it as a whole")
+        found = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
+    if isinstance(found, BaseModel):
+        kinds = {"kind": found.kind} if _has(type(found), "kind") else {}  # type: ignore[attr-defined]
+        return kinds | found.model_dump(mode="json", exclude_unset=True)
+    return {} if found in (None, PydanticUndefined) else to_jsonable_python(found)
+
+
+def _inner(types: list[Any], step: str) -> list[Any]:
+    return [Any] if Any in types else [each for outer in types for each in inner_types(outer, step)]
+
+
+def _has(model: Any, field: str) -> bool:
+    return isinstance(model, type) and issubclass(model, BaseModel) and field in model.model_fields
+
+
+def _has_parts(kind: Any) -> bool:
+    is_model = isinstance(kind, type) and issubclass(kind, BaseModel)
+    return kind is Any or is_model or get_origin(kind) in (tuple, dict)
+
+
+def _kind(model: type[BaseModel]) -> Any:
+    return model.model_fields["kind"].default if _has(model, "kind") else None
 
 
 def _plain_data(text: str, source: str) -> Any:
     with refused_as(source):
         return strict_yaml.load(text)
-
-
-def _child(values: Any, step: str, path: str) -> Any:
-    if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
-        return values[int(step)]
-    if isinstance(values, dict) and (step in values or values.keys() & {"kind", "preset"}):
-        if values.get(step) is None:
-            values[step] = {}
-        return values[step]
-    entries = range(len(values)) if isinstance(values, list) else values
-    known = list(map(str, entries)) if isinstance(values, dict | list) else []
-    there_is = f"the fields are {', '.join(known)}" if known else "there are none"
-    raise UserError(f"--{path}: no field {step!r}; {there_is}")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core import files
-from megalopta.core.arrays import zipped_arrays
+from megalopta.core.bounded import zipped_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
 

@@ -48,7 +48,14 @@ class UserError(Exception):
 
 
 class DamagedFileError(UserError, ValueError):
-    """A file is damaged or of the wrong kind; the message names it and the remedy."""
+    """A file is damaged or of the wrong kind; the message names it and the remedy.
+
+    `reason` is the message without the remedy, if that may be replaced.
+    """
+
+    def __init__(self, message: str, reason: str = "") -> None:
+        super().__init__(message)
+        self.reason = reason
 
 
 class TooLargeError(DamagedFileError):

@@ -8,8 +8,6 @@ quotes.
 """
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import yaml
@@ -53,6 +51,12 @@ class _Loader(SafeLoader):
         f"{_TAG}float": lambda _, node: float(re.sub(r"\.(?=inf|nan)", "", node.value.lower())),
     }
 
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None:
+            _check_extent(node, {}, 1)
+        return node
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key, _ in node.value:
@@ -82,7 +86,12 @@ for _kind, (_pattern, _first) in _CORE.items():
 def load(text: str) -> Any:
     """Parse YAML. Raises ValueError with the problem and its line."""
     try:
-        _check_extent(yaml.parse(text, SafeLoader))
+        depth = 0
+        for event in yaml.parse(text, SafeLoader):  # deep nesting would overflow the stack
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST:
+                raise _refused("nested too deeply; flatten it", event)
         return yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as problem:
         reason = ", ".join(part for part in (problem.context, problem.problem) if part)
@@ -98,45 +107,27 @@ def dump(values: Any, **style: Any) -> str:
     return str(yaml.dump(values, Dumper=_Dumper, **style))
 
 
-@dataclass
-class _Extent:
-    """Size of a key, a value or a collection, including the content of its aliases."""
+def _check_extent(
+    node: yaml.Node, known: dict[yaml.Node, tuple[int, int]], depth: int
+) -> tuple[int, int]:
+    """Return the keys and values of a node, aliases each time, and its height.
 
-    anchor: str | None
-    nodes: int = 1
-    height: int = 0
-
-    def take(self, part: "_Extent") -> None:
-        self.nodes += part.nodes
-        self.height = max(self.height, part.height + 1)
-
-
-def _check_extent(events: Iterable[yaml.Event]) -> None:
-    """Refuse YAML that expands to too much, before it is built: a few aliases can make terabytes.
-
-    An alias to a collection that is still open would contain itself.
+    A few aliases can make terabytes. An alias to what is around it is nested without end.
     """
-    around, named = [_Extent(None)], dict[str | None, _Extent]()
-    for event in events:
-        part = None
-        if isinstance(event, yaml.CollectionStartEvent):
-            around.append(_Extent(event.anchor))
-        elif isinstance(event, yaml.CollectionEndEvent):
-            part = around.pop()
-        elif isinstance(event, yaml.ScalarEvent):
-            part = _Extent(event.anchor)
-        elif isinstance(event, yaml.AliasEvent):
-            if any(each.anchor == event.anchor for each in around):
-                name = quoted(event.anchor)
-                raise _refused(f"*{name} contains itself; write it out", event)
-            part = named.get(event.anchor)  # the loader refuses an alias without anchor
-        if part:
-            around[-1].take(part)
-            named[part.anchor] = part
-        if len(around) + around[-1].height > DEEPEST:
-            raise _refused("nested too deeply; flatten it", event)
-        if around[-1].nodes > MOST_NODES:
-            raise _refused(f"more than {MOST_NODES:,} keys and values; shorten it", event)
+    if node not in known and depth <= DEEPEST:
+        pairs = node.value if isinstance(node, yaml.MappingNode) else ()
+        inside = (
+            node.value if isinstance(node, yaml.SequenceNode) else [n for p in pairs for n in p]
+        )
+        parts = [_check_extent(part, known, depth + 1) for part in inside]
+        nodes = min(1 + sum(part[0] for part in parts), 10 * MOST_NODES)
+        known[node] = nodes, 1 + max((part[1] for part in parts), default=0)
+    nodes, height = known.get(node, (1, 1))
+    if depth + height > DEEPEST + 1:
+        raise _refused("nested too deeply, or it contains itself; flatten it", node)
+    if nodes > MOST_NODES:
+        raise _refused(f"more than {MOST_NODES:,} keys and values; shorten it", node)
+    return nodes, height
 
 
 def _refused(problem: str, where: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:

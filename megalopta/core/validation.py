@@ -4,7 +4,7 @@ Every folder may import this module.
 """
 
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
@@ -30,14 +30,24 @@ _short.maxstring = _short.maxother = 80
 _short.maxlong = 40
 
 
+class MisfitError(ValueError):
+    """Values that are no model; `place` is the path of the field."""
+
+    def __init__(self, place: Sequence[str], reason: str) -> None:
+        self.place = list(place)
+        super().__init__(f"{quoted('.'.join(place))}: {reason}" if place else reason)
+
+
 def checked(model: type[Model], values: Any, context: Mapping[str, object] | None = None) -> Model:
-    """Return the model of plain values. Raises ValueError, one sentence: field, value, remedy."""
+    """Return the model of plain values. Raises MisfitError, one sentence: field, value, remedy."""
     try:
         record = model.model_validate(values, context=context)
     except ValidationError as error:
-        raise ValueError(_first_problem(error, model)) from None
+        problem = error.errors(include_url=False)[0]
+        steps, _ = _place(model, problem["loc"])
+        raise MisfitError(steps, _told(problem, model)) from None
     for place in _booleans_for_others(values, record):
-        raise ValueError(f"{place}: true and false are not numbers; give a number")
+        raise MisfitError(place.split("."), "true and false are not numbers; give a number")
     return record
 
 
@@ -60,13 +70,6 @@ def plain_types(annotation: Any) -> Iterator[Any]:
             yield from plain_types(part)
     else:
         yield annotation
-
-
-def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
-    problem = error.errors(include_url=False)[0]
-    steps, _ = _place(model, problem["loc"])
-    reason = _told(problem, model)
-    return f"{quoted('.'.join(steps))}: {reason}" if steps else reason
 
 
 def _told(problem: Any, model: type[BaseModel]) -> str:

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.measuring import TrackSettings
+from megalopta.config.rendering import TrackSettings
 from megalopta.core import bounded, files
-from megalopta.core.arrays import zipped_arrays
+from megalopta.core.bounded import zipped_arrays
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import write_codes
 from megalopta.dataset.store import Dataset

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from megalopta.config.drawing import repeated_name
-from megalopta.config.measuring import LabelName
 from megalopta.config.model import Configuration, LightLevel
+from megalopta.config.rendering import LabelName
 from megalopta.config.yaml_model import validated
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError, refused_as, shell_command

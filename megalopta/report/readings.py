@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.recording import is_recording, open_recording
-from megalopta.core.arrays import Floats, Mask, plain_array
-from megalopta.core.bounded import check_decoded
+from megalopta.core.arrays import Floats, Mask
+from megalopta.core.bounded import check_decoded, file_content, plain_array
 from megalopta.core.errors import UserError, refused_as, shell_command
-from megalopta.core.named_file import file_content
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve

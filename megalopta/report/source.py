@@ -199,15 +199,10 @@ class Report:
         # before pictures take seconds to draw
         self.flow = self.shown.records
         self.benchmarks: list[BenchmarkResult] = []
-        """Results as configured, and with the other normalization if it was measured"""
         if "benchmark" in self.finished:
-            both = self.settings.benchmark.both_normalizations
-            names = ("benchmark.json", *(["benchmark-other.json"] if both else []))
             again = f"run: {shell_command('benchmark', 'photons', dataset.root, '--redo')}"
-            self.benchmarks = [
-                checked_json(dataset.result(name), BenchmarkResult.from_dict, again)
-                for name in names
-            ]
+            path = dataset.result("benchmark.json")
+            self.benchmarks = [checked_json(path, BenchmarkResult.from_dict, again)]
 
     @cached_property
     def shown(self) -> ReportedSequence:

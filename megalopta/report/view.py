@@ -1,6 +1,6 @@
 """`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from megalopta import __version__
 from megalopta.core.errors import UserError
-from megalopta.core.progress import Advance, progress
+from megalopta.core.progress import progress
 from megalopta.plotting.sections import Section, block, write_sections
 from megalopta.plotting.text import number
 from megalopta.report.film import Moment, write_film
@@ -182,7 +182,7 @@ def _page(found: Seen, path: Path, fps: float | None) -> Path:
     )
 
 
-def _drawn(found: Seen, panel: Panel, chosen: Selection, advance: Advance) -> Markup:
+def _drawn(found: Seen, panel: Panel, chosen: Selection, advance: Callable[[], None]) -> Markup:
     """Return a panel as a film; of readings and flow, shown only where they are chosen."""
     inside = film_of(panel, chosen.frames)
     advance()

@@ -16,13 +16,12 @@ from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import open_array, undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
-from megalopta.core.zarr_store import open_array
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
+from megalopta.flow.benchmark.sequence import Bookkeeping, Clip, photon_benchmark
 from megalopta.flow.benchmark.settings import checked_warm_up, work_units
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.sensor import PRESETS, photon_rate
@@ -32,36 +31,35 @@ _PARTS = "benchmark-parts"
 _MOST_BYTES = 2**62
 """Size limit of the intermediate results: none"""
 
-_RESULTS = ("benchmark.json", "benchmark-other.json")
-
 
 def benchmark(dataset: Dataset) -> None:
-    """Measure the photons that each method needs; writes benchmark.json and benchmark.csv.
-
-    With the other normalization, if requested, it writes benchmark-other.json.
-    """
+    """Measure the photons that each method needs; writes benchmark.json and benchmark.csv."""
     settings = dataset.configuration
     parts = dataset.result(_PARTS)
     light = _kept_light(dataset, parts / "light.zarr")
-    measurements = settings.benchmark.measurements
-    total = work_units(light.shape, settings.benchmark) * len(measurements)
+    total = work_units(light.shape, settings.benchmark)
     with progress("Searching photon thresholds", total, "pixel") as advance:
-        results = [
-            photon_benchmark(
-                light,
-                [METHODS[name] for name in settings.methods],
-                each,
-                settings.seed,
-                dataset.sequence,
-                Bookkeeping(advance, partial(_part, parts / each.normalization)),
-            )
-            for each in measurements
-        ]
-    for name, result in zip(_RESULTS, results, strict=False):
-        files.write_json(dataset.result(name), result.to_dict())
-    _write_table(dataset.result("benchmark.csv"), results[0])
+        result = photon_benchmark(
+            light,
+            [METHODS[name] for name in settings.methods],
+            settings.benchmark,
+            settings.seed,
+            dataset.sequence,
+            Bookkeeping(advance, partial(_part, parts / settings.benchmark.normalization)),
+        )
+    files.write_json(dataset.result("benchmark.json"), result.to_dict())
+    head = ("method", "rows", "columns", "metric", "photons_per_frame", "error", "standard_error")
+    rows = (
+        (curve.method, *curve.shape, curve.metric, *values)
+        for curve in result.curves
+        for values in zip(curve.fluxes, curve.errors, curve.standard_errors, strict=True)
+    )
+    files.write_csv(dataset.result("benchmark.csv"), head, rows)
     files.remove(dataset.result(_PARTS))
-    _say_thresholds(results[0])
+    for curve in result.curves:
+        if curve.metric == "literal" and 2 in curve.thresholds:
+            height, width = curve.shape
+            say(f"benchmark: {curve.method:<6} {width} × {height}  N_2b {curve.thresholds[2]}")
 
 
 def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Floats]:
@@ -72,13 +70,6 @@ def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Flo
     sums = work()
     store.write({str(index): each for index, each in enumerate(sums)})
     return sums
-
-
-def _say_thresholds(result: BenchmarkResult) -> None:
-    for curve in result.curves:
-        if curve.metric == "literal" and 2 in curve.thresholds:
-            rows, columns = curve.shape
-            say(f"benchmark: {curve.method:<6} {columns} × {rows}  N_2b {curve.thresholds[2]}")
 
 
 def _kept_light(dataset: Dataset, path: Path) -> Clip:
@@ -103,16 +94,6 @@ def write_photons(dataset: Dataset, path: Path) -> None:
         light[first : first + len(photons)] = photons
 
 
-def _write_table(path: Path, result: BenchmarkResult) -> None:
-    head = ("method", "rows", "columns", "metric", "photons_per_frame", "error", "standard_error")
-    rows = (
-        (curve.method, *curve.shape, curve.metric, *values)
-        for curve in result.curves
-        for values in zip(curve.fluxes, curve.errors, curve.standard_errors, strict=True)
-    )
-    files.write_csv(path, head, rows)
-
-
 @cache
 def _model() -> str:
     return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
@@ -133,7 +114,9 @@ STAGE = Stage(
     command="benchmark photons",
     fields=("methods", "benchmark"),
     needs=("render",),
-    outputs=lambda dataset: list(map(dataset.result, (*_RESULTS, "benchmark.csv", _PARTS))),
+    outputs=lambda dataset: [
+        dataset.result(name) for name in ("benchmark.json", "benchmark.csv", _PARTS)
+    ],
     work=benchmark,
     model=_model,
     is_derived=True,

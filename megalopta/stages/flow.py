@@ -17,10 +17,9 @@ import zarr
 from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core import files
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import open_store, undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
-from megalopta.core.zarr_store import open_store
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FrameMotion, frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name

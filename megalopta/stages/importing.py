@@ -1,4 +1,4 @@
-"""Pictures of the user's own in place of a rendered scene: their configuration, their files."""
+"""Pictures of the user's own in place of a rendered scene: open, measure, configuration; copy."""
 
 import json
 import math
@@ -22,11 +22,10 @@ from megalopta.dataset.picture_light import (
     picture_folder,
     picture_times,
 )
-from megalopta.dataset.store import Dataset, open_sequence
+from megalopta.dataset.store import Dataset
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
-from megalopta.scenes.spectra.color import Bands
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 
@@ -63,17 +62,22 @@ class PictureOptions:
     spectrum: str | None = None
     """Spectrum of white: a name that `Pictures` knows, or a light level"""
     photons: Sequence[float] = ()
-    """Mean photons on a pixel of the first sensor in an exposure; or"""
+    """Mean photons on a pixel of the first sensor in an exposure"""
     lux: Sequence[float] = ()
-    """illuminance of the scene; or"""
+    """Illuminance of the scene, in place of photons"""
     luminance: Sequence[float] = ()
-    """mean luminance of the pictures, cd/m²."""
+    """Mean luminance of the pictures, cd/m², in place of photons"""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured light of the pictures that a sequence shows."""
+    """Pictures that a sequence shows, and their light."""
 
+    files: tuple[Path, ...]
+    pictures: int
+    shape: tuple[int, int]
+    transfer: str
+    notes: tuple[str, ...]
     mean: tuple[float, ...]
     """Mean of linear red, green and blue over all frames, or of each channel of spectra"""
     saturated: float
@@ -83,65 +87,58 @@ class Measured:
 
 
 def pictures_configuration(
-    path: Path, asked: PictureOptions, overrides: Mapping[str, str], out: Path | None = None
+    path: Path, asked: PictureOptions, overrides: Mapping[str, str]
 ) -> Configuration:
     """Return the configuration of a dataset of pictures; settings that are given override it.
 
-    A dataset of the same pictures in `out` is not measured again. Raises UserError.
+    Raises UserError.
     """
     with open_footage(path, asked.unit) as footage:
-        _check_brightness(path, asked, footage.is_absolute, overrides)
+        is_absolute, of_channels_nm = footage.is_absolute, footage.bands_nm
+        given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
+        given += ["--light-levels"] if "light_levels" in overrides else []
+        if len(given) != 1 and (given or not is_absolute):
+            what = " and ".join(given) or "pictures do not say how bright it was"
+            raise UserError(
+                f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 "
+                "(on the scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), "
+                "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
+            )
         fields = _fields(path, footage, asked)
         settings = _short_exposures(validated(Configuration, fields, str(path), overrides))
         _say_times(settings, footage)
-        made = _of_the_same(out or usual_folder(settings), settings)
-        if made and "name" not in overrides:  # a copy of the file may have another name
-            settings = settings.model_copy(update={"name": made.sequence})
-        found = (_recorded(made) if made else None) or measured(settings, footage)
-    if footage.is_absolute:
-        lux = _lux(settings, found.luminance)
-        light = settings.light.model_copy(update={"illuminance_lux": lux})
+        found = _measured[_shown(settings)] = _measure(settings, footage)
+    scene, light = _scene(settings), settings.light
+    lux_per_luminance = math.pi / scene.reflectance
+    if is_absolute:
+        lux = found.luminance * lux_per_luminance
+        light = light.model_copy(update={"illuminance_lux": lux})
         settings = settings.model_copy(update={"light": light})
     if "light_levels" in overrides:
         return settings
     with refused_as(str(path)):
-        exact = _levels(settings, asked, found, footage.bands_nm)
-        levels = [float(f"{lux:.{_DIGITS}g}") for lux in exact]
+        levels = list(asked.lux) or [light.resolved().illuminance_lux]
+        bands_nm, first = settings.render.bands_nm, settings.sensors[0]
+        of_unit = scene.radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
+        if asked.photons:
+            per_lux = [
+                photons_per_lux(of_unit, light, bands_nm, sensor, found.mean)
+                for sensor in settings.sensors
+            ]
+            for sensor, photons in zip(settings.sensors[1:], per_lux[1:], strict=True):
+                share = f"{photons / per_lux[0]:.3g} on one of {sensor.name}"
+                say(f"sense: each photon on a pixel of {first.name} is {share}")
+            levels = [photons / per_lux[0] for photons in asked.photons]
+        elif asked.luminance:
+            levels = [luminance * lux_per_luminance for luminance in asked.luminance]
+        levels = [float(f"{lux:.{_DIGITS}g}") for lux in levels]
         for level in levels:
             illuminance_of(level)
     return settings.model_copy(update={"light_levels": tuple(dict.fromkeys(levels))})
 
 
-def _check_brightness(
-    path: Path, asked: PictureOptions, is_absolute: bool, overrides: Mapping[str, str]
-) -> None:
-    given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
-    given += ["--light-levels"] if "light_levels" in overrides else []
-    if len(given) == 1 or (is_absolute and not given):
-        return
-    what = " and ".join(given) or "pictures do not say how bright it was"
-    raise UserError(
-        f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 (on the "
-        "scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), --luminance 0.01 "
-        "(mean of the pictures, cd/m²), --light-levels starlight"
-    )
-
-
-def _say_times(settings: Configuration, footage: Footage) -> None:
-    """Say which pictures no frame shows, and for how long the last one is held."""
-    rate_hz = settings.trajectory.frame_rate_hz
-    scene = _scene(settings)
-    end_s = float(picture_times(footage, scene.picture_rate_hz or rate_hz)[-1])
-    shown = PictureFrames(footage, settings).weights()
-    if missed := max(shown) + 1 - len(shown):
-        say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
-    held_s = settings.trajectory.duration_s - end_s
-    if len(footage) > 1 and held_s * rate_hz >= 1:
-        say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
-
-
 def _fields(path: Path, footage: Footage, asked: PictureOptions) -> dict[str, Any]:
-    """Return the fields of the configuration that differ from the defaults."""
+    """Return the fields of the configuration that the file and the options state."""
     rows, columns = footage.shape
     width = asked.width or columns
     height = max(1, round(rows * width / columns))
@@ -193,60 +190,21 @@ def _short_exposures(settings: Configuration) -> Configuration:
     return settings.model_copy(update={"sensors": tuple(sensors)})
 
 
-def _levels(
-    settings: Configuration,
-    asked: PictureOptions,
-    found: Measured,
-    of_channels_nm: Bands | None,
-) -> list[float]:
-    """Light levels, lux."""
-    light, bands_nm = settings.light, settings.render.bands_nm
-    of_unit = _scene(settings).radiance_of_unit(light, bands_nm, found.mean, of_channels_nm)
-    if asked.photons:
-        parts = of_unit, light, bands_nm
-        per_lux = photons_per_lux(*parts, settings.sensors[0], found.mean)
-        for sensor in settings.sensors[1:]:
-            share = photons_per_lux(*parts, sensor, found.mean) / per_lux
-            first = settings.sensors[0].name
-            say(f"sense: each photon on a pixel of {first} is {share:.3g} on one of {sensor.name}")
-        return [photons / per_lux for photons in asked.photons]
-    if asked.luminance:
-        return [_lux(settings, luminance) for luminance in asked.luminance]
-    return list(asked.lux) or [settings.light.resolved().illuminance_lux]
-
-
-def _lux(settings: Configuration, luminance: float) -> float:
-    """Illuminance under which surfaces of the pictures' reflectance have a luminance, cd/m²."""
-    return math.pi * luminance / _scene(settings).reflectance
+def _say_times(settings: Configuration, footage: Footage) -> None:
+    """Say which pictures no frame shows, and for how long the last one is held."""
+    rate_hz = settings.trajectory.frame_rate_hz
+    scene = _scene(settings)
+    end_s = float(picture_times(footage, scene.picture_rate_hz or rate_hz)[-1])
+    shown = PictureFrames(footage, settings).weights()
+    if missed := max(shown) + 1 - len(shown):
+        say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
+    held_s = settings.trajectory.duration_s - end_s
+    if len(footage) > 1 and held_s * rate_hz >= 1:
+        say(f"pictures: they end after {end_s:.3g} s; the last is held for {held_s:.3g} s")
 
 
 def _scene(settings: Configuration) -> Pictures:
     return cast(Pictures, settings.scene)
-
-
-def usual_folder(settings: Configuration) -> Path:
-    """Return the folder of a dataset of pictures where none is given."""
-    return Path("out") / settings.name
-
-
-def _of_the_same(root: Path, settings: Configuration) -> Dataset | None:
-    """Return the dataset in a folder if it shows the same pictures at the same times."""
-    try:
-        dataset = open_sequence(root)
-        return dataset if _shown(dataset.configuration) == _shown(settings) else None
-    except UserError:  # there is none, or it is made again
-        return None
-
-
-def _recorded(dataset: Dataset) -> Measured | None:
-    """Measured light in the record of a dataset of pictures."""
-    try:
-        record = dataset.read_scene_record()["pictures"]
-        mean = tuple(map(float, record["mean"]))
-        found = Measured(mean, float(record["saturated"]), float(record["luminance"]))
-    except (UserError, KeyError, TypeError, ValueError):  # there is none, or it is made again
-        return None
-    return found if found.luminance > 0 else None
 
 
 def _shown(settings: Configuration) -> str:
@@ -255,19 +213,22 @@ def _shown(settings: Configuration) -> str:
     return json.dumps(by_content(shown))
 
 
-def measured(settings: Configuration, footage: Footage) -> Measured:
+_measured: dict[str, Measured] = {}
+"""Pictures that this process has measured, by what is shown"""
+
+
+def measured(settings: Configuration) -> Measured:
     """Measure the pictures that a sequence shows, once in a process. Raises UserError for black."""
-    key = _shown(settings)
+    key, scene = _shown(settings), _scene(settings)
     if key not in _measured:
-        _measured[key] = _measure(PictureFrames(footage, settings).weights(), footage)
+        with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
+            _measured[key] = _measure(settings, footage)
     return _measured[key]
 
 
-_measured: dict[str, Measured] = {}
-
-
-def _measure(weights: Mapping[int, float], footage: Footage) -> Measured:
-    """Average over pictures, each so many times."""
+def _measure(settings: Configuration, footage: Footage) -> Measured:
+    """Average over pictures, each so many times as it is shown."""
+    weights = PictureFrames(footage, settings).weights()
     mean, saturated = np.zeros(len(footage.luminance_shares)), 0.0
     with progress(f"Reading {footage.path.name}", len(weights), "picture") as advance:
         for index in sorted(weights):
@@ -278,72 +239,67 @@ def _measure(weights: Mapping[int, float], footage: Footage) -> Measured:
     mean, luminance = mean / total, float(mean @ footage.luminance_shares) / total
     if not luminance > 0:
         raise UserError(f"{footage.path} is black; give pictures with visible light in them")
-    return Measured(tuple(mean.tolist()), saturated / total, luminance)
+    return Measured(
+        tuple(footage.files),
+        len(footage),
+        footage.shape,
+        footage.transfer,
+        tuple(footage.notes),
+        tuple(mean.tolist()),
+        saturated / total,
+        luminance,
+    )
 
 
 def import_pictures(dataset: Dataset) -> None:
     """Copy the files of the pictures into a dataset, and note what they are."""
     settings, scene = dataset.configuration, _scene(dataset.configuration)
-    folder = picture_folder(dataset)
-    with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
-        found = measured(settings, footage)
-        if not folder.exists():
-            with step("copying the pictures"), files.atomic_write(folder) as temporary:
-                _copy(footage, temporary)
-                scene.file.check()  # afterwards, so that it was this that was copied
-        record = {
-            "files": len(footage.files),
-            "pictures": len(footage),
-            "transfer": footage.transfer,
-            "notes": list(footage.notes),
-            **asdict(found),
-        }
+    folder, found = picture_folder(dataset), measured(settings)
+    if not folder.exists():
+        with (
+            refused_as("scene.file"),
+            step("copying the pictures"),
+            files.atomic_write(folder) as temporary,
+        ):
+            place = temporary
+            if Path(scene.file.path).is_dir():  # in their order, below source/
+                place = temporary / _SOURCE
+            place.mkdir(parents=True)
+            for index, file in enumerate(found.files, 1):
+                name = _SOURCE if place == temporary else f"{index:06d}"
+                shutil.copyfile(file, place / f"{name}{file.suffix.lower()}")
+            scene.file.check()  # afterwards, so that it was this that was copied
+    record = {**asdict(found), "files": len(found.files), "notes": list(found.notes)}
+    del record["shape"]
     files.write_json(dataset.scene_record, {"pictures": record})
-    _say(dataset, record)
-
-
-def _copy(footage: Footage, folder: Path) -> None:
-    """Copy a file as source.SUFFIX, or the files of a folder in their order below source/."""
-    first = footage.files[0]
-    if footage.path == first:
-        folder.mkdir()
-        shutil.copyfile(first, folder / f"{_SOURCE}{first.suffix.lower()}")
-        return
-    (folder / _SOURCE).mkdir(parents=True)
-    for index, file in enumerate(footage.files, 1):
-        shutil.copyfile(file, folder / _SOURCE / f"{index:06d}{file.suffix.lower()}")
-
-
-def _say(dataset: Dataset, record: Mapping[str, Any]) -> None:
-    settings, camera = dataset.configuration, dataset.configuration.camera
+    camera, white = settings.camera, scene.white_name(settings.light)
+    light = (
+        "their spectra are used as they are"
+        if found.transfer == "spectral radiance"
+        else f"{found.transfer} codes become light, white has the spectrum of {white}, and the "
+        f"mean reflectance is {100 * scene.reflectance:g} %"
+    )
     say(
         f"pictures: {settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {record['pictures']} pictures; "
-        + (
-            "their spectra are used as they are"
-            if record["transfer"] == "spectral radiance"
-            else f"{record['transfer']} codes become light, white has the spectrum of "
-            f"{_scene(settings).white_name(settings.light)}, and the mean reflectance is "
-            f"{100 * _scene(settings).reflectance:g} %"
-        )
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {found.pictures} pictures; {light}"
     )
-    if record["pictures"] == 1:
+    if found.pictures == 1:
         say("pictures: it is one picture, which stands still")
-    for note in record["notes"]:
+    for note in found.notes:
         say(f"pictures: {note}")
-    if share := record["saturated"]:
-        say(f"pictures: {100 * share:.2g} % of the pixels are saturated in the file, so too dark")
+    if found.saturated:
+        share = f"{100 * found.saturated:.2g} % of the pixels"
+        say(f"pictures: {share} are saturated in the file, so too dark")
 
 
 def check_pictures(settings: Configuration) -> None:
     """Refuse, with ValueError, pictures of another shape than the frames."""
-    scene, camera = _scene(settings), settings.camera
-    if not Path(scene.file.path).exists():
+    path, camera = _scene(settings).file.path, settings.camera
+    if not Path(path).exists():
         return  # a dataset that came from elsewhere
-    with open_footage(Path(scene.file.path), scene.unit) as footage:
-        rows, columns = footage.shape
+    rows, columns = measured(settings).shape
     if abs(camera.height - camera.width * rows / columns) > 1:
         raise ValueError(
-            f"camera {camera.width} × {camera.height}: {scene.file.path} has {columns} × {rows} "
-            "px; give a size of the same shape"
+            f"camera {camera.width} × {camera.height}: {path} has {columns} × {rows} px; give a "
+            "size of the same shape"
         )

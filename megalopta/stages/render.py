@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
+from megalopta.config.rendering import RenderingSettings
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import cache_folder
@@ -419,10 +420,7 @@ def _machinery(settings: Configuration) -> dict[str, str]:
 STAGE = Stage(
     name="render",
     command="render",
-    fields=(
-        *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
-        *("scene_camera", "stereo_with", "shutter", "render", "labels", "tracks"),
-    ),
+    fields=tuple(RenderingSettings.model_fields),
     needs=(),
     outputs=_outputs,
     work=render,

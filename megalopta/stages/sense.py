@@ -9,9 +9,9 @@ every band. So one rendering serves all levels. The direction of the light does 
 moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.config.scene import own_fields
+from megalopta.config.sensing import SensingSettings
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError, refused_as, shell_command
@@ -38,7 +40,6 @@ from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.formats.products import (
     Kind,
-    ProductName,
     Write,
     check_product,
     kind_of,
@@ -57,91 +58,106 @@ LIGHT_SPEED_M_S = 299_792_458.0
 def sense(dataset: Dataset) -> None:
     """Expose what is missing, and write readings of the IMU and images."""
     expose(dataset)
-    _write_imu(dataset)
+    if (imu := dataset.configuration.imu) and not dataset.imu.exists():
+        write_imu(dataset.imu, dataset.configuration, imu)
     if dataset.configuration.scene.has_truth:
         _write_final_images(dataset)
 
 
 def expose(dataset: Dataset) -> None:
     """Expose what is missing: every frame is read once, for all sensors at all levels."""
-    wanted = dataset.configuration.products
-    missing = [
-        (*pair, products)
-        for pair in dataset.configuration.exposures
-        if (products := [p for p in wanted if not product_path(dataset.counts(*pair), p).exists()])
-    ]
+    settings = dataset.configuration
     _warn_of_noise(dataset)
-    frames = dataset.configuration.trajectory.frames if missing else 0
-    with (
-        progress("Exposing sensors", len(missing) * frames, "frame") as advance,
-        ExitStack() as stores,
-    ):
-        films = [_Film(dataset, *each, stores) for each in missing]
-        _check_events(dataset, films)
-        for first, radiance in read_radiance_frames(dataset) if films else ():
+    with ExitStack() as stores:
+        exposers = [_Exposer(dataset, *pair, stores) for pair in settings.exposures]
+        exposers = [exposer for exposer in exposers if exposer.products]
+        counting = [exposer for exposer in exposers if exposer.draws("events")]
+        for first, radiance in read_radiance_frames(dataset) if counting else ():
+            for exposer in counting:  # before anything is drawn
+                exposer.check_events(first, radiance)
+        frames = len(exposers) * settings.trajectory.frames
+        advance = stores.enter_context(progress("Exposing sensors", frames, "frame"))
+        for first, radiance in read_radiance_frames(dataset) if exposers else ():
             following = _next_frames(dataset, first, radiance)
-            later_s = _round_trips_s(dataset, first, len(radiance), films)
-            for film in films:
-                film.expose(first, radiance, following, later_s)
+            later_s = None
+            if any(exposer.needs_depth for exposer in exposers):
+                later_s = _round_trips_s(dataset, first, len(radiance))
+            for exposer in exposers:
+                exposer.expose(first, radiance, following, later_s)
                 advance(len(radiance))
-    for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
-        levels = dataset.configuration.light_levels
-        write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
+    for sensor in settings.sensors if settings.correct else ():
+        opened = [open_exposure(dataset, sensor, level) for level in settings.light_levels]
+        write_corrected(dataset, sensor, opened)
 
 
-def _write_imu(dataset: Dataset) -> None:
-    """Write the readings of the IMU, if there is one."""
-    if (imu := dataset.configuration.imu) and not dataset.imu.exists():
-        write_imu(dataset.imu, dataset.configuration, imu)
+@dataclass(frozen=True)
+class _Product:
+    """Files of one kind of readings of an exposure, which are drawn once."""
+
+    kind: Kind
+    files: list[Write]
+
+    def write(self, shot: Shot, is_stated: bool) -> None:
+        """Draw readings of some frames, and write them."""
+        drawn: Iterable[Any]
+        match self.kind:
+            case "readings":
+                drawn = [shot.readings(is_stated)]
+            case "events":
+                drawn = shot.events()
+            case "bits":
+                drawn = [shot.bits()]
+            case "burst":
+                drawn = shot.burst()
+            case "histograms":
+                drawn = shot.histograms()
+        for part in drawn:
+            for write in self.files:
+                write(part)
 
 
-def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
-    """Refuse light with more events per frame than fit into memory, before anything is drawn."""
-    films = [film for film in films if film.has_events]
-    for first, radiance in read_radiance_frames(dataset) if films else ():
-        for film in films:
-            film.check_events(first, radiance)
-
-
-class _Film:
-    """Exposes frames on one sensor at one light level into their files."""
+class _Exposer:
+    """Exposes frames on one sensor at one light level, and writes the products that are missing."""
 
     def __init__(
-        self,
-        dataset: Dataset,
-        sensor: ImageSensor,
-        level: LightLevel,
-        products: Sequence[ProductName],
-        stores: ExitStack,
+        self, dataset: Dataset, sensor: ImageSensor, level: LightLevel, stores: ExitStack
     ) -> None:
-        self._settings, self._sensor = dataset.configuration, sensor
+        settings = self._settings = dataset.configuration
+        self._sensor, self._counts = sensor, dataset.counts(sensor, level)
         self._what = f"sense: {sensor.name} at {level_text(level)}"
-        self.has_events = any(each.startswith("events") for each in products)
-        self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
-        self._scale = light_scale(self._settings, level).astype(np.float32)
+        self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
+        self._scale = light_scale(settings, level).astype(np.float32)
+        self._arrays: Arrays | None = {} if settings.free_running else None
+        self._period_s = 1 / settings.trajectory.frame_rate_hz
+        unusual: dict[str, Any] = {"level": level}
+        if settings.sub_frames > 1:
+            unusual |= {"sub_frames": settings.sub_frames, "sub_frames_error": PARTS_ERROR}
+        if settings.free_running:
+            unusual |= {"free_running": True, "free_running_error": RUNNING_ERROR}
         origin = Origin(
             sensor=sensor,
-            seed=self._settings.seed,
-            sequence=self._sequence,
+            seed=settings.seed,
+            sequence=self._stream,
             illuminance_lux=illuminance_of(level),
-            extra={"level": level, **_unusual(self._settings)},
+            extra=unusual,
         )
-        self._arrays: Arrays | None = {} if self._settings.free_running else None
-        camera, trajectory = self._settings.camera, self._settings.trajectory
-        shape = trajectory.frames, camera.height, camera.width
-        self._period_s = 1 / trajectory.frame_rate_hz
-        self._writers: dict[Kind, list[Write]] = {}
-        for product in products:
-            path = product_path(dataset.counts(sensor, level), product)
-            writer = product_writer(
-                product, path, origin, shape, self._period_s, burst_frames(self._settings)
-            )
-            self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
+        shape = settings.trajectory.frames, *settings.camera.shape
+        writers: dict[Kind, list[Write]] = {}
+        for name in settings.products:
+            if not (path := product_path(self._counts, name)).exists():
+                timing = self._period_s, burst_frames(settings)
+                writer = product_writer(name, path, origin, shape, *timing)
+                writers.setdefault(kind_of(name), []).append(stores.enter_context(writer))
+        self.products = [_Product(kind, files) for kind, files in writers.items()]
+
+    def draws(self, kind: Kind) -> bool:
+        """True if readings of a kind are written."""
+        return any(product.kind == kind for product in self.products)
 
     @property
     def needs_depth(self) -> bool:
         """True if pulses leave from the camera."""
-        return "histograms" in self._writers and starts_at_camera(self._sensor)
+        return self.draws("histograms") and starts_at_camera(self._sensor)
 
     def expose(
         self,
@@ -151,20 +167,12 @@ class _Film:
         later_s: Floats | None,
     ) -> None:
         """Expose frames (n, H, W, B), the first of which has number `first`."""
-        own = later_s if self.needs_depth else None
-        shot = replace(self._shot(first, radiance, following), later_s=own)
-        draws: dict[Kind, Callable[[], Iterable[Any]]] = {
-            "readings": lambda: [shot.readings(self._settings.expectation)],
-            "events": shot.events,
-            "bits": lambda: [shot.bits()],
-            "burst": shot.burst,
-            "histograms": shot.histograms,
-        }
+        shot = self._shot(first, radiance, following)
+        if self.needs_depth:
+            shot = replace(shot, later_s=later_s)
         with refused_as(self._what):
-            for kind, writers in self._writers.items():
-                for drawn in draws[kind]():
-                    for write in writers:
-                        write(drawn)
+            for product in self.products:
+                product.write(shot, self._settings.expectation)
         if self._arrays is not None:
             self._arrays = shot.arrays_after
 
@@ -179,7 +187,7 @@ class _Film:
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
             seed=self._settings.seed,
-            stream=self._sequence,
+            stream=self._stream,
             first_frame=first,
             frame_period_s=self._period_s,
             following=following and following.scaled(self._scale),
@@ -194,14 +202,10 @@ def starts_at_camera(sensor: ImageSensor) -> bool:
     return isinstance(sensor, Sensor) and sensor.tcspc.is_on and sensor.tcspc.from_camera
 
 
-def _round_trips_s(
-    dataset: Dataset, first: int, number: int, films: Sequence[_Film]
-) -> Floats | None:
-    """Return the time of light to what pixels see and back (n, H, W), s, if a film needs it."""
-    if not any(film.needs_depth for film in films):
-        return None
+def _round_trips_s(dataset: Dataset, first: int, number: int) -> Floats:
+    """Return the time of light to what pixels see and back (n, H, W), s."""
     camera = dataset.configuration.camera
-    per_meter = camera.depth(np.ones((camera.height, camera.width)))
+    per_meter = camera.depth(np.ones(camera.shape))
     depths = [read_truth_frame(dataset, index).depth for index in range(first, first + number)]
     return 2 * np.array(depths, np.float64) / per_meter / LIGHT_SPEED_M_S
 
@@ -226,16 +230,6 @@ def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) ->
         after = read_radiance_frame(dataset, end)
     following = np.concatenate((radiance[1:], after[np.newaxis]))
     return NextFrames(radiance=following, flow=flow, hidden=hidden)
-
-
-def _unusual(settings: Configuration) -> dict[str, Any]:
-    """Attributes of a store for settings that differ from the defaults."""
-    said: dict[str, Any] = {}
-    if settings.sub_frames > 1:
-        said |= {"sub_frames": settings.sub_frames, "sub_frames_error": PARTS_ERROR}
-    if settings.free_running:
-        said |= {"free_running": True, "free_running_error": RUNNING_ERROR}
-    return said
 
 
 def _warn_of_noise(dataset: Dataset) -> None:
@@ -285,59 +279,8 @@ def burst_frames(settings: Configuration) -> int:
     return max(round(settings.burst_hz / settings.trajectory.frame_rate_hz), 1)
 
 
-def _check_timing(settings: Configuration) -> None:
-    """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames.
-
-    Raises ValueError, one sentence that names the setting or the sensor.
-    """
-    _check_sub_frames(settings)
-    if settings.free_running:
-        for sensor in settings.sensors:
-            _check_continuous(sensor, settings.trajectory.frame_rate_hz)
-    settings.check_exposures()
-
-
-def _check_continuous(sensor: ImageSensor, rate_hz: float) -> None:
-    """Refuse a sensor that cannot expose without a gap."""
-    setting = f"free_running: sensor {sensor.name!r}"
-    if not isinstance(sensor, Sensor):
-        raise ValueError(
-            f"{setting} integrates and is reset in every frame; remove the setting or the sensor"
-        )
-    if abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
-        raise ValueError(
-            f"{setting} with exposure_s {sensor.exposure_s:g} does not fill frames at "
-            f"trajectory.frame_rate_hz {rate_hz:g}; use exposure_s {1 / rate_hz:.12g}, or remove "
-            "the setting"
-        )
-
-
-def _check_sub_frames(settings: Configuration) -> None:
-    """Refuse light that would be blurred twice, and rates of bursts that cannot be met."""
-    parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
-    if parts > 1 and not settings.shutter.is_instant:
-        raise ValueError(
-            f"sub_frames {parts}: shutter already renders the motion within an exposure; "
-            "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
-        )
-    if "burst_npy" not in settings.products:
-        if settings.burst_hz != (usual := Configuration.model_fields["burst_hz"].default):
-            raise ValueError(
-                f"burst_hz {settings.burst_hz:g}: products has no burst_npy; add it, or leave "
-                f"burst_hz at {usual:g}"
-            )
-        return
-    if parts == 1 and settings.scene.has_truth:
-        raise ValueError("burst_npy: needs moving light; use sub_frames of 2 or more")
-    if abs(burst_frames(settings) * rate_hz / settings.burst_hz - 1) > 1e-9:
-        raise ValueError(
-            f"burst_hz {settings.burst_hz:g}: not a whole multiple of trajectory.frame_rate_hz "
-            f"{rate_hz:g}; use {burst_frames(settings) * rate_hz:.12g}"
-        )
-
-
 def _check(settings: Configuration) -> None:
-    """Refuse sensors that cannot expose the frames, and measured devices with unusable maps."""
+    """Refuse what does not fit frames, and measured devices with unusable maps, as ValueError."""
     _check_timing(settings)
     for sensor in settings.sensors:
         try:
@@ -351,21 +294,48 @@ def _check(settings: Configuration) -> None:
             raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 
 
+def _check_timing(settings: Configuration) -> None:
+    """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames."""
+    parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
+    usual_hz = Configuration.model_fields["burst_hz"].default
+    has_burst, in_burst = "burst_npy" in settings.products, burst_frames(settings)
+    if parts > 1 and not settings.shutter.is_instant:
+        raise ValueError(
+            f"sub_frames {parts}: shutter already renders the motion within an exposure; "
+            "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
+        )
+    if not has_burst and settings.burst_hz != usual_hz:
+        raise ValueError(
+            f"burst_hz {settings.burst_hz:g}: products has no burst_npy; add it, or leave "
+            f"burst_hz at {usual_hz:g}"
+        )
+    if has_burst and parts == 1 and settings.scene.has_truth:
+        raise ValueError("burst_npy: needs moving light; use sub_frames of 2 or more")
+    if has_burst and abs(in_burst * rate_hz / settings.burst_hz - 1) > 1e-9:
+        raise ValueError(
+            f"burst_hz {settings.burst_hz:g}: not a whole multiple of trajectory.frame_rate_hz "
+            f"{rate_hz:g}; use {in_burst * rate_hz:.12g}"
+        )
+    for sensor in settings.sensors if settings.free_running else ():
+        setting = f"free_running: sensor {sensor.name!r}"
+        if not isinstance(sensor, Sensor):
+            raise ValueError(
+                f"{setting} integrates and is reset in every frame; remove the setting or the "
+                "sensor"
+            )
+        if abs(sensor.exposure_s * rate_hz - 1) > 1e-9:
+            raise ValueError(
+                f"{setting} with exposure_s {sensor.exposure_s:g} does not fill frames at "
+                f"trajectory.frame_rate_hz {rate_hz:g}; use exposure_s {1 / rate_hz:.12g}, or "
+                "remove the setting"
+            )
+    settings.check_exposures()
+
+
 STAGE = Stage(
     name="sense",
     command="sense",
-    fields=(
-        "light_levels",
-        "sensors",
-        "products",
-        "sub_frames",
-        "burst_hz",
-        "free_running",
-        "expectation",
-        "correct",
-        "calibration",
-        "imu",
-    ),
+    fields=own_fields(SensingSettings),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,

@@ -17,11 +17,10 @@ from rich.console import Console
 from megalopta.config.drawing import sequence_name
 from megalopta.config.recipe import Plan
 from megalopta.core import files
-from megalopta.core.bounded import printable, read_json
+from megalopta.core.bounded import METADATA, open_store, printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
-from megalopta.core.zarr_store import METADATA, open_store
 from megalopta.dataset import index
 from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, files_in, whole_of
 from megalopta.render import read_size

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import plain_array
-from megalopta.core.bounded import ARRAY_BYTES, check_file
+from megalopta.core.bounded import ARRAY_BYTES, check_file, plain_array
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
 from megalopta.render.footage.transfer import light_of

@@ -21,9 +21,8 @@ from pydantic import (
 
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species, Whorled
 from megalopta.core import strict_yaml
-from megalopta.core.bounded import quoted, read_text
+from megalopta.core.bounded import folder_of, named_path, quoted, read_text, unreadable
 from megalopta.core.freshness import digest
-from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.scenes.forest.flora import ENTRIES, FLORA, PLANTS, Flora, woody

@@ -11,9 +11,8 @@ from pathlib import Path, PurePosixPath
 
 from pydantic import model_validator
 
-from megalopta.core.bounded import TEXT_BYTES, quoted, read_bytes, undamaged
+from megalopta.core.bounded import TEXT_BYTES, named_path, quoted, read_bytes, undamaged, unreadable
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.named_file import named_path, unreadable
 from megalopta.scenes.hashed_file import Hashed
 from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
 

@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
-from megalopta.core.bounded import quoted, read_bytes
+from megalopta.core.bounded import folder_of, named_path, quoted, read_bytes, unreadable
 from megalopta.core.curve_file import curve_of
-from megalopta.core.named_file import folder_of, named_path, unreadable
 from megalopta.core.record import Record
 from megalopta.scenes.material import Material
 from megalopta.scenes.spectra.reflectance import LEAVES, REFLECTANCES, reflectance_of

@@ -14,8 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import check_count, read_text
-from megalopta.core.named_file import folder_of, named_path, unreadable
+from megalopta.core.bounded import check_count, folder_of, named_path, read_text, unreadable
 from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")

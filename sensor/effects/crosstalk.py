@@ -29,8 +29,8 @@ from pydantic import Field, model_validator
 from scipy.ndimage import convolve
 from scipy.sparse import csr_matrix, diags, identity
 
-from megalopta.core.arrays import Floats, Ints, plain_array
-from megalopta.core.named_file import file_content, named_path
+from megalopta.core.arrays import Floats, Ints
+from megalopta.core.bounded import file_content, named_path, plain_array
 from megalopta.sensor.effects.base import Effect, Stage
 
 REACH = 3

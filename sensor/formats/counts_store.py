@@ -20,10 +20,9 @@ import zarr
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from megalopta.core.bounded import check_decoded, undamaged
+from megalopta.core.bounded import Store, check_decoded, open_store, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
-from megalopta.core.zarr_store import Store, open_store
 from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure

@@ -26,11 +26,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Ints, zipped_arrays
-from megalopta.core.bounded import check_decoded, undamaged
+from megalopta.core.arrays import Ints
+from megalopta.core.bounded import check_decoded, numbers_in, opened_hdf5, undamaged, zipped_arrays
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
-from megalopta.core.hdf5 import numbers_in, opened_hdf5
 from megalopta.sensor.event_stream import Events
 
 Column: TypeAlias = NDArray[np.integer[Any]]

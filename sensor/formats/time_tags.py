@@ -25,11 +25,14 @@ from megalopta.core.bounded import (
     ARRAY_BYTES,
     check_count,
     check_decoded,
+    dataset_in,
+    is_in,
+    numbers_in,
+    opened_hdf5,
     read_bytes,
     undamaged,
 )
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.hdf5 import dataset_in, is_in, numbers_in, opened_hdf5
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes
 

@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import file_content, named_path
 from megalopta.core.curve_file import curve_of, surface_of
-from megalopta.core.named_file import file_content, named_path
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
 

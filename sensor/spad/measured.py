@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from megalopta.core.arrays import Floats, plain_array
-from megalopta.core.named_file import file_content, named_path
+from megalopta.core.arrays import Floats
+from megalopta.core.bounded import file_content, named_path, plain_array
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, PixelRates, Stage
 from megalopta.sensor.spad.counters import AnalogPixels
 

@@ -128,3 +128,17 @@ def single_copy(single_dataset, tmp_path):
 @pytest.fixture
 def small_copy(small_dataset, tmp_path):
     return copied(small_dataset, tmp_path / "data")
+
+
+@pytest.fixture
+def run():
+    """Runs a command and returns its exit code."""
+
+    def run(words):
+        try:
+            cli.main(words)
+        except SystemExit as stopped:
+            return stopped.code or 0
+        return 0
+
+    return run

@@ -13,7 +13,6 @@ import socket
 import struct
 import zlib
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,12 +29,10 @@ from megalopta.camera.recorder import Recorder
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.config.yaml_model import to_yaml
-from megalopta.dataset.store import open_sequence
 from megalopta.flow.formats import write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import expose_events, preset
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
 from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
-from megalopta.settings.verb_settings import settings_of
 
 from ..scenes.meshes.files import Gltf, png
 from ..sensor.formats.test_cameras import COUNTS, spc3
@@ -63,7 +60,6 @@ EXPORT, MESHES = f"scene export {OF_MESHES}", f"render {OF_MESHES}"
 ANIMATED = EXPORT.replace("[{file}]", '[{"file":"{file}","animate":true}]')
 VIEW = "view {file} --out=v"
 CALIBRATE = "spadcam calibrate {file}@0:1e-3 good.npy@1e5:1e-3 --out=d.yaml"
-COMPARE = "spadcam compare {file}@0:1e-3 --device=good.yaml --out=c.html"
 TAGS = "spadcam tags {file} --out=t"
 LINOSPAD = TAGS + " --linospad2=2212b --columns=64"
 PATH = MESHES.replace("{file}", "good.ply").replace(
@@ -76,20 +72,20 @@ TABLES = "spadcam calibrate dark-counts.csv crosstalk.csv autocorrelation.csv --
 DESIGN = "design {file} --out=o"
 
 READ: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("a.png", "a.jpg", "a.bmp", "a.ppm", "a.webp", "a.tif"), (SENSE, PAIR)),
-    **dict.fromkeys(("gray.png", "packed.tif", "deep.tif", "light.tif"), (SENSE,)),
+    **dict.fromkeys(("a.png", "a.jpg", "a.ppm", "a.webp", "a.tif"), (SENSE, PAIR)),
+    **dict.fromkeys(("gray.png", "packed.tif", "deep.tif"), (SENSE,)),
     **dict.fromkeys(("deep.png", "light.exr", "light.hdr"), (SENSE, PANORAMA)),
     **dict.fromkeys(("moving.gif", "moving.png", "moving.webp"), (SENSE, NO_TRUTH)),
-    **dict.fromkeys(("film.mp4", "film.mkv", "film.avi"), (SENSE, NO_TRUTH)),
+    **dict.fromkeys(("film.mp4", "film.avi"), (SENSE, NO_TRUTH)),
     **dict.fromkeys(("light.npy", "light.npz"), (SENSE + " --unit=linear",)),
     **dict.fromkeys(("f.flo", "f.flo5", "f.png", "f.pfm", "f.npy"), (TRUTH, SUBMIT, AS_TRUTH)),
     "t.glb": (EXPORT, ANIMATED, MESHES),
-    **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "text.ply", "t.stl", "text.stl"), (EXPORT,)),
+    **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "t.stl", "text.stl"), (EXPORT,)),
     "t.xml": (EXPORT, MESHES),
     **{f"t.{name}": (EXPORT.replace("{file}", "t.gltf"),) for name in ("bin", "png")},
     "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
-    **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply", "obj", "png")},
-    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE, COMPARE)),
+    **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply")},
+    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE)),
     **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5", "r.npz"), (VIEW,)),
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
@@ -110,23 +106,8 @@ READ: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Files, and the commands that read them."""
 
-TEXTS = (
-    ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", ".jsonl", "text.ply", "text.stl",
-)  # fmt: skip
-UNMARKED = (
-    ".csv",
-    ".yaml",
-    ".obj",
-    ".mtl",
-    ".spd",
-    ".jsonl",
-    ".ptu",
-    ".mkv",
-    ".bin",
-    ".avi",
-    ".dat",
-    "map.npy",
-)
+TEXTS = ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", ".jsonl", "text.stl"
+UNMARKED = ".csv .yaml .obj .mtl .spd .jsonl .ptu .bin .avi .dat map.npy".split()
 """Formats of which a part may be whole, or whose reader sees no more than a part"""
 CHECKED = ("a.png", "gray.png", "deep.png", "f.png", ".npz")
 """Formats with checksums, which no flipped bit passes"""
@@ -150,11 +131,6 @@ class Case(NamedTuple):
         return target_of(self.name.partition("-")[0])
 
 
-def animation(path, **more):
-    frames = [Image.fromarray(np.roll(CODES, k, axis=1)) for k in range(3)]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=40, **more)
-
-
 def film(path, codec):
     with av.open(path, "w") as container:
         stream = container.add_stream(codec, rate=25)
@@ -170,16 +146,8 @@ def exr(path, values, **header):
     OpenEXR.File({"type": OpenEXR.scanlineimage, **header}, channels).write(str(path))
 
 
-def radiance(path, values):
-    """A Radiance picture without run lengths."""
-    exponent = np.ceil(np.log2(values.max(axis=-1, keepdims=True)))
-    codes = np.concatenate([values * 256 / 2**exponent, exponent + 128], axis=-1).clip(0, 255)
-    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {values.shape[0]} +X {values.shape[1]}\n"
-    path.write_bytes(head.encode() + codes.astype(np.uint8).tobytes())
-
-
-def gltf():
-    """A triangle that turns, with a picture."""
+def gltf(**changes):
+    """A triangle with a picture that turns; other fields of the header."""
     file = Gltf()
     uv = file.accessor(np.array([[0, 0], [1, 0], [0, 1]], np.float32))
     mesh = file.triangle(material=0, TEXCOORD_0=uv)
@@ -196,32 +164,29 @@ def gltf():
         "scenes": [{"nodes": [0]}],
         "animations": [{"samplers": [sampler], "channels": [channel]}],
     }
+    file.header |= changes
     return file
 
 
-def write_whole(here):
-    """Write every input."""
-    _pictures(here)
-    _meshes(here)
-    _readings(here)
-    _texts(here)
-
-
-def _pictures(here):
+def write_pictures(here):
     gray, light = CODES[..., 0], (CODES / 255).astype(np.float32)
-    for name in ("a.png", "a.jpg", "a.bmp", "a.ppm", "a.webp", "a.tif", "good.png"):
+    for name in ("a.png", "a.jpg", "a.ppm", "a.webp", "a.tif", "good.png"):
         Image.fromarray(CODES).save(here / name)
     Image.fromarray(gray).save(here / "gray.png")
     Image.fromarray(gray.astype(np.uint16) * 256).save(here / "deep.png")
     tifffile.imwrite(here / "packed.tif", CODES, compression="zlib", photometric="rgb")
     tifffile.imwrite(here / "deep.tif", CODES.astype(np.uint16), photometric="rgb")
-    tifffile.imwrite(here / "light.tif", light, photometric="rgb")
     exr(here / "light.exr", light)
-    radiance(here / "light.hdr", light)
-    animation(here / "moving.gif")
-    animation(here / "moving.png")
-    animation(here / "moving.webp", lossless=True)
-    for name, codec in (("film.mp4", "libx264"), ("film.mkv", "libx264"), ("film.avi", "mpeg4")):
+    radiance = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (ROWS, COLUMNS)
+    (here / "light.hdr").write_bytes(
+        radiance + np.full((ROWS, COLUMNS, 4), 128, np.uint8).tobytes()
+    )
+    first, *others = (Image.fromarray(np.roll(CODES, k, axis=1)) for k in range(3))
+    for name in ("gif", "png", "webp"):
+        how = {"lossless": True} if name == "webp" else {}
+        path = here / f"moving.{name}"
+        first.save(path, save_all=True, append_images=others, duration=40, **how)
+    for name, codec in (("film.mp4", "libx264"), ("film.avi", "mpeg4")):
         film(here / name, codec)
     np.save(here / "light.npy", light[None])
     np.savez_compressed(here / "light.npz", light[None])
@@ -237,11 +202,10 @@ def _pictures(here):
     np.save(here / "f.npy", FLOW)
 
 
-def _meshes(here):
+def write_meshes(here):
     file = gltf()
     (here / "t.glb").write_bytes(file.glb())
     Image.fromarray(CODES[:8, :8]).save(here / "t.png")
-    shutil.copy(here / "t.png", here / "x.png")
     header = {**file.header, "buffers": [{"byteLength": len(file.data), "uri": "t.bin"}]}
     header["images"] = [{"uri": "t.png"}]
     (here / "t.gltf").write_text(json.dumps(header))
@@ -254,26 +218,20 @@ def _meshes(here):
     ball = trimesh.creation.icosphere(1, 0.5)
     for name in ("t.ply", "good.ply", "x.ply"):
         ball.export(here / name)
-    ball.export(here / "text.ply", encoding="ascii")
     ball.export(here / "t.stl")
     ball.export(here / "text.stl", file_type="stl_ascii")
-    (here / "x.obj").write_text(
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
-    )
     (here / "x.spd").write_text("400 0.1\n500 0.3\n600 0.5\n700 0.4\n")
     (here / "t.xml").write_text(
         '<scene version="3.0.0"><bsdf type="diffuse" id="green"><spectrum name="reflectance" '
         'filename="x.spd"/></bsdf><shape type="ply"><string name="filename" value="x.ply"/>'
         '<ref id="green"/><transform name="to_world"><translate x="1" y="0.5"/></transform></shape>'
-        '<shape type="obj"><string name="filename" value="x.obj"/><bsdf type="diffuse"><texture '
-        'type="bitmap" name="reflectance"><string name="filename" value="x.png"/></texture></bsdf>'
-        '</shape><shape type="sphere"><point name="center" x="0" y="1" z="0"/><float name="radius" '
+        '<shape type="sphere"><point name="center" x="0" y="1" z="0"/><float name="radius" '
         'value="0.4"/><bsdf type="diffuse"><spectrum name="reflectance" value="400:0.1, 700:0.6"/>'
         "</bsdf></shape></scene>"
     )
 
 
-def _readings(here):
+def write_readings(here):
     bits = RNG.integers(0, 256, (40, 16, 2)).astype(np.uint8)
     for name, mean in (("r.npy", 3), ("good.npy", 60)):
         np.save(here / name, RNG.poisson(mean, (64, 16, 16)).astype(np.uint16))
@@ -301,7 +259,7 @@ def _readings(here):
     recorder.finish(0)
 
 
-def _texts(here):
+def write_texts(here):
     poses = [f"{k / 50},{k / 50 - 3},0,0,0,0.7071068,0,0.7071068" for k in range(20)]
     (here / "path.csv").write_text("t,x,y,z,qx,qy,qz,qw\n" + "\n".join(poses) + "\n")
     points = [(400, 0.1), (500, 0.3), (700, 0.2)]
@@ -351,19 +309,31 @@ def _texts(here):
     )
 
 
-# Damage to the bytes of any file
+# Damage to the bytes of any file: each a function of the content and random numbers
+
+
+def part(rng, content, least=1):
+    return int(rng.integers(least, max(len(content), least + 1)))
+
+
+def one_of(rng, values):
+    return values[int(rng.integers(len(values)))]
 
 
 def cut(content, rng):
-    return content[: rng.integers(1, max(len(content), 2))]
-
-
-def cut_end(content, rng):
-    return content[: -int(rng.integers(1, 1 + min(16, max(len(content) // 2, 1))))]
+    return content[: part(rng, content)]
 
 
 def empty(content, rng):
     return b""
+
+
+def noise(content, rng):
+    return rng.bytes(max(len(content), 64))
+
+
+def other_magic(content, rng):
+    return rng.bytes(8) + content[8:]
 
 
 def flipped(content, rng):
@@ -375,30 +345,22 @@ def flipped(content, rng):
 
 def blocked(content, rng):
     """A block of zeros or of ones, as of a disk that failed."""
-    size = int(rng.integers(1, max(len(content) // 2, 2)))
-    start = int(rng.integers(max(len(content) - size, 1)))
-    return content[:start] + bytes([int(rng.integers(2)) * 255]) * size + content[start + size :]
-
-
-def noise(content, rng):
-    return rng.bytes(max(len(content), 64))
-
-
-def other_magic(content, rng):
-    return rng.bytes(8) + content[8:]
-
-
-def stating(content, rng):
-    """Another number in the header, such as a size."""
-    at = 2 * int(rng.integers(1, max(min(len(content), 160) // 2, 2)))
-    value = one_of(rng, (0, 1, -1, 2**31 - 1, -(2**31), 10**9, 65535, 2**24))
-    return content[:at] + struct.pack(one_of(rng, "<>") + "i", value) + content[at + 4 :]
+    start, size = part(rng, content, 0), part(rng, content) // 2 + 1
+    block = bytes([int(rng.integers(2)) * 255]) * min(size, len(content) - start)
+    return content[:start] + block + content[start + size :]
 
 
 def swapped(content, rng):
     """Two parts in the wrong order."""
-    a, b = sorted(rng.integers(1, max(len(content), 2), 2).tolist())
+    a, b = sorted((part(rng, content), part(rng, content)))
     return content[:a] + content[b:] + content[a:b]
+
+
+def stating(content, rng):
+    """Another number in the header, such as a size."""
+    at = 2 * part(rng, content[:160]) // 2
+    value = one_of(rng, (0, 1, -1, 2**31 - 1, -(2**31), 10**9, 65535, 2**24))
+    return content[:at] + struct.pack(one_of(rng, "<>") + "i", value) + content[at + 4 :]
 
 
 NUMBERS = (
@@ -469,61 +431,21 @@ def another_value(content, rng):
     ).encode()
 
 
-BINARY = (
-    cut,
-    cut,
-    cut,
-    cut_end,
-    empty,
-    flipped,
-    flipped,
-    blocked,
-    noise,
-    other_magic,
-    stating,
-    stating,
-    swapped,
-)
+BINARY = cut, cut, empty, flipped, flipped, blocked, noise, other_magic, stating, stating, swapped
 TEXT = (
     cut,
     empty,
     flipped,
     blocked,
-    noise,
-    renumbered,
     renumbered,
     renumbered,
     repeated,
     odd_text,
     odd_text,
-    swapped,
-    *[another_value] * 4,
+    *[another_value] * 3,
 )
-SURE = (cut, cut_end, empty, noise)
+SURE = cut, empty, noise
 """Damage that is no whole file of any format"""
-
-
-# What lies in the place of a file
-
-
-def fifo(path, content):
-    os.mkfifo(path)
-
-
-def loop(path, content):
-    path.symlink_to(path.name)
-
-
-def device(name):
-    return lambda path, content: path.symlink_to(name)
-
-
-def folder(path, content):
-    path.mkdir()
-
-
-def nothing(path, content):
-    pass
 
 
 def plug(path, content):
@@ -531,33 +453,27 @@ def plug(path, content):
         file.bind(os.path.relpath(path))
 
 
-def sparse(size):
+def sparse(path, content):
     """The file, and zeros after it that take no space on the disk."""
-
-    def put(path, content):
-        path.write_bytes(content)
-        os.truncate(path, size)
-
-    return put
+    path.write_bytes(content)
+    os.truncate(path, 10**12)
 
 
 PLACES = {
-    "fifo": fifo, "loop": loop, "zero": device("/dev/zero"), "random": device("/dev/urandom"), "full": device("/dev/full"),
-    "folder": folder, "nothing": nothing, "plug": plug, "sparse": sparse(12 * 10**8), "sparser": sparse(10**12),
-}  # fmt: skip
-
-
-def one_of(rng, values):
-    return values[int(rng.integers(len(values)))]
+    "fifo": lambda path, _: os.mkfifo(path),
+    "loop": lambda path, _: path.symlink_to(path.name),
+    "zero": lambda path, _: path.symlink_to("/dev/zero"),
+    "folder": lambda path, _: path.mkdir(),
+    "nothing": lambda path, _: None,
+    "plug": plug,
+    "sparse": sparse,
+}
+"""What lies in the place of a file"""
 
 
 def target_of(name):
     """Place of a file in a case's folder: flow lies in a folder of its own."""
     return f"flows/frame_0001{Path(name).suffix}" if name.startswith("f.") else name
-
-
-def is_of(name, endings):
-    return name.endswith(tuple(endings))
 
 
 def in_folder(name, make):
@@ -578,39 +494,31 @@ def worded(command, name):
     return [word.replace("{file}", target_of(name)) for word in command.split()]
 
 
-def damaged_files(each=1):
+def damaged_files():
     """Cases of every file under every verb that reads it."""
     for name, commands in READ.items():
-        ways = TEXT if is_of(name, TEXTS) else BINARY
+        ways = TEXT if name.endswith(TEXTS) else BINARY
         for number, command in enumerate(commands):
-            ways_here = ways if number == 0 else ways[:: 3 + number]
-            for index, way in enumerate(ways_here * each):
+            for index, way in enumerate(ways if number == 0 else ways[:: 3 + number]):
                 rng = np.random.default_rng([index, number, *name.encode()])
-                sure = way in SURE and not is_of(name, UNMARKED)
-                sure &= (name, way) != ("r.tif", cut_end)  # its last bytes are of no frame
-                sure |= way in (flipped, blocked) and is_of(name, CHECKED)
-                yield Case(
-                    f"{name}-{way.__name__}-{number}-{index}",
-                    worded(command, name),
-                    in_folder(
-                        name,
-                        lambda path, content, way=way, rng=rng: path.write_bytes(way(content, rng)),
-                    ),
-                    sure or (way is empty and name not in ("board.jsonl", "t.mtl")),
-                )
+                sure = way in SURE and not name.endswith(tuple(UNMARKED))
+                sure |= way in (flipped, blocked) and name.endswith(CHECKED)
+                sure |= way is empty and name not in ("board.jsonl", "t.mtl")
+
+                def make(path, content, way=way, rng=rng):
+                    path.write_bytes(way(content, rng))
+
+                case = f"{name}-{way.__name__}-{number}-{index}"
+                yield Case(case, worded(command, name), in_folder(name, make), sure)
 
 
 def odd_places():
     """Cases of things that are no file, in turn under the verbs."""
     for turn, (name, commands) in enumerate(READ.items()):
-        for step in range(2):
-            kind = [*PLACES][(turn * 3 + step * 5) % len(PLACES)]
-            if name == "board.jsonl" and kind == "nothing":
-                continue
-            yield Case(
-                f"{name}-is-{kind}", worded(commands[0], name), in_folder(name, PLACES[kind]),
-                must_tell=kind != "sparse",
-            )  # fmt: skip
+        kind = [*PLACES][turn % len(PLACES)]
+        if (name, kind) not in (("board.jsonl", "nothing"), ("t.mtl", "nothing")):
+            put = in_folder(name, PLACES[kind])
+            yield Case(f"{name}-is-{kind}", worded(commands[0], name), put, must_tell=True)
 
 
 def whole_files():
@@ -619,7 +527,7 @@ def whole_files():
             yield Case(
                 f"{name}-whole-{number}", worded(command, name),
                 in_folder(name, lambda path, content: path.write_bytes(content)),
-                goes=name not in ("tags.dat", "a.bmp"),  # one needs a package that is seldom installed
+                goes=name != "tags.dat",
             )  # fmt: skip
 
 
@@ -628,11 +536,7 @@ MOST_CPU_S, MOST_GB, LONGEST = 10, 2.5, 1000
 
 
 def faults(case, done):
-    """List what is wrong with how a command ended."""
-    return [*_faults(case, done)]
-
-
-def _faults(case, done):
+    """Yield what is wrong with how a command ended."""
     told, code = done["told"], done["code"]
     refusals = [line for line in told.splitlines() if line.startswith("megalopta: ")]
     if "Traceback" in told or "Traceback" in done["printed"]:
@@ -656,16 +560,10 @@ def _faults(case, done):
 # Files that state what they do not hold, or more than anybody reads
 
 
-def deflated(rows, columns, bits=8):
-    """A TIFF of zeros, deflated twice as it were: a few bytes for each strip."""
-    file = io.BytesIO()
-    dtype = {8: np.uint8, 16: np.uint16}[bits]
-    tifffile.imwrite(
-        file,
-        np.broadcast_to(dtype(0), (rows, columns)),
-        photometric="minisblack",
-        compression="zlib",
-    )
+def deflated(rows, columns):
+    """A TIFF of zeros: a few bytes for each strip."""
+    file, zeros = io.BytesIO(), np.broadcast_to(np.uint8(0), (rows, columns))
+    tifffile.imwrite(file, zeros, photometric="minisblack", compression="zlib")
     return file.getvalue()
 
 
@@ -673,31 +571,17 @@ def blank_png(width, height, bits=1, frames=0):
     """A PNG of zeros, which deflate to a thousandth."""
 
     def part(name, content):
-        return (
-            struct.pack(">I", len(content))
-            + name
-            + content
-            + struct.pack(">I", zlib.crc32(name + content))
-        )
+        checksum = struct.pack(">I", zlib.crc32(name + content))
+        return struct.pack(">I", len(content)) + name + content + checksum
 
     packer = zlib.compressobj(9)
     line = bytes(1 + (width * bits + 7) // 8)
-    data = b"".join(
-        [
-            *(packer.compress(line * 64) for _ in range(height // 64)),
-            packer.compress(line * (height % 64)),
-            packer.flush(),
-        ]
-    )
+    packed = [packer.compress(line) for _ in range(height)]
+    data = b"".join([*packed, packer.flush()])
     head = struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)
     animated = part(b"acTL", struct.pack(">II", frames, 0)) if frames else b""
-    return (
-        b"\x89PNG\r\n\x1a\n"
-        + part(b"IHDR", head)
-        + animated
-        + part(b"IDAT", data)
-        + part(b"IEND", b"")
-    )
+    parts = part(b"IHDR", head), animated, part(b"IDAT", data), part(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
 def exr_of(channels=3, window=None):
@@ -760,246 +644,156 @@ SPHERE = '<shape type="sphere"><float name="radius" value="{}"/></shape>'
 MANY = ", ".join(f"{k / 1000}:0.5" for k in range(1000, 501_000))
 CLAIMS: dict[tuple[str, str], Callable[[], bytes]] = {
     ("a.tif", "20000²"): lambda: deflated(20_000, 20_000),
-    ("r.tif", "20000²"): lambda: deflated(20_000, 20_000),
-    ("deep.tif", "16 bits"): lambda: deflated(13_000, 13_000, 16),
     ("r.tif", "pages"): lambda: stacked(2000)[:-200],
-    ("gray.png", "13000²"): lambda: blank_png(13_000, 13_000, 8),
     ("a.png", "1 bit"): lambda: blank_png(20_000, 10_000),
-    ("a.png", "9000²"): lambda: blank_png(9000, 9000, 8),
     ("a.png", "4500²"): lambda: blank_png(4500, 4500, 8),
-    ("deep.png", "16 bits"): lambda: blank_png(16_000, 8000, 16),
-    ("deep.png", "panorama"): lambda: blank_png(16_384, 8192, 8),
     ("a.png", "claimed"): lambda: claiming(png(CODES), 2**31 - 1, 2**31 - 1),
-    ("a.png", "none"): lambda: claiming(png(CODES), 0, 8),
     ("a.webp", "16383²"): lambda: b"RIFF\x1a\0\0\0WEBPVP8L\r\0\0\0/\xff\xff\xff\x0f\0\x07\x10\x11\x11\x88\x88\xfe\x07\0",
     ("moving.png", "frames"): lambda: blank_png(8, 8, 8, frames=2**31 - 1),
     ("moving.gif", "frames"): lambda: gif_of(100_000),
     ("moving.gif", "beyond"): lambda: gif_of(3, reaching=12_000),
     ("light.exr", "window"): lambda: exr_of(window=(0, 0, 2**30, 2**30)),
-    ("light.exr", "large"): lambda: exr_of(window=(0, 0, 30_000, 15_000)),
-    ("light.exr", "negative"): lambda: exr_of(window=(5, 5, -5, -5)),
     ("light.exr", "channels"): lambda: exr_of(channels=5000),
     ("light.hdr", "stated"): lambda: b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 32000\n" + bytes(100),
     ("a.ppm", "stated"): lambda: b"P6 30000 30000 255\n" + bytes(100),
     ("f.flo", "stated"): lambda: struct.pack("<4sii", b"PIEH", 99_999, 99_999) + bytes(100),
-    ("f.flo", "negative"): lambda: struct.pack("<4sii", b"PIEH", -3, -4) + bytes(96),
     ("f.pfm", "stated"): lambda: b"PF\n999999 999999\n-1.0\n" + bytes(100),
-    ("f.pfm", "none"): lambda: b"PF\n0 0\n-1.0\n",
-    ("f.png", "stated"): lambda: claiming(blank_png(8, 8, 8), 60_000, 60_000),
     ("t.ply", "10^30 faces"): lambda: ply_stating(b"face", 10**30),
-    ("t.ply", "10^9 vertices"): lambda: ply_stating(b"vertex", 10**9),
-    ("t.ply", "5000 digits"): lambda: ply_stating(b"face", 10**4000),
     ("t.stl", "10^9 triangles"): lambda: bytes(80) + struct.pack("<I", 10**9) + bytes(50),
     ("t.glb", "bufferView"): lambda: changed_gltf(lambda h: h["bufferViews"][0].update(byteLength=10**12)),
-    ("t.glb", "buffer"): lambda: changed_gltf(lambda h: h["bufferViews"].append({"buffer": 0, "byteOffset": 2**40, "byteLength": 1})),
     ("t.glb", "accessor"): lambda: changed_gltf(lambda h: h["accessors"][0].update(count=10**12)),
     ("t.glb", "sparse"): lambda: changed_gltf(lambda h: [h["accessors"][0].pop("bufferView"), h["accessors"][0].update(count=10**9)]),
     ("t.glb", "mode 99"): lambda: changed_gltf(lambda h: h["meshes"][0]["primitives"][0].update(mode=99)),
-    ("t.glb", "mode -1"): lambda: changed_gltf(lambda h: h["meshes"][0]["primitives"][0].update(mode=-1)),
     ("t.glb", "chain"): lambda: many_nodes(30_000, True),
-    ("t.glb", "short chain"): lambda: many_nodes(5000, True),
     ("t.glb", "nodes"): lambda: many_nodes(300_000, False),
-    ("t.glb", "some nodes"): lambda: many_nodes(9000, False),
     ("t.glb", "materials"): lambda: changed_gltf(lambda h: h["materials"].extend([{"name": "a"}] * 200_000)),
-    ("t.glb", "keys"): lambda: changed_gltf(lambda h: h["animations"][0]["channels"].extend(h["animations"][0]["channels"] * 100_000)),
     ("t.glb", "far"): lambda: changed_gltf(lambda h: h["nodes"][0].update(translation=[1e300, 0, 0])),
     ("t.obj", "objects"): lambda: OBJ + b"".join(b"o a%d\nf 1 2 3\n" % k for k in range(100_000)),
-    ("t.obj", "groups"): lambda: OBJ + b"".join(b"g a%d\nf 1 2 3\n" % k for k in range(9000)),
-    ("t.obj", "materials"): lambda: OBJ + b"".join(b"usemtl a%d\nf 1 2 3\n" % k for k in range(9000)),
     ("t.obj", "faces"): lambda: OBJ + b"f 1 2 3\n" * 10_000_000,
-    ("t.obj", "corners"): lambda: OBJ + b"f" + b" 1 2 3" * 1_000_000,
     ("t.obj", "nan"): lambda: OBJ + b"v nan inf 0\nf 1 2 4\n",
     ("t.xml", "radius -1"): lambda: xml(SPHERE.format(-1)),
-    ("t.xml", "radius nan"): lambda: xml(SPHERE.format("nan")),
-    ("t.xml", "far"): lambda: xml('<shape type="cube"><transform name="to_world"><translate x="1e300"/></transform></shape>'),
-    ("t.xml", "infinite"): lambda: xml('<shape type="cube"><transform name="to_world"><scale value="inf"/></transform></shape>'),
     ("t.xml", "spectrum"): lambda: xml(f'<shape type="cube"><bsdf type="diffuse"><spectrum name="reflectance" value="{MANY}"/></bsdf></shape>'),
-    ("t.xml", "metal"): lambda: xml(f'<shape type="cube"><bsdf type="conductor"><spectrum name="eta" value="{MANY}"/><spectrum name="k" value="1"/></bsdf></shape>'),
     ("t.xml", "shapes"): lambda: xml(SPHERE.format(1) * 100_000),
-    ("t.xml", "cubes"): lambda: xml('<shape type="cube"/>' * 9000),
     ("t.xml", "deep"): lambda: xml("<a>" * 300_000 + "</a>" * 300_000),
     ("curve.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
     ("curve.csv", "20000 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 20_001)),
-    ("surface.csv", "10^6 rows"): lambda: b"".join(b"%d,%d,0.5\n" % (k, k) for k in range(1, 1_000_001)),
-    ("reflectance.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
     ("path.csv", "10^6 rows"): lambda: b"".join(b"%d,0,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(1_000_000)),
-    ("path.csv", "far"): lambda: b"".join(b"%d,1e300,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(9)),
-    ("dark-counts.csv", "wide"): lambda: b"1," * 5_000_000 + b"1",
 }  # fmt: skip
-HARMLESS = (
-    "4500²",
-    "short chain",
-    "some nodes",
-    "groups",
-    "materials",
-    "corners",
-    "cubes",
-    "20000 rows",
-    "keys",
-    "wide",
-)
-"""Claims that may be read: they are bounded, or a reader for whom they are small"""
+HARMLESS = "4500²", "20000 rows"
+"""Claims that may be read: they are bounded"""
 
 
 def claims():
     for (name, what), make in CLAIMS.items():
-        make = cache(make)
-        for number, command in enumerate(READ[name][:2]):
-            yield Case(
-                f"{name}-{what}-{number}", worded(command, name),
-                in_folder(name, lambda path, content, make=make: path.write_bytes(make())),
-                must_tell=what not in HARMLESS,
-            )  # fmt: skip
+        put = in_folder(name, lambda path, content, make=make: path.write_bytes(make()))
+        words = worded(READ[name][0], name)
+        yield Case(f"{name}-{what}", words, put, must_tell=what not in HARMLESS)
 
 
-HUGE = ("1e9", "1e12", "999999999", "1e300", "-1", "0", "nan", "inf", "1" + "0" * 400)
+HUGE = "1e12", "999999999", "1e300", "-1", "nan", "1" + "0" * 400
 SIZES = {
     f"render grating {SMALL} --out=o": (
-        "camera.width", "camera.height", "trajectory.frames", "trajectory.frame_rate_hz", "render.samples_per_pixel",
-        "render.max_depth", "scene.cycles_per_frame", "shutter.readout_s", "camera.fov_deg",
+        "camera.width", "trajectory.frames", "trajectory.frame_rate_hz", "render.samples_per_pixel", "shutter.readout_s",
     ),
-    f"render demo {SMALL} --out=o": ("scene.trees", "scene.density_per_ha", "camera.width"),
-    "sense good.png --photons=2 --out=o": ("frames", "width", "frame-rate", "picture-rate", "photons", "sub_frames", "burst_hz"),
-    "design ideal --out=o": ("camera.width", "exposure_s", "speed_px"),
-    "dataset make plan.yaml --out=o": ("only", "workers"),
-    "benchmark pairs good.png good.png good.flo --methods=LK --out=p.csv": ("photons", "pairs", "draws"),
-    "view r.npy --out=v": ("sum", "fps"),
+    f"render demo {SMALL} --out=o": ("scene.trees", "scene.density_per_ha"),
+    "sense good.png --photons=2 --out=o": ("frames", "width", "sub_frames", "burst_hz"),
+    "dataset make plan.yaml --out=o": ("only",),
+    "benchmark pairs good.png good.png good.flo --methods=LK --out=p.csv": ("photons", "pairs"),
 }  # fmt: skip
+
+
+def nothing_else(here, whole):
+    in_folder("a.png", lambda path, content: None)(here, whole)
 
 
 def sizes():
     """Numbers of frames, pixels, trees and the like that no machine can hold."""
     for command, names in SIZES.items():
         for name in names:
-            for number in HUGE:
-                if (name, number) in (
-                    ("scene.cycles_per_frame", "0"),
-                    ("frames", "0"),
-                    ("sub_frames", "0"),
-                ):
-                    continue
-                if "view" in command or (
-                    name in ("exposure_s", "frame-rate", "workers", "photons")
-                    and number[:2] in ("1e", "99")
-                ):
-                    continue
-                words = [word for word in command.split() if not word.startswith(f"--{name}=")]
-                yield Case(
-                    f"size-{words[1]}-{name}-{number[:9]}",
-                    [*words, f"--{name}={number}"],
-                    in_folder("a.png", lambda path, content: None),
-                )
+            words = [word for word in command.split() if not word.startswith(f"--{name}=")]
+            for number in HUGE if name != "photons" else HUGE[2:]:
+                case = f"size-{words[1]}-{name}-{number[:9]}"
+                yield Case(case, [*words, f"--{name}={number}"], nothing_else)
 
 
-def in_dataset(root, damage):
-    """A dataset with hard links, of which a file is replaced."""
+def damaged(path, way, rng):
+    """Replace a file, which may be a hard link, by a damaged one."""
+    content = path.read_bytes()
+    path.unlink()
+    path.write_bytes(way(content or b"\n", rng))
 
-    def put(here, whole):
-        shutil.copytree(root, here / "data", symlinks=True, copy_function=os.link)
-        damage(here / "data")
 
-    return put
+def way_for(path, rng):
+    is_text = path.suffix in (".json", ".yaml", ".csv", ".txt", ".jsonl")
+    return one_of(rng, [way for way in (TEXT if is_text else BINARY) if way is not repeated])
 
 
 ON_DATASETS = (
     "sense data", "flow data", "report data", "view data --out=v", "check files data", "check truth data",
     "benchmark photons data", "benchmark sequence data --out=o", "render data --out=data", "scene export data --out=o",
 )  # fmt: skip
-ON_MANY = (
-    "check files data",
-    "report data",
-    "sense data --sensors=ideal",
-    "view data --out=v",
-)
-
-
-def damaged_datasets(whole, many, each=3):
-    """Cases of every file of two datasets, under the verbs in turn."""
-    turn = 0
-    for root, verbs in ((whole, ON_DATASETS), (many, ON_MANY)):
-        names = [path.relative_to(root) for path in sorted(root.rglob("*")) if path.is_file()]
-        for name in names:
-            for _ in range(each):
-                turn += 1
-                rng = np.random.default_rng([turn])
-                ways = (
-                    TEXT if name.suffix in (".json", ".yaml", ".csv", ".txt", ".jsonl") else BINARY
-                )
-                way = one_of(rng, [each for each in ways if each is not repeated])
-
-                def damage(data, name=name, way=way, rng=rng):
-                    content = (data / name).read_bytes()
-                    (data / name).unlink()
-                    (data / name).write_bytes(way(content or b"\n", rng))
-
-                verb = verbs[turn % len(verbs)]
-                yield Case(
-                    f"dataset-{name}-{way.__name__}-{turn}", verb.split(), in_dataset(root, damage)
-                )
-
-
+ON_MANY = "check files data", "report data", "sense data --sensors=ideal", "view data --out=v"
 ON_RECORDINGS = (
     "spadcam calibrate recording recording@1e5 --out=d.yaml", "spadcam compare recording --device=good.yaml --out=c.html",
     "spadcam figures recording@1 --out=g", "view recording --out=v",
 )  # fmt: skip
 
 
-def damaged_recordings(whole, each=8):
+def damaged_datasets(whole, many):
+    """Cases of every file of two datasets, under the verbs in turn."""
     turn = 0
-    for path in sorted((whole / "recording").rglob("*")):
-        for _ in range(each if path.is_file() else 0):
+    for root, verbs in ((whole, ON_DATASETS), (many, ON_MANY)):
+        for path in sorted(path for path in root.rglob("*") if path.is_file()):
             turn += 1
-            rng = np.random.default_rng([turn, 1])
-            name, way = (
-                path.relative_to(whole),
-                one_of(rng, TEXT if path.suffix == ".yaml" else BINARY),
-            )
+            rng = np.random.default_rng([turn])
+            name, way = path.relative_to(root), way_for(path, rng)
 
-            def put(here, inputs, name=name, way=way, rng=rng):
-                in_folder("a.png", lambda path, content: None)(here, inputs)
-                content = (here / name).read_bytes()
-                (here / name).unlink()
-                (here / name).write_bytes(way(content or b"\n", rng))
+            def put(here, _, root=root, name=name, way=way, rng=rng):
+                shutil.copytree(root, here / "data", symlinks=True, copy_function=os.link)
+                damaged(here / "data" / name, way, rng)
 
-            yield Case(
-                f"recording-{name}-{way.__name__}-{turn}", ON_RECORDINGS[turn % 4].split(), put
-            )
+            verb = verbs[turn % len(verbs)]
+            yield Case(f"dataset-{name}-{way.__name__}-{turn}", verb.split(), put)
+
+
+def damaged_recordings(whole):
+    for turn, path in enumerate(sorted((whole / "recording").rglob("*")) * 4):
+        rng = np.random.default_rng([turn, 1])
+        name, way = path.relative_to(whole), way_for(path, rng)
+
+        def put(here, inputs, name=name, way=way, rng=rng):
+            nothing_else(here, inputs)
+            damaged(here / name, way, rng)
+
+        words = ON_RECORDINGS[turn % len(ON_RECORDINGS)].split()
+        yield Case(f"recording-{name}-{way.__name__}-{turn}", words, put)
 
 
 BAD_NUMBERS = (
-    "nan", "-nan", "inf", "-inf", "1e300", "-1e300", "-0.0", "-1", "1" + "0" * 400, "0x10", "1_0", "½", "٣", "1:2:3",
-    "", " ", "None", "true", "1,2", "--", "☃", "\x1b[31m", "9" * 5000,
-)  # fmt: skip
+    "nan",
+    "-inf",
+    "1e300",
+    "-1",
+    "1" + "0" * 400,
+    "0x10",
+    "½",
+    "1:2:3",
+    "",
+    "None",
+    "1,2",
+    "--",
+    "\x1b[31m",
+)
 NUMERIC = (
-    "benchmark pairs x --photons", "benchmark pairs x --pairs", "benchmark pairs x --draws", "dataset make x --only",
-    "dataset make x --workers", "check files x --truth", "reproduce fig-4.5 --workers", "benchmark photons x --workers",
-    "spadcam calibrate x --wavelength-nm", "spadcam calibrate x --beam-area-mm2",
-    "spadcam compare x --device y --margin", "spadcam compare x --device y --seed", "spadcam tags x --window-ns",
-    "design x --out",
+    "benchmark pairs x --photons", "benchmark pairs x --pairs", "dataset make x --only", "dataset make x --workers",
+    "check files x --truth", "spadcam calibrate x --wavelength-nm", "spadcam compare x --device y --margin",
 )  # fmt: skip
 
 
 def options():
     """Options with numbers that are none, for files that are not there."""
     for turn, command in enumerate(NUMERIC):
-        for number in BAD_NUMBERS[turn % 4 :: 4]:
-            *words, last = command.split()
-            yield Case(
-                f"option{turn}-{number[:9]}", [*words, f"{last}={number}"], lambda here, whole: None
-            )
-
-
-def settings(whole, count=30):
-    """A setting of a finished dataset with an odd value, under the stages in turn."""
-    stored = open_sequence(whole).configuration.model_dump(mode="json")
-    paths = [path for path, _, _ in settings_of("Configuration", stored)]
-    for turn in range(count):
-        rng = np.random.default_rng([turn, 2])
-        value = yaml.safe_dump(one_of(rng, ODD_VALUES[:12]), default_flow_style=True).split("\n")[0]
-        verb = one_of(
-            rng, ("render data --out=data", "sense data", "flow data", "benchmark photons data")
-        )
-        yield Case(
-            f"setting-{turn}", [*verb.split(), f"--{one_of(rng, paths)}={value}"],
-            in_dataset(whole, lambda data: None),
-        )  # fmt: skip
+        *words, last = command.split()
+        for number in BAD_NUMBERS[turn % 2 :: 2]:
+            case = f"option{turn}-{number[:9]}"
+            yield Case(case, [*words, f"{last}={number}"], lambda here, whole: None)

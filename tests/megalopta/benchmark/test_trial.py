@@ -87,7 +87,7 @@ def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monk
     (tmp_path / "named_in_a_file.py").write_text(text)
     named = "[named_in_a_file:flow, LK]"
     path = written(tmp_path, f"trial: {{methods: {named}}}")
-    for overrides in ({}, {"trial.methods": "[LK]"}):
+    for overrides in ({}, {"trial.size": "20"}):
         with pytest.raises(UserError, match=r"trial\.methods: .*by --allow-code"):
             load_sweep(path, overrides)
     assert not canary.exists()

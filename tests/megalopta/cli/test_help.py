@@ -14,11 +14,11 @@ import yaml
 from megalopta.benchmark.design import DesignSettings
 from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.cli.command import VERBS
+from megalopta.cli.describing import described
 from megalopta.cli.main import main, program
+from megalopta.cli.settings import FILE, VerbSettings
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan, load_plan
-from megalopta.settings.describing import described
-from megalopta.settings.verb_settings import FILE, VerbSettings
 
 MOST_CPU_S = 0.4
 """Processor time of a help; on the machine of the tests it takes half of that"""
@@ -168,9 +168,7 @@ def test_the_help_for_a_plan_has_its_values(helped, tmp_path):
 
 def test_the_description_of_the_settings_is_that_of_the_models():
     found = json.loads(json.dumps(described()))
-    assert found == json.loads(FILE.read_text("utf-8")), (
-        "run python -m megalopta.settings.describing"
-    )
+    assert found == json.loads(FILE.read_text("utf-8")), "run python -m megalopta.cli.describing"
 
 
 @pytest.mark.parametrize("often", [False, True])

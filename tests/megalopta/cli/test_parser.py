@@ -1,8 +1,8 @@
 import pytest
 
 from megalopta.cli.main import program, split_overrides
+from megalopta.cli.settings import VerbSettings, description
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings, description
 
 OWN = ("--out", "--redo")
 DEMO = VerbSettings().takes

@@ -5,10 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from megalopta.cli.settings import VerbSettings
+from megalopta.config import yaml_model
 from megalopta.config.measuring import FlowSettings
-from megalopta.config.model import load, parse
+from megalopta.config.model import Configuration, load, parse
+from megalopta.config.recipe import Plan
+from megalopta.config.schema import schema_of
 from megalopta.core.errors import UserError
-from megalopta.settings.verb_settings import VerbSettings
+from megalopta.core.validation import checked
 
 
 @pytest.mark.parametrize(
@@ -24,6 +28,22 @@ from megalopta.settings.verb_settings import VerbSettings
 def test_a_boolean_is_no_number(text, place):
     with pytest.raises(UserError, match=f"{place}: .*give a"):
         parse(text, "my.yaml")
+
+
+def test_values_of_file_and_command_line_are_validated_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(yaml_model, "checked", lambda *given: calls.append(1) or checked(*given))
+    load(
+        "demo", {"scene.trees": "300", "sensors.0.exposure_s": "0.01", "light_levels": "starlight"}
+    )
+    assert len(calls) == 1
+
+
+@pytest.mark.parametrize("model", [Configuration, Plan])
+def test_schemas_state_every_field_with_its_meaning(model):
+    fields = schema_of(model)["properties"]
+    assert fields.keys() == model.model_fields.keys()
+    assert all(field.get("description") or "$ref" in field for field in fields.values())
 
 
 def test_text_of_a_number_is_one():

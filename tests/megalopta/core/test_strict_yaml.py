@@ -53,7 +53,7 @@ def test_only_the_core_schema_has_tags(tag):
     [
         (BOMB, "more than 100,000 keys and values; shorten it .line 6"),
         (f"x: [{', '.join(['1'] * 100_001)}]", "more than 100,000"),
-        ("a: &a {x: *a}", "contains itself; write it out .line 1"),
+        ("a: &a {x: *a}", "contains itself; flatten it .line 1"),
         ("a: &a {<<: *a}", "contains itself"),
         ("[" * 100_000, "nested too deeply; flatten it"),
         ("- &a [x]\n" + "".join(f"- &a{'b' * n} [*a{'b' * (n - 1)}]\n" for n in range(1, 200)),

@@ -186,17 +186,6 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
     assert rising[80:].mean() > 3 * rising[:20].mean()
 
 
-def test_a_finished_dataset_is_not_decoded_again(here, monkeypatch, capsys):
-    words = ["sense", "clip.npy", "--unit", "srgb", "--photons", "2"]
-    main(words)
-    monkeypatch.setattr(importing, "measured", lambda *_: pytest.fail("decoded"))
-    main(words)
-    assert "out/clip already has it" in capsys.readouterr().err
-    np.save("clip.npy", moving_texture()[::-1])
-    with pytest.raises(pytest.fail.Exception, match="decoded"):
-        main(words)
-
-
 def test_a_small_picture_is_shown_without_flow(here):
     main(
         ["sense", "clip.npy", "--unit", "srgb", "--photons", "2", "--width", "8", "--out", "small"]

@@ -1,13 +1,10 @@
 """A file is the same input by any path and name: its content counts."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 import trimesh
 
-from megalopta.cli.main import main
 from megalopta.config.model import differences, load
 from megalopta.stages.registry import STAGES, stage_configuration
 
@@ -57,16 +54,3 @@ def test_a_copy_of_a_file_is_the_same_input_and_other_content_is_not(kind, tmp_p
         assert stage_configuration(here, stage) == stage_configuration(there, stage)
     assert not differences(here.model_dump(mode="json"), there.model_dump(mode="json"))
     assert differences(here.model_dump(mode="json"), other.model_dump(mode="json"))
-
-
-def test_the_same_pictures_under_another_name_go_on_in_the_same_dataset(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    picture(Path("leaf.png"), 90)
-    Path("copies").mkdir()
-    Path("copies/other.png").write_bytes(Path("leaf.png").read_bytes())
-    for path in ("leaf.png", tmp_path / "leaf.png", "copies/other.png"):
-        main(["sense", str(path), "--photons", "2", "--frames", "2", "--out", "out"])
-    told = capsys.readouterr().err
-    assert told.count("already has it") == 4  # both stages, twice

@@ -1,6 +1,6 @@
 """Settings of verbs, with types, meaning and defaults, from `settings.json`: no model is loaded.
 
-`megalopta.settings.describing` writes that file from the models.
+`megalopta.cli.describing` writes that file from the models.
 """
 
 import json
@@ -29,7 +29,7 @@ def description() -> dict[str, Any]:
     from importlib.metadata import entry_points
 
     if any(entry_points(group=group) for group in _PLUG_INS):
-        from megalopta.settings.describing import described
+        from megalopta.cli.describing import described
 
         return described()
     found: dict[str, Any] = json.loads(FILE.read_text("utf-8"))

@@ -1,6 +1,6 @@
 """Describe all settings of the command line from their models, in `settings.json`.
 
-`python -m megalopta.settings.describing` writes that file anew.
+`python -m megalopta.cli.describing` writes that file anew.
 """
 
 import json
@@ -13,6 +13,7 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 from megalopta.benchmark.design import DesignSettings
 from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.benchmark.trial import Sweep
+from megalopta.cli.settings import FILE
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
 from megalopta.core import files
@@ -21,7 +22,6 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.sensor import IMAGE_SENSORS
-from megalopta.settings.verb_settings import FILE
 from megalopta.stages.importing import DEFAULTS
 from megalopta.stages.make import Exposing
 from megalopta.stages.registry import STAGES

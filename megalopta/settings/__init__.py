@@ -1,1 +1,0 @@
-"""Settings of the verbs, as the command line and its help show them."""
