@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands
+from megalopta.render.film import developed, pixel_means
 from megalopta.render.loading.air import Air
-from megalopta.render.loading.layers import Layers
+from megalopta.render.loading.scene import Layers
 from megalopta.render.mitsuba_loader import dr, is_scalar, mi
 from megalopta.render.numbers import keyed_sampler
-from megalopta.render.scattering import wavelength_groups
-from megalopta.render.sensors.primary import developed, pixel_means
+from megalopta.render.shading import wavelength_groups
 
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
 """Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in

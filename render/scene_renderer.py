@@ -15,29 +15,26 @@ from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
+from megalopta.render.film import ExposurePart, FrameExposure
 from megalopta.render.loading.air import Air, fill
-from megalopta.render.loading.layers import MovingScene, is_layered
 from megalopta.render.loading.meshes import leaf_clusters, merge
-from megalopta.render.loading.scene import LoadedScene, load_scene
+from megalopta.render.loading.scene import LoadedScene, MovingScene, is_layered, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import ExposurePart, FrameExposure
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
-from megalopta.render.truth.albedo import albedo_of
 from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer
+from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer, albedo_of
 from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.trajectories.fit import Fit
+from megalopta.scenes.trajectories.orbit import Fit, bounds_of
 
 # Poses of an exposure whose lines all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64

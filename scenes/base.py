@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from megalopta.core.record import Record
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.base import Path

@@ -39,15 +39,13 @@ from megalopta.render import RenderSettings
 from megalopta.scenes import AnyObject, AnyScene, Shutter
 from megalopta.scenes.build import AnyCamera, CameraPath, build_scene
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.lighting.levels import illuminance_of, level_named
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.levels import illuminance_of, level_named
+from megalopta.scenes.light import Light
 from megalopta.scenes.spectra.spectrum import check_known
-from megalopta.scenes.trajectories.fit import Fit
-from megalopta.scenes.trajectories.mount import Mount
-from megalopta.scenes.trajectories.orbit import Orbit
+from megalopta.scenes.trajectories.base import Mount
+from megalopta.scenes.trajectories.orbit import Fit, Orbit, bounds_of
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName

@@ -21,7 +21,7 @@ from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.named_file import folder_of, named_path
 from megalopta.core.record import Record
-from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.trajectories.base import Mount
 from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 

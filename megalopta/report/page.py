@@ -49,7 +49,7 @@ from megalopta.report.source import (
 )
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 
 OUTCOME = (
     "sensor",

@@ -5,6 +5,12 @@ reflectances by the surface's texture. If there is a sun or moon, it traces one 
 shadow edges are as sharp as those of the path tracer. Emitters, including the sky, are seen
 directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
 light of their own, for moving objects, and near these.
+
+Points near moving objects, where paths are traced in place of baked light.
+
+Moving objects change the light on objects at rest. An object inside a sphere of radius r at a
+distance d contributes at most (r/d)² to the irradiance of a point at rest. Where this exceeds 0.01,
+paths are traced instead of using baked light.
 """
 
 import math
@@ -20,27 +26,26 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
-from megalopta.render.baking.cells import CellFinder, Cells, CellSight
-from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
-from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.errors import (
+from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
+from megalopta.render.baking.choice import (
+    BAKE,
+    SAMPLE,
+    Scatter,
     compared,
+    cost_reason,
     pilot,
     pilot_views,
     pixels_to_compare,
     scatter_of_paths,
 )
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
-from megalopta.render.baking.neighborhood import Neighborhood
-from megalopta.render.baking.visibility import VIEWS, survey, views
-from megalopta.render.loading.meshes import MovingMesh
+from megalopta.render.baking.light import NAMES, BakedLight, Voxels, key_of, light_store
+from megalopta.render.film import pixel_means
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.path_tracing import BandPaths
-from megalopta.render.scattering import wavelength_groups
-from megalopta.render.sensors.primary import pixel_means
 from megalopta.render.settings import part_seed
-from megalopta.render.shading import SunLight, Textures, Weights
+from megalopta.render.shading import SunLight, Textures, Weights, wavelength_groups
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
@@ -241,3 +246,42 @@ class BakedLightIntegrator:
             values = emitter.eval(point)
             emitted += [values[band] for band in range(size)]
         return emitted
+
+
+_LARGEST_SHARE = 0.01
+
+
+class Neighborhood:
+    """Points near moving objects."""
+
+    def __init__(self, meshes: Sequence[MergedMesh]) -> None:
+        self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
+        self._spheres: list[tuple[Any, Any]] = []
+        self.move_to(0.0)
+
+    def __bool__(self) -> bool:
+        return bool(self._meshes)
+
+    def move_to(self, time_s: float) -> None:
+        """Move the objects to a time."""
+        self._spheres = []
+        for mesh in self._meshes:
+            vertices = mesh.vertices_at(time_s)
+            for part in mesh.parts:
+                center, reach = _sphere(vertices[part.vertices])
+                sphere = mi.Point3f(center.tolist()), mi.Float(reach**2 / _LARGEST_SHARE)
+                dr.make_opaque(sphere)  # otherwise every time would be compiled anew
+                self._spheres.append(sphere)
+
+    def holds(self, points: Any) -> Any:
+        """True for points (N,) near moving objects."""
+        near = mi.Bool(False)
+        for center, reach2 in self._spheres:
+            near |= dr.squared_norm(points - center) < reach2
+        return near
+
+
+def _sphere(vertices: NDArray[np.float32]) -> tuple[Floats, float]:
+    """Center (3,) and radius of a sphere around points (n, 3)."""
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    return center, float(np.linalg.norm(vertices - center, axis=1).max())

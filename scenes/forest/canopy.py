@@ -22,9 +22,8 @@ from scipy.spatial import cKDTree
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.arrays import Floats, Mask
-from megalopta.scenes.forest.flora import SMALL
+from megalopta.scenes.forest.flora import SMALL, Organs
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.plants import Organs
 from megalopta.scenes.scene import Placement, Scene
 
 Specimens = Mapping[str, Organs]

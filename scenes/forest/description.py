@@ -23,7 +23,7 @@ from megalopta.scenes.forest.floor import (
     make_land,
     trail_of,
 )
-from megalopta.scenes.forest.flora import LAYERS, TREES, Flora
+from megalopta.scenes.forest.flora import LAYERS, LODS, PRESETS, TREES, Flora
 from megalopta.scenes.forest.own_species import SpeciesByName, flora_of
 from megalopta.scenes.forest.planting import (
     BELT_M,
@@ -32,7 +32,6 @@ from megalopta.scenes.forest.planting import (
     dense_path,
     tree_positions,
 )
-from megalopta.scenes.forest.plants import LODS, PRESETS
 from megalopta.scenes.forest.specimens import (
     grow_specimens,
     materials,
@@ -40,9 +39,8 @@ from megalopta.scenes.forest.specimens import (
     specimens_of,
 )
 from megalopta.scenes.forest.sway import Wind, swaying
-from megalopta.scenes.haze import Haze
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.light import Light
+from megalopta.scenes.scene import Asset, Haze, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
 
 SMALL_TRIANGLES = 80

@@ -23,8 +23,17 @@ from megalopta.assets_gen.plants.detail import some_leaves
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
-from megalopta.scenes.forest.flora import COVERS, FLORA, Flora
-from megalopta.scenes.forest.plants import HEIGHTS, LODS, LodLevel, Organs, Plant, Woody
+from megalopta.scenes.forest.flora import (
+    COVERS,
+    FLORA,
+    HEIGHTS,
+    LODS,
+    Flora,
+    LodLevel,
+    Organs,
+    Plant,
+    Woody,
+)
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Asset
 

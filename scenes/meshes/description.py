@@ -17,14 +17,12 @@ from megalopta.assets_gen import Surface
 from megalopta.core.bounded import printable, quoted, undamaged
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.material import Material
-from megalopta.scenes.meshes.counting import check_triangles
 from megalopta.scenes.meshes.mesh_file import REPAIR
 from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
-from megalopta.scenes.meshes.pictures import Texels
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Texels, check_triangles
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.scene import Asset, Placement, Scene

@@ -15,7 +15,7 @@ from megalopta.core.bounded import TEXT_BYTES, quoted, read_bytes, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.named_file import named_path, unreadable
 from megalopta.scenes.hashed_file import Hashed
-from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
+from megalopta.scenes.meshes import gltf, mitsuba_xml, wavefront
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
@@ -98,7 +98,7 @@ def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
         if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
             return mitsuba_xml.names_in(contents) if kind == ".xml" else ()
         if kind in (".glb", ".gltf"):
-            return gltf_file.names_in(contents[name])
+            return gltf.names_in(contents[name])
         return wavefront.names_in(name, contents[name]) if kind in (".obj", ".mtl") else ()
 
 

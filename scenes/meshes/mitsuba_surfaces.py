@@ -16,9 +16,8 @@ from scipy.constants import c, h, k
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, quoted
-from megalopta.scenes.finish import SURFACES, TEXTURES, Finish, Part, Rgb
-from megalopta.scenes.meshes.pictures import Texels, linear_picture, texels_of
-from megalopta.scenes.meshes.pieces import Color, Paint
+from megalopta.scenes.material import SURFACES, TEXTURES, Finish, Part, Rgb
+from megalopta.scenes.meshes.pieces import Color, Paint, Texels, linear_picture, texels_of
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,

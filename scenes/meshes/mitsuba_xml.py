@@ -3,22 +3,24 @@
 Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
 shine on request. What else would change the picture is refused by name, cameras and integrators of
 the file have no effect.
+
+Mitsuba's basic shapes as triangles: rectangle, cube, disk, sphere and cylinder.
 """
 
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
-from megalopta.scenes.meshes.counting import MOST_OBJECTS, check_triangles
+from megalopta.scenes.meshes import polygons, wavefront
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
-from megalopta.scenes.meshes.pieces import Piece, Unused
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_triangles
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -172,20 +174,102 @@ def _basic(kind: str, shape: Element) -> Piece:
         raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
     match kind:
         case "rectangle":
-            made = basic_shapes.rectangle()
+            made = rectangle()
         case "cube":
-            made = basic_shapes.cube()
+            made = cube()
         case "disk":
-            made = basic_shapes.disk()
+            made = disk()
         case "sphere":
-            made = basic_shapes.sphere(points.get("center", np.zeros(3)), radius)
+            made = sphere(points.get("center", np.zeros(3)), radius)
         case "cylinder":
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
             if not 0 < np.linalg.norm(end - start) < math.inf:
                 raise ValueError(f"shape {quoted(label)!r} has p0 {start} and p1 {end}: no length")
-            made = basic_shapes.cylinder(start, end, radius)
+            made = cylinder(start, end, radius)
         case _:
             raise DamagedFileError(
                 f"a shape of type {quoted(kind)!r} is not read; export it as PLY or OBJ"
             )
     return Piece(0, kind, made.vertices, made.faces, normals=made.normals, uv=made.uv)
+
+
+_ROUND = 96
+"""Sides of round shapes: facets are up to 1.1e-3 of the radius below a sphere."""
+
+
+class Shape(NamedTuple):
+    """Triangles of a shape, with smooth normals if it is round."""
+
+    vertices: Floats
+    """(V, 3)."""
+    faces: Ints
+    """(F, 3)."""
+    uv: Floats | None = None
+    """(V, 2), as Mitsuba's."""
+    normals: Floats | None = None
+    """(V, 3)."""
+
+
+def rectangle() -> Shape:
+    """Return a square of side 2 with normal +z."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    return Shape(corners, np.array([[0, 1, 2], [0, 2, 3]]), (corners[:, :2] + 1) / 2)
+
+
+def cube() -> Shape:
+    """Return a cube of side 2, without texture coordinates."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [[side[0], side[n], side[n + 1]] for side in sides for n in (1, 2)]
+    return Shape(corners, np.array(faces))
+
+
+def disk() -> Shape:
+    """Return a disk of radius 1 with normal +z, without texture coordinates."""
+    rim = _circle()[:-1]
+    vertices = np.concatenate([np.zeros((1, 3)), np.column_stack([rim, np.zeros(_ROUND)])])
+    around = np.arange(_ROUND)
+    faces = np.column_stack([np.zeros(_ROUND, int), around + 1, (around + 1) % _ROUND + 1])
+    return Shape(vertices, faces)
+
+
+def sphere(center: Floats, radius: float) -> Shape:
+    """Return a sphere about a center (3,)."""
+    polar = np.linspace(0, np.pi, _ROUND // 2 + 1)
+    ring = _circle()
+    normals = np.stack(
+        [
+            np.outer(np.sin(polar), ring[:, 0]),
+            np.outer(np.sin(polar), ring[:, 1]),
+            np.repeat(np.cos(polar)[:, None], len(ring), axis=1),
+        ],
+        axis=-1,
+    )
+    turn, fall = np.meshgrid(np.linspace(0, 1, len(ring)), polar / np.pi)
+    uv = np.stack([turn, fall], axis=-1).reshape(-1, 2)
+    flat = normals.reshape(-1, 3)
+    return Shape(center + radius * flat, _grid(*normals.shape[:2])[:, ::-1], uv, flat)
+
+
+def cylinder(start: Floats, end: Floats, radius: float) -> Shape:
+    """Return an open cylinder between two points (3,), without texture coordinates."""
+    axis = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    normals = _circle() @ np.stack([across, np.cross(axis, across)])
+    vertices = np.concatenate([start + radius * normals, end + radius * normals])
+    return Shape(vertices, _grid(2, len(normals)), None, np.concatenate([normals, normals]))
+
+
+def _circle() -> Floats:
+    """Points (n + 1, 2) around the unit circle; the last is the first again."""
+    angle = np.linspace(0, 2 * np.pi, _ROUND + 1)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _grid(rows: int, columns: int) -> Ints:
+    """Two triangles (F, 3) for each cell of a grid of vertices."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
+    c, d = number[1:, 1:].ravel(), number[1:, :-1].ravel()
+    return np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])

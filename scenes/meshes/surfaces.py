@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import Surface, join
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.scenes.finish import Finish
-from megalopta.scenes.material import ColorTexture, Emission, Material
-from megalopta.scenes.meshes.pictures import Texels
-from megalopta.scenes.meshes.pieces import Color, Piece
+from megalopta.scenes.material import ColorTexture, Emission, Finish, Material
+from megalopta.scenes.meshes.pieces import Color, Piece, Texels
 from megalopta.scenes.meshes.reflectance import Curve, material_of
 from megalopta.scenes.scene import Asset
 from megalopta.scenes.spectra.color import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color

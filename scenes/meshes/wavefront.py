@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pictures import Texels, linear_picture
-from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, stated_unit
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, linear_picture, stated_unit
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)

@@ -15,7 +15,7 @@ from megalopta.render import (
     mi,
 )
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.finish import LAST_NM
+from megalopta.scenes.material import LAST_NM
 
 from .conftest import plainly, vectorized
 

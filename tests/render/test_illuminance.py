@@ -9,7 +9,7 @@ from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.surveys import LightMeter
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat, luminous

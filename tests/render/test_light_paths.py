@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
-from megalopta.render.loading.layers import Layers
+from megalopta.render.film import Film
+from megalopta.render.loading.scene import Layers
 from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
-from megalopta.render.sensors.film import Film
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 PATH = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(10, 0, 1.5))

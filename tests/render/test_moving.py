@@ -5,8 +5,8 @@ import pytest
 
 from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.loading.layers import MovingScene
 from megalopta.render.loading.meshes import MovingMesh, merge
+from megalopta.render.loading.scene import MovingScene
 from megalopta.render.surface_view import SHARED_PX, lines_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, frame_seed
-from megalopta.render.sensors.film import pass_seed
+from megalopta.render.film import pass_seed
 from megalopta.render.settings import bake_seed, part_seed
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Material

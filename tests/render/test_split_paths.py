@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant
+from megalopta.render.film import Film
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Film
 from megalopta.render.split_paths import SplitPaths
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 

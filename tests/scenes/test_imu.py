@@ -7,8 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.scenes import Hover, Imu, Mount, Orbit, Spline, Trajectory
-from megalopta.scenes.imu import WanderingNoise
-from megalopta.scenes.trajectories.inertia import GRAVITY_M_S2, inertia
+from megalopta.scenes.imu import GRAVITY_M_S2, WanderingNoise, inertia
 
 RATE_HZ = 400.0
 HOVER = Hover(frames=21, frame_rate_hz=10, jitter_m=0.1, jitter_deg=20, bandwidth_hz=3, seed=4)

@@ -20,7 +20,7 @@ from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.report.dataset_card import write_card, write_contact_sheet
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages import flow as stage_flow, registry

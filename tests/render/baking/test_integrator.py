@@ -9,6 +9,7 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
+from megalopta.render.baking.cells import views
 from megalopta.render.baking.choice import (
     Scatter,
     cost_reason,
@@ -16,7 +17,6 @@ from megalopta.render.baking.choice import (
     samples_of_pixel,
 )
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.visibility import views
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion

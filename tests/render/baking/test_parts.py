@@ -7,12 +7,10 @@ import pytest
 
 from megalopta.render import RenderSettings, activate, choose_variant, dr, mi
 from megalopta.render.baking import cells as cells_module
-from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.clusters import smoothed
-from megalopta.render.baking.errors import pilot
+from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, Pages, survey, views
+from megalopta.render.baking.choice import pilot
 from megalopta.render.baking.gathering import Scattering
-from megalopta.render.baking.light import key_of
-from megalopta.render.baking.visibility import VIEWS, Pages, survey, views
+from megalopta.render.baking.light import key_of, smoothed
 from megalopta.render.loading.meshes import MergedMesh, merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import PerspectiveCamera, Scene, Trajectory

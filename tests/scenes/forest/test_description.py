@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
 from megalopta.scenes.forest.description import Forest, build_forest, foreseen
-from megalopta.scenes.forest.flora import TREES
+from megalopta.scenes.forest.flora import PRESETS, TREES
 from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
-from megalopta.scenes.forest.plants import PRESETS
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
 
 FOREST = Forest(seed=11)

@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 from megalopta.scenes.forest.canopy import ground_area, plant_area
 from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.flora import PRESETS
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.plants import PRESETS
 
 PATH = np.array([[-1.0, 0], [4, 1]])
 

@@ -5,8 +5,7 @@ import pytest
 
 from megalopta.scenes.forest import specimens as nursery
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.flora import BUSHES, COVERS, PLANTS, TREES
-from megalopta.scenes.forest.plants import LODS
+from megalopta.scenes.forest.flora import BUSHES, COVERS, LODS, PLANTS, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
 WAVELENGTHS_NM = np.arange(380, 1701)

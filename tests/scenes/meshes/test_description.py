@@ -5,7 +5,7 @@ from PIL import Image
 from pydantic import TypeAdapter, ValidationError
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import pictures
+from megalopta.scenes.meshes import pieces
 from megalopta.scenes.moving_objects import AnyObject
 from megalopta.scenes.spectra.reflectance import reflectance_of
 
@@ -135,19 +135,19 @@ WHITE = [255, 255, 255, 255]
 def test_pictures_of_a_file_have_a_bounded_size_in_all(tmp_path, monkeypatch, suffix):
     two = pictured(tmp_path / f"two{suffix}", WHITE, WHITE)
     assert len(built(files=two).materials) == 2
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 63)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)
     with pytest.raises(ValueError, match="two.* with its pictures takes .*64 values"):
         built(files=two)
 
 
 def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):
     one, other, third = (pictured(tmp_path / f"{n}.glb", WHITE) for n in range(3))
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 95)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 95)
     assert len(built(files=[one, other]).materials) == 2
     with pytest.raises(ValueError, match="the scene with its pictures takes .*96 values"):
         built(files=[one, other, third])
     tinted = pictured(tmp_path / "tinted.glb", [99, 255, 255, 255])
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 63)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)
     # That of an object is with those of the scene.
     scene, bird = Meshes(files=one), TypeAdapter(AnyObject).validate_python({"file": tinted})
     with pytest.raises(ValueError, match="object 0 .*tinted.glb with its pictures takes"):

@@ -6,7 +6,7 @@ from PIL import Image
 
 from megalopta.render import mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import mitsuba_xml, pictures
+from megalopta.scenes.meshes import mitsuba_xml, pieces
 from megalopta.scenes.meshes.mesh_file import MeshFile
 from megalopta.scenes.meshes.model import PlacedMesh
 
@@ -231,7 +231,7 @@ def test_a_picture_of_many_surfaces_is_decoded_once(write, tmp_path):
 
 
 def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 50)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 50)
     path = write("".join(square(
         '<bsdf type="principled"><texture type="bitmap" name="base_color">'
         f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.scenes.meshes import counting
+from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf, png
@@ -85,7 +85,7 @@ def test_faces_without_area_are_left_out_and_nothing_else_is_a_scene(write):
 def test_too_many_triangles_are_refused(write, monkeypatch, name):
     given = write(exported(name), name)
     assert given.pieces()
-    monkeypatch.setattr(counting, "TRIANGLE_BYTES", 2e9 / 11)
+    monkeypatch.setattr(pieces, "TRIANGLE_BYTES", 2e9 / 11)
     with pytest.raises(ValueError, match=f"{name} takes .* GB of memory .*MEGALOPTA_DECODED_GB"):
         given.pieces()
 

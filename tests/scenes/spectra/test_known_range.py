@@ -7,7 +7,7 @@ from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
 from megalopta.scenes import Light, Pictures
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.reflectance import leaf_of, reflectance_of

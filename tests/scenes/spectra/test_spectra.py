@@ -7,7 +7,7 @@ import pytest
 from scipy.constants import sigma
 
 from megalopta.core import strict_yaml
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.color import (
     LUMINANCE_SHARES,
     decode_srgb,

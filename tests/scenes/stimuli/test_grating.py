@@ -6,7 +6,7 @@ import pytest
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.trajectories.steady import Trajectory
 

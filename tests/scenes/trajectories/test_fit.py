@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera
-from megalopta.scenes.trajectories.fit import Fit
+from megalopta.scenes.trajectories.orbit import Fit
 
 
 @pytest.mark.parametrize(

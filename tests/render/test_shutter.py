@@ -9,7 +9,7 @@ from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.spectra.spectrum import flat
 
-from ..conftest import quad, scene_of
+from .conftest import quad, scene_of
 
 CAMERA = PerspectiveCamera(width=80, height=60, fov_deg=60)
 SETTINGS = RenderSettings(samples_per_pixel=64, bands_nm=((500, 600),), max_depth=1)

@@ -17,8 +17,8 @@ from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import glowing_room, scene_of, sphere_cap
-from ..truth.oracle import BOTH, eye, plane_hit, sphere_hit
+from .conftest import glowing_room, scene_of, sphere_cap
+from .truth.oracle import BOTH, eye, plane_hit, sphere_hit
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.scenes import Light
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.spectrum import luminous, planckian
 
 COVERS = (0.1, 0.5, 0.9, 1.0)

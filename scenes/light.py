@@ -26,7 +26,7 @@ from scipy.interpolate import RegularGridInterpolator
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.scenes.hashed_file import PictureFile
-from megalopta.scenes.lighting.levels import (
+from megalopta.scenes.levels import (
     BRIGHTEST_LUX,
     DIMMEST_LUX,
     LEVELS,

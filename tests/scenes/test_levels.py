@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import luminous
 
-from ..published import (
+from .published import (
     ARCSEC2_SR,
     BANDS,
     FULL_MOON,

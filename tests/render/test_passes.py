@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, path_tracing
-from megalopta.render.sensors.film import pass_seed, plan_passes
+from megalopta.render.film import pass_seed, plan_passes
 from megalopta.scenes import CylindricalCamera, EquirectangularCamera, PerspectiveCamera, Trajectory
 
-from ..conftest import glowing_room
+from .conftest import glowing_room
 
 POSE = Trajectory(position_m=(0, 0, 0), look_at_m=(3, 1, 0.2)).poses()[0]
 

@@ -8,9 +8,9 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
-from megalopta.scenes.lighting.cloudy_sky import under_clouds
-from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.lighting.light import (
+from megalopta.scenes.cloudy_sky import under_clouds
+from megalopta.scenes.levels import LEVELS
+from megalopta.scenes.light import (
     GALACTIC_POLE,
     ROWS,
     SHAPES,
