@@ -21,7 +21,7 @@ from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
-from megalopta.render.footage.film_reader import DEMUXERS
+from megalopta.render.footage.film import DEMUXERS, open_film
 from megalopta.render.footage.frames import (
     TRANSPARENT,
     Coding,
@@ -41,7 +41,6 @@ from megalopta.render.footage.pictures import (
     pillow_header,
 )
 from megalopta.render.footage.transfer import light_of
-from megalopta.render.footage.video import open_video
 
 _NAMES: Mapping[Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
 
@@ -199,13 +198,13 @@ def _coded_only(path: Path, unit: Unit | None, opener: Callable[[Path], Footage]
     return opener(path)
 
 
-def _open_video(path: Path, unit: Unit | None) -> Footage:
-    return _coded_only(path, unit, open_video)
+def _open_film(path: Path, unit: Unit | None) -> Footage:
+    return _coded_only(path, unit, open_film)
 
 
 _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
     **dict.fromkeys(KINDS, open_picture),
-    **dict.fromkeys(DEMUXERS, _open_video),
+    **dict.fromkeys(DEMUXERS, _open_film),
     **dict.fromkeys((".npy", ".npz"), open_array),
 }
 
