@@ -71,11 +71,6 @@ class SceneDescription(Record, frozen=True):
         del path_m
         return 1.0
 
-    @property
-    def canopy_ring_m(self) -> tuple[float, float] | None:
-        """Range of distances from the path in which its canopy is measured; None without."""
-        return None
-
     @abstractmethod
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the scene around a camera on its path, lit from outside or by itself.

@@ -34,7 +34,7 @@ _DRAWN = 200
 _MEASURED = 3
 _FEWEST_ROWS, _PIXELS, _PATHS, _BAKED_PIXELS = 8, 8192, 60_000, 256
 _CLOSING_PATHS = 200_000
-"""Light paths that measure the light on the ground, the canopy and the truncation bias"""
+"""Light paths that measure the light on the ground and the truncation bias"""
 
 Cost = NDArray[np.float64]
 """Wall-clock time and processor time (s), and bytes on disk, (3,)."""

@@ -17,7 +17,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,7 @@ from megalopta.render.baking.choice import (
     scatter_of_paths,
 )
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import NAMES, BakedLight, Voxels, key_of, light_store
+from megalopta.render.baking.light import BakedLight, Voxels
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
@@ -74,8 +73,7 @@ class BakedLightIntegrator:
     """Scene with baked light, as seen by cameras.
 
     The poses (T, 4, 4) of the sequence are relative to the scene's origin. Surfaces near them are
-    divided finely, and those often seen get the most rays. The seed has 32 bits. Light is shared
-    through a cache folder.
+    divided finely, and those often seen get the most rays. The seed has 32 bits.
 
     Attributes
     ----------
@@ -92,7 +90,6 @@ class BakedLightIntegrator:
         settings: RenderSettings,
         poses: Floats,
         seed: int,
-        folder: Path | None = None,
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm
@@ -111,32 +108,21 @@ class BakedLightIntegrator:
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         pixels = camera.width * camera.height
-        store = light_store(folder, key_of(scene, meshes, settings, camera, poses, seed))
-        kept = store.read(NAMES)
-        if kept:
-            self._light.restore(kept)
-            scatter = Scatter(*kept["scatter"].tolist())
-        else:
-            with step("counting the rays that baked light takes"):
-                parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
-                self._look_around(loaded, camera, poses, seed)
-                scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
-        if settings.integrator == "auto":  # frames must not depend on the cache
-            rays = self._light.total_rays()
-            self.reason = cost_reason(rays, len(poses) * pixels, scatter, settings)
-        if not kept and not self.reason:
+        with step("counting the rays that baked light takes"):
+            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
+            rays = views(camera, poses, VIEWS, seed)
+            self._light.surveyed(*survey(loaded, self._finder, cells.count, rays))
+            self._light.begin(_PILOT_DENSITY)
+            scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
+        if settings.integrator == "auto":
+            seen = len(poses) * pixels
+            self.reason = cost_reason(self._light.total_rays(), seen, scatter, settings)
+        if not self.reason:
             with step("baking light"):
                 self._light.bake_all()
-            store.write({**self._light.contents(), "scatter": np.array(scatter)})
         work = BAKE * self._light.total_rays()
         work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
-
-    def _look_around(self, loaded: Any, camera: Camera, poses: Floats, seed: int) -> None:
-        """Find the cells to bake."""
-        rays = views(camera, poses, VIEWS, seed)
-        self._light.surveyed(*survey(loaded, self._finder, self._light.cells, rays))
-        self._light.begin(_PILOT_DENSITY)
 
     def _prepare(
         self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings

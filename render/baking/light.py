@@ -19,28 +19,23 @@ which minimizes the mean square error (James and Stein, 1961). Half differences 
 whole error, including lost contrast.
 """
 
-import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.core.progress import progress
-from megalopta.render import RenderSettings, dr, mi
+from megalopta.render import dr, mi
 from megalopta.render.baking.cells import NEAREST_M, Cells, Pages, UInt32, pixel_angle
 from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.shading import Weights, mixed
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import Scene
 
 VOXEL_PX = 0.5
 """Widest voxel, in pixels of the camera at its closest."""
@@ -173,45 +168,6 @@ def smoothed(
         level = (total(rays * values) / weight)[group]
         found[:, column] = level + (kept if column < n else np.sqrt(kept)) * (values - level)
     return found
-
-
-NAMES = "density", "cells", "seen", "rows", "scatter"
-MOST_BYTES = 4 * 10**9
-"""Size limit of all stored light: beyond it the oldest is deleted."""
-
-
-def key_of(
-    scene: Scene,
-    meshes: Sequence[MergedMesh],
-    settings: RenderSettings,
-    camera: Camera,
-    poses: Floats,
-    seed: int,
-) -> str:
-    """Hash of everything on which baked light depends."""
-    settled = settings.bands_nm, settings.max_depth, settings.standing_error
-    plain: list[object] = [RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting]
-    plain.append(camera.model_dump_json())
-    arrays: list[NDArray[Any] | None] = [
-        poses,
-        *(sky.pattern for sky in (scene.lighting.patterns if scene.lighting else ())),
-    ]
-    for mesh in meshes:
-        material = scene.materials[mesh.material]
-        glow, texture = material.emission, material.texture
-        plain += [material.reflectance, material.transmittance, glow and glow.radiance]
-        plain.append(texture and texture.spectra)
-        arrays += [glow.pattern if glow else None, texture.weight if texture else None]
-        arrays += [mesh.vertices, mesh.faces, mesh.normals, mesh.uv]
-    found = hashlib.blake2b(repr(plain).encode(), digest_size=16)
-    for values in arrays:
-        found.update(b"none" if values is None else np.ascontiguousarray(values).tobytes())
-    return found.hexdigest()
-
-
-def light_store(folder: Path | None, key: str) -> ArrayStore:
-    """Return the cache for baked light; without a folder, nothing is cached."""
-    return ArrayStore(folder, key, MOST_BYTES)
 
 
 NOT_ASKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
@@ -350,23 +306,6 @@ class BakedLight:
     def standing(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
         """Half the difference of both halves of `radiance`; its deviation is the error."""
         return self._mixed(self._columns, cluster, weights, active)
-
-    def contents(self) -> dict[str, NDArray[Any]]:
-        """All clusters: their cells, numbers of views, and the rows (C, 2·spectra·bands)."""
-        clusters = self._clusters
-        seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
-        density = np.array(self.density)
-        return {"density": density, "cells": clusters.members, "seen": seen, "rows": self._rows}
-
-    def restore(self, contents: dict[str, NDArray[Any]]) -> None:
-        """Restore the state from `contents`."""
-        order = np.argsort(contents["cells"])
-        nowhere = np.zeros_like(contents["cells"])  # all of these have their light
-        self.surveyed(contents["cells"][order], contents["seen"][order], nowhere)
-        self.begin(float(contents["density"]))
-        self._rows, self._is_known[:] = contents["rows"], True
-        self._point_members()
-        self._show()
 
     def _mixed(self, column: int, cluster: Any, weights: Weights, active: Any) -> list[Any]:
         first = cluster * (2 * self._columns) + column

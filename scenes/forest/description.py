@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.forest.canopy import RING_M, in_leaf
 from megalopta.scenes.forest.floor import (
     HORIZON_M,
     even_ground,
@@ -33,7 +32,9 @@ from megalopta.scenes.forest.planting import (
     tree_positions,
 )
 from megalopta.scenes.forest.specimens import (
+    RING_M,
     grow_specimens,
+    in_leaf,
     materials,
     plant_assets,
     specimens_of,
@@ -263,8 +264,8 @@ class Forest(SceneDescription, frozen=True):
         return foreseen(self, path_m)[1]
 
     @property
-    def canopy_ring_m(self) -> tuple[float, float]:
-        """Range of distances from the path in which its leaf-area index is set and measured (m)."""
+    def leaf_ring_m(self) -> tuple[float, float]:
+        """Range of distances from the path in which its leaf-area index is set (m)."""
         return self.clearance_m, self.clearance_m + RING_M
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
@@ -331,7 +332,7 @@ def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> di
     if forest.leaf_area_index is None:
         return plant_assets(forest.seed, grow(), flora=flora)
     wanted = forest.leaf_area_index
-    specimens, share = in_leaf(wanted, grow, placements, path, forest.canopy_ring_m)
+    specimens, share = in_leaf(wanted, grow, placements, path, forest.leaf_ring_m)
     return plant_assets(forest.seed, specimens, share, flora)
 
 

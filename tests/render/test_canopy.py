@@ -1,4 +1,4 @@
-"""Gap fractions against the closed form, and light in open forests of leafy spheres."""
+"""Light in open forests of leafy spheres."""
 
 import math
 
@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import activate, choose_variant, gap_fraction, mi
-from megalopta.render.loading.meshes import MergedMesh, merge
-from megalopta.render.loading.scene import load_mesh, load_scene, of_shapes
+from megalopta.render import activate, choose_variant, mi
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
 from megalopta.render.truth import rays
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
-from .conftest import quad, scene_of
-
-LEAF_AREA_INDEX, WIDE_M, SMALL_M2 = 0.5, 24.0, 0.004
-"""Of the layer of a meter: sides of WIDE_M, leaves of SMALL_M2."""
+from .conftest import scene_of
 
 
 def leaves(middle, area, rng):
@@ -30,46 +27,6 @@ def leaves(middle, area, rng):
 def mesh_of(corners):
     faces = 4 * np.arange(len(corners))[:, None, None] + [[0, 1, 2], [0, 2, 3]]
     return trimesh.Trimesh(corners.reshape(-1, 3), faces.reshape(-1, 3), process=False)
-
-
-def bare(mesh):
-    vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
-    ids = np.ones(len(faces), np.uint32)
-    return of_shapes([load_mesh(MergedMesh("leaf", vertices, faces, None, None, ids))])
-
-
-@pytest.fixture(scope="module")
-def loaded():
-    activate(choose_variant())
-    rng, half = np.random.default_rng(1), WIDE_M / 2
-    count = round(LEAF_AREA_INDEX * WIDE_M**2 / SMALL_M2)
-    middle = rng.uniform((-half, -half, 1), (half, half, 2), (count, 3))
-    return bare(mesh_of(leaves(middle, SMALL_M2, rng)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("zenith_deg", [0.0, 30.0, 57.0, 75.0])
-def test_gaps_of_a_random_canopy_are_those_of_beer_and_lambert(loaded, zenith_deg):
-    rng = np.random.default_rng(2)
-    # rays at 75 degrees go 7.5 m to the side before they leave the layer, which ends 8 m away
-    points = np.column_stack([rng.uniform(-4, 4, (40_000, 2)), np.zeros(40_000)])
-    found = gap_fraction(loaded, points, zenith_deg, rng, azimuths=8)
-    # a leaf that faces anywhere projects to half of its area on average
-    expected = math.exp(-0.5 * LEAF_AREA_INDEX / math.cos(math.radians(zenith_deg)))
-    # At 75 degrees leaves of 40 cm² over some 200 m² scatter the gaps by 0.6 %, elsewhere by less,
-    # and the rays by 0.3 %; the seeds are fixed, so nothing alarms by chance.
-    assert found.value == pytest.approx(expected, rel=0.02)
-    assert found.standard_error < 0.005 * expected
-
-
-def test_the_share_of_blocked_rays_under_half_a_roof_is_exact():
-    activate(choose_variant())
-    roof = quad(np.array([[0, -99, 1], [99, -99, 1], [99, 99, 1], [0, 99, 1]]))
-    loaded = bare(roof)
-    points = np.array([[0.001, 0, 0], [-50.0, 0, 0]])
-    found = gap_fraction(loaded, points, 45.0, np.random.default_rng(0))
-    # half the azimuths below the roof's edge, all of them far from it; one of 64 sectors is torn
-    assert found.value == pytest.approx(0.75, abs=2 / 64)
 
 
 RADIUS, CENTER_M, BOTTOM_M, TOP_M = 5.0, (7.0, 11.0), 1.9, 16.1

@@ -16,7 +16,6 @@ from megalopta.render.baking.choice import (
     path_tracing_reason,
     samples_of_pixel,
 )
-from megalopta.render.baking.gathering import Gatherer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
@@ -241,40 +240,6 @@ def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground)
     assert "too few" in path_tracing_reason(
         still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried, 640**2
     )
-
-
-@pytest.mark.slow
-@vectorized
-def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monkeypatch):
-    scene = thicket(Lighting(SKY))
-
-    def frame(folder, **settings):
-        settings = RenderSettings(samples_per_pixel=4, integrator="baked", **settings)
-        renderer = SceneRenderer(scene, CAMERA, settings, ORBIT, 3, folder)
-        return renderer, renderer.radiance(ORBIT[2], 5)
-
-    _, first = frame(tmp_path, bake_error=0.2)
-    (kept,) = tmp_path.glob("*.npz")
-    rays = []
-    leaving = Gatherer.leaving
-    monkeypatch.setattr(
-        Gatherer,
-        "leaving",
-        lambda self, *cells, shares, least: (
-            rays.append(2 * least * shares.sum())
-            or leaving(self, *cells, shares=shares, least=least)
-        ),
-    )
-    _, again = frame(tmp_path, bake_error=0.2)
-    found = sum(rays)
-    assert again.tobytes() == first.tobytes()
-    rays.clear()
-    kept.write_bytes(kept.read_bytes()[:1000])  # damaged: baked again
-    _, mended = frame(tmp_path, bake_error=0.2)
-    assert mended.tobytes() == first.tobytes()
-    assert found < 0.1 * sum(rays)
-    frame(tmp_path, bake_error=0.22)
-    assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
 def least_standing(tracer, light, part, time=0.0):

@@ -1,24 +1,21 @@
 """Cells, clusters, scattering and kept light that baking is made of."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, activate, choose_variant, dr, mi
+from megalopta.render import activate, choose_variant, dr, mi
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, Pages, survey, views
 from megalopta.render.baking.choice import pilot
 from megalopta.render.baking.gathering import Scattering
-from megalopta.render.baking.light import key_of, smoothed
-from megalopta.render.loading.meshes import MergedMesh, merge
+from megalopta.render.baking.light import smoothed
+from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
-from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import down, scene_of, square, vectorized
+from ..conftest import vectorized
 
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
 THING = Scene({"thing": Material(flat(0.5))}, {}, ())
@@ -183,28 +180,6 @@ def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
 
 TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
 LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
-
-
-def key(material):
-    scene = scene_of(Lighting(flat(1e-9)), (square(), material))
-    bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
-    camera = PerspectiveCamera(width=4, height=4)
-    return key_of(scene, merge(bare), RenderSettings(), camera, down(), 0)
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        replace(LEAF, reflectance=flat(0.41)),
-        replace(LEAF, transmittance=flat(0.11)),
-        replace(LEAF, transmittance=None),
-        replace(LEAF, texture=replace(TEXTURE, transmittance=flat(0.21))),
-        replace(LEAF, texture=replace(TEXTURE, reflectance=flat(0.31))),
-        replace(LEAF, texture=None),
-    ],
-)
-def test_light_of_another_surface_is_not_taken_for_its(other):
-    assert key(LEAF) == key(replace(LEAF)) != key(other)
 
 
 @vectorized
