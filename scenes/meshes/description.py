@@ -130,7 +130,6 @@ class Meshes(SceneDescription, frozen=True):
         for placed, pieces in zip(self.files, models, strict=True):
             used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
             notes += placed.notes(pieces, *used)
-            notes += placed.doubts(pieces, trajectory.poses()[:, :3, 3])
             notes += _times_told(placed.file.path, pieces, trajectory)
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))

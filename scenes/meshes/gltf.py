@@ -1,10 +1,7 @@
-"""Meshes of a glTF file: its nodes as objects, in the pose of the file.
+"""Meshes of a glTF 2.0 file: its nodes as objects, in the pose of the file.
 
-trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads sparse,
-quantized, skinned and morphed vertices as they are stored. Here they are where the file puts them
-at rest. Points and lines have no surface.
-
-Container of glTF 2.0: the JSON part, its buffers, and what its accessors read from them.
+trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads quantized
+vertices as they are stored. Points and lines have no surface.
 
 Khronos Group, glTF 2.0 Specification. Everything is read by index from JSON of a stranger: errors
 of any kind mean a damaged file.
@@ -32,11 +29,7 @@ _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _VALUE_BYTES = 24
 """Memory of a value that an accessor reads, with its copies."""
-_WEBP = "EXT_texture_webp"
-EFFECTIVE = (
-    *("KHR_texture_transform", "KHR_mesh_quantization", _WEBP),
-    "KHR_materials_pbrSpecularGlossiness",
-)
+EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
 """Extensions that have an effect."""
 
 Json = Mapping[str, Any]
@@ -85,18 +78,13 @@ def names_in(content: bytes) -> list[str]:
 
 def color_of(material: Json) -> tuple[list[float], Json | None]:
     """Color factor, in linear sRGB, and entry of the texture, or None, of a material."""
-    extensions = material.get("extensions", {})
-    if "KHR_materials_pbrSpecularGlossiness" in extensions:
-        model = extensions["KHR_materials_pbrSpecularGlossiness"]
-        return model.get("diffuseFactor", [1, 1, 1])[:3], model.get("diffuseTexture")
     model = material.get("pbrMetallicRoughness", {})
     return model.get("baseColorFactor", [1, 1, 1])[:3], model.get("baseColorTexture")
 
 
 def image_of(header: Json, texture: Json) -> int:
     """Number of the image of a texture's entry in a material."""
-    entry = header["textures"][texture["index"]]
-    return int(entry.get("extensions", {}).get(_WEBP, entry)["source"])
+    return int(header["textures"][texture["index"]]["source"])
 
 
 class GltfFile:
@@ -143,11 +131,8 @@ class GltfFile:
         kind = np.dtype(_TYPES[entry["componentType"]])
         check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
         found = self._array(entry, kind, shape) if "bufferView" in entry else np.zeros(shape, kind)
-        if sparse := entry.get("sparse"):
-            found, size = found.copy(), (sparse["count"], 1)
-            of_place = np.dtype(_TYPES[sparse["indices"]["componentType"]])
-            place = self._array(sparse["indices"], of_place, size).ravel()
-            found[place] = self._array(sparse["values"], kind, (size[0], shape[1]))
+        if "sparse" in entry:
+            raise ValueError("it has sparse accessors, which are not read; export it without")
         if entry.get("normalized"):
             return np.maximum(found / np.iinfo(kind).max, -1.0)
         return found.astype(np.float64) if kind.kind == "f" else found
@@ -189,85 +174,71 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
     materials = file.header.get("materials", ())
     pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
     looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
-    joints_of, steps, is_moving = dict[int, Floats](), 0, False
+    steps, is_moving = 0, False
     for number, pose in to_world.items():
         node = nodes[number]
         if "mesh" not in node:
             continue
         if "skin" in node:
-            if node["skin"] not in joints_of:
-                joints_of[node["skin"]] = _joints(file, node, to_world)
-            for part, piece in _parts(file, number, looks):
-                yield _bent(file, part, piece, joints_of[node["skin"]])
-            continue
+            raise DamagedFileError(
+                f"node {number} is a skinned figure, whose pose is not read; apply the pose to its "
+                "mesh, and export it again"
+            )
         chain = _chain(above, number) if tracks else []
         steps += len(chain)
         check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
         motion = _motion(nodes, chain, pose, tracks)
-        for _, piece in _parts(file, number, looks):
+        for piece in _parts(file, number, looks):
             is_moving |= motion is not None
             yield replace(piece.moved(pose), motion=motion)
     if animated and not is_moving:
         raise DamagedFileError(
-            "it has no animation of nodes with meshes, and joints of skins and morph weights do "
-            "not move; omit animate"
+            "it has no animation of nodes with meshes, and morph weights do not move; omit animate"
         )
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "animation" is used or not. Raises any exception."""
     header, _ = parts_of(next(iter(contents.values())))
-    poses, shown, playing = _poses(header), header.get("scene", 0), "animation" in used
-    cameras, scenes, animations, materials, meshes, nodes = (
-        [
-            (str(entry.get("name") or f"{kind} {number}"), entry)
-            for number, entry in enumerate(
-                header.get("meshes" if kind == "mesh" else f"{kind}s", ())
-            )
-        ]
-        for kind in ("camera", "scene", "animation", "material", "mesh", "node")
-    )
+    shown, playing = header.get("scene", 0), "animation" in used
+
+    def named(kind: str, plural: str) -> list[tuple[str, Json]]:
+        entries = enumerate(header.get(plural, ()))
+        return [(str(entry.get("name") or f"{kind} {n}"), entry) for n, entry in entries]
+
     extensions = header.get("extensionsUsed", ())
+    scenes, animations = named("scene", "scenes"), named("animation", "animations")
     yield from (("extensions", name) for name in extensions if name not in EFFECTIVE)
-    yield from (("cameras", name) for name, _ in cameras)
+    yield from (("cameras", name) for name, _ in named("camera", "cameras"))
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in animations[playing:])
-    yield from ((what, name) for name, material in materials for what in _ignored(material))
-    for name, mesh in meshes:
+    for name, material in named("material", "materials"):
+        yield from ((what, name) for what in _ignored(material))
+    for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
-            texture = color_of(materials[part["material"]][1])[1] if "material" in part else None
-            own = {"TEXCOORD_0", f"TEXCOORD_{_coordinates(texture or {})}"}
-            own |= set() if texture else {"COLOR_0"}
-            sets = {each for each in part["attributes"] if each.startswith(("TEXCOORD", "COLOR"))}
-            yield from ((f"the set {each}", name) for each in sorted(sets - own))
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
                 yield "points and lines", name
-    for number, (name, node) in enumerate(nodes):
-        if "mesh" in node and number not in poses:
-            yield "nodes outside the scene", name
-        elif "mesh" in node and not np.linalg.det(poses[number][:3, :3]):
-            yield "nodes without size", name
+            if "targets" in part:
+                yield "morph targets", name
     for sampler in header.get("samplers", ()):
         if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
             yield "pictures' clamping and mirroring", ""
-    joints = {joint for skin in header.get("skins", ()) for joint in skin["joints"]}
     for _, animation in animations[:playing]:
         for target in (channel["target"] for channel in animation["channels"]):
-            if target["path"] not in PARTS or target.get("node", -1) in {-1, *joints}:
-                yield "an animation's joints of skins, morph weights, extensions", target["path"]
+            if target["path"] not in PARTS or "node" not in target:
+                yield "an animation's morph weights, extensions", target["path"]
 
 
-def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
-    """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
+    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
     node = file.header["nodes"][number]
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
-    weights = node.get("weights", mesh.get("weights", ()))
     for part in mesh["primitives"]:
         if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
             raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
         if mode >= _TRIANGLES:
-            yield part, _piece(file, part, looks, (number, name), weights)
+            yield _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -393,7 +364,7 @@ def _ignored(material: Json) -> Iterator[str]:
         yield "transparency"
     if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
         yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
-    if model.get("roughnessFactor", 1) < 1 or "KHR_materials_pbrSpecularGlossiness" in extensions:
+    if model.get("roughnessFactor", 1) < 1:
         yield "gloss"
     if any(material.get("emissiveFactor", ())):
         yield "emission"
@@ -407,18 +378,13 @@ def _piece(
     part: Json,
     looks: Sequence[_Look],
     of: tuple[int, str],
-    weights: Sequence[float],
 ) -> Piece:
     attributes = part["attributes"]
 
     def values(name: str) -> Floats | None:
         if name not in attributes:
             return None
-        shaped = file.values(attributes[name]).astype(np.float64)
-        for weight, target in zip(weights, part.get("targets", ()), strict=False):
-            if weight and name in target:
-                shaped += weight * file.values(target[name])
-        return shaped
+        return file.values(attributes[name]).astype(np.float64)
 
     if (vertices := values("POSITION")) is None:
         raise ValueError(f"object {quoted(of[1])!r} has no positions")
@@ -443,30 +409,3 @@ def _faces(corners: Ints, mode: int) -> Ints:
         first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
         return np.stack([first, corners[1:-1], corners[2:]], axis=1)
     return corners.reshape(-1, 3)
-
-
-def _joints(file: GltfFile, node: Json, to_world: Mapping[int, Floats]) -> Floats:
-    """Maps (J, 4, 4) of a skin's joints from the mesh to the world."""
-    skin = file.header["skins"][node["skin"]]
-    poses = np.stack([to_world[joint] for joint in skin["joints"]])
-    if "inverseBindMatrices" not in skin:
-        return poses
-    back = file.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-    return np.asarray(poses @ back[: len(poses)])
-
-
-def _bent(file: GltfFile, part: Json, piece: Piece, joints: Floats) -> Piece:
-    """Return a piece whose vertices follow the joints of its skin."""
-    attributes = part["attributes"]
-    chosen = file.values(attributes["JOINTS_0"]).astype(np.int64)
-    weights = file.values(attributes["WEIGHTS_0"]).astype(np.float64)
-    total = weights.sum(axis=1)
-    maps = np.zeros((len(weights), 4, 4))
-    for column in range(chosen.shape[1]):
-        share = np.divide(weights[:, column], total, out=np.zeros_like(total), where=total > 0)
-        maps += share[:, None, None] * joints[chosen[:, column]]
-    vertices = np.einsum("nij,nj->ni", maps[:, :3, :3], piece.vertices) + maps[:, :3, 3]
-    normals = piece.normals
-    if normals is not None:
-        normals = np.einsum("nij,nj->ni", maps[:, :3, :3], normals)
-    return replace(piece, vertices=vertices, normals=normals)

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
@@ -25,10 +25,6 @@ SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 
 _FARTHEST_M = 1e8
 """Largest distance from the origin, m: coordinates of maps are smaller."""
-_VAST_M, _TRAVELS = 1000.0, 100.0
-"""Extent of a file, also over that of the camera's path, from which its unit is in doubt"""
-_TINY_M, _EXTENTS = 0.1, 50.0
-"""Extent below which its unit is in doubt, if the camera is farther away than so many extents"""
 
 _NAMED, _LONGEST = 4, 40
 """Most names in a sentence, and most characters of one"""
@@ -39,7 +35,7 @@ _READERS: Mapping[str, tuple[_Reader, _Rest]] = {
     **dict.fromkeys((".glb", ".gltf"), (gltf.pieces_of, gltf.unused)),
     ".obj": (wavefront.pieces_of, wavefront.unused),
     ".xml": (mitsuba_xml.pieces_of, mitsuba_xml.unused),
-    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, polygons.unused)),
+    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, lambda *_: ())),
 }
 _Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
@@ -145,25 +141,6 @@ class PlacedMesh(Record, frozen=True):
                 f"{self.file.path} lies {farthest_m:.3g} m from the origin, beyond "
                 f"{_FARTHEST_M:.0e} m; move it there"
             )
-
-    def doubts(self, pieces: Sequence[Piece], positions: Floats) -> Iterator[str]:
-        """Yield a sentence if the file is of an unlikely size for a camera at positions (T, 3)."""
-        corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
-        placed = corners @ self.pose[:3, :3].T + self.pose[:3, 3]
-        low, high = placed.min(axis=0), placed.max(axis=0)
-        extent, travel = float((high - low).max()), float(np.ptp(positions, axis=0).max())
-        outside = np.maximum(np.maximum(low - positions, positions - high), 0)
-        distance = float(np.linalg.norm(outside, axis=1).min())
-        if extent >= _VAST_M and extent > _TRAVELS * travel:
-            doubt, better = f"the camera moves by {travel:.3g} m", self.scale * 1e-3
-        elif extent < _TINY_M and distance > _EXTENTS * extent:
-            doubt, better = f"the camera is {distance:.3g} m away from it", self.scale * 1e3
-        else:
-            return
-        yield (
-            f"{self.file.path} extends over {extent:.4g} m, and {doubt}; if its unit is "
-            f"another, give the unit's length in meters, such as `scale: {better:g}`"
-        )
 
 
 def _some(owners: Iterable[str]) -> str:

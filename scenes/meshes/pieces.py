@@ -4,8 +4,6 @@ Pictures of colors on surfaces, decoded within bounds.
 """
 
 import io
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +18,6 @@ from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.spectra.color import linear_of_srgb
 from megalopta.scenes.spectra.spectrum import Spectrum
 
-_HEADER_BYTES = 4096
-_UNIT = re.compile(rb"(?i)\bunits?\s*[=:]\s*\W?([a-z]{1,20})")
 _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
 _FLATTEST = 1e12
@@ -115,13 +111,6 @@ class Piece:
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
         return replace(self, faces=faces, colors=colors, normals=normals)
-
-
-def stated_unit(content: bytes) -> Iterator[Unused]:
-    """Yield the unit that a comment at the beginning of a file states, as exporters write it."""
-    found = _UNIT.search(content[:_HEADER_BYTES])
-    if found:
-        yield "a unit in a comment, for which `scale` stands", found[1].decode()
 
 
 def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Piece, Unused, stated_unit
+from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.spectra.color import decode_srgb
 
 if TYPE_CHECKING:
@@ -105,23 +105,6 @@ def _stl_corners(content: bytes) -> Floats:
     if len(found) != 3 * count:
         raise ValueError(f"it has {len(found)} corners of {count} triangles")
     return np.array([line.split() for line in found], np.float64).reshape(-1, 3)
-
-
-def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:
-    """Yield what has no effect. Raises any exception if the file is damaged."""
-    name, content = next(iter(contents.items()))
-    yield from stated_unit(content)
-    if name.lower().endswith(".ply"):
-        for line in content[:_HEADER_BYTES].partition(b"end_header")[0].splitlines():
-            key, *words = line.decode("utf-8", "replace").split() or [""]
-            if key == "element" and words[0] not in ("vertex", "face"):
-                yield "elements", words[0]
-            if key == "property" and words[-1] not in _PROPERTIES:
-                yield "properties", words[-1]
-    elif content[:5].lower() != b"solid":
-        facets = np.frombuffer(content[84:], np.uint8)
-        if facets[: len(facets) // 50 * 50].reshape(-1, 50)[:, 48:].any():
-            yield "attributes of facets, such as colors", ""
 
 
 def _colors(mesh: "trimesh.Trimesh") -> Floats | None:

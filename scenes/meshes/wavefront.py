@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, linear_picture, stated_unit
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, linear_picture
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
@@ -205,7 +205,6 @@ def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[U
     yield from (("statements", each.decode()) for each in sorted({*_UNREAD.findall(content)}))
     if b"\nvn " not in content and _SMOOTH.search(content):
         yield "smoothing groups", ""
-    yield from stated_unit(content)
     for file in contents:
         if file.lower().endswith(".mtl"):
             for each in _materials(contents[file]):

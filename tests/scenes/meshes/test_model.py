@@ -143,25 +143,6 @@ def test_a_picture_that_is_none_or_too_large_is_refused(write):
             assert write(file.glb()).pieces()
 
 
-@pytest.mark.parametrize(
-    ("side_m", "away_m", "travel_m", "told"),
-    [
-        (3, 2, 1, None),
-        (3000, 0, 3, "extends over 3000 m, and the camera moves by 3 m; .*`scale: 0.001`"),
-        (3000, 0, 100, None),
-        (0.005, 3, 1, "extends over 0.005 m, and the camera is 3 m away .*`scale: 1000`"),
-        (0.005, 0.02, 0.01, None),
-    ],
-)
-def test_a_size_that_does_not_suit_the_camera_is_told(tmp_path, side_m, away_m, travel_m, told):
-    trimesh.creation.box((side_m, side_m, side_m)).export(tmp_path / "box.ply")
-    placed = PlacedMesh(file=str(tmp_path / "box.ply"))
-    start = np.array([side_m / 2 + away_m, 0, 0])
-    positions = start + np.array([[0, 0, 0], [travel_m, 0, 0]])
-    found = " ".join(placed.doubts(placed.pieces(), positions))
-    assert re.search(told, found) if told else not found
-
-
 def notes(model, *used):
     return " ".join(model.notes(model.pieces(*used), *used))
 
@@ -187,11 +168,6 @@ def notes(model, *used):
         ({"scenes": [{"nodes": [0]}, {"name": "x\x1b[3m"}]}, r"other scenes (x\x1b[3m)"),
         ({"animations": [{"name": "walk", "channels": []}]}, "animations (walk)"),
         ({"samplers": [{"wrapS": 33071}]}, "pictures' clamping and mirroring"),
-        ({"nodes": [{"mesh": 0}, {"mesh": 0, "scale": [0, 1, 1]}]}, "nodes without size (node 1)"),
-        (
-            {"nodes": [{"mesh": 0}, {"mesh": 0}], "scenes": [{"nodes": [0]}]},
-            "nodes outside the scene (node 1)",
-        ),
     ],
 )
 def test_what_of_a_gltf_file_has_no_effect_is_told(write, header, told):
@@ -201,50 +177,24 @@ def test_what_of_a_gltf_file_has_no_effect_is_told(write, header, told):
     assert told in notes(write(file.glb()))
 
 
-def test_points_and_further_sets_of_coordinates_are_told_and_a_plain_file_tells_nothing(write):
-    file = Gltf()
-    uv = file.accessor(np.zeros((3, 2), np.float32))
-    file.triangle(TEXCOORD_0=uv)
-    assert not notes(write(file.glb()))
-    file.triangle(TEXCOORD_1=uv)
-    file.header["meshes"][1]["primitives"][0]["mode"] = 1
-    told = notes(write(file.glb()))
-    assert "points and lines (mesh 1)" in told and "the set TEXCOORD_1 (mesh 1)" in told
-
-
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
         ("a.obj", "l 1 2\np 1\n", "statements (l, p)"),
         ("a.obj", "s 1\n", "smoothing groups"),
-        ("a.obj", "# units: cm\n", "a unit in a comment, for which `scale` stands (cm)"),
         ("a.mtl", "d 0.5", "transparency (tin)"),
         ("a.mtl", "Ke 1 1 1", "emission (tin)"),
         ("a.mtl", "Ks 0.5 0.5 0.5", "gloss and metal (tin)"),
         ("a.mtl", "illum 5", "illum 5 (tin)"),
         ("a.mtl", "map_Bump rough.png", "map_bump pictures (tin)"),
-        ("a.ply", "property float quality", "properties (quality)"),
-        ("a.ply", "property uchar alpha", "properties (alpha)"),
     ],
 )
 def test_what_of_other_files_has_no_effect_is_told(write, tmp_path, name, content, told):
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-    if name == "a.ply":
-        columns = "".join(f"property float {axis}\n" for axis in "xyz") + f"{content}\n"
-        header = f"ply\nformat ascii 1.0\nelement vertex 3\n{columns}element face 1\n"
-        rows = "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n"
-        made = f"{header}property list uchar int vertex_indices\nend_header\n{rows}"
-    elif name == "a.mtl":
+    if name == "a.mtl":
         (tmp_path / name).write_text(f"newmtl tin\n{content}\n")
         name, made = "a.obj", f"mtllib a.mtl\nusemtl tin\n{triangle}"
     else:
         made = content + triangle
     assert told in notes(write(made, name))
     assert not notes(write("# plain\n" + triangle, "b.obj"))
-
-
-def test_colors_of_the_facets_of_stl_are_told(write):
-    content = bytearray(BOX.export(file_type="stl"))
-    assert not notes(write(bytes(content), "a.stl"))
-    content[84 + 48] = 7
-    assert "attributes of facets, such as colors" in notes(write(bytes(content), "a.stl"))
