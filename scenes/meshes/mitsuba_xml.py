@@ -1,10 +1,8 @@
 """Meshes of a scene in Mitsuba's XML: every shape is an object, every surface a material.
 
-Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
-shine on request. What else would change the picture is refused by name, cameras and integrators of
-the file have no effect.
-
-Mitsuba's basic shapes as triangles: rectangle, cube, disk, sphere and cylinder.
+Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones, as triangles. Area lights shine on
+request. What else would change the picture is refused by name, cameras and integrators of the file
+have no effect.
 """
 
 import math
@@ -38,13 +36,10 @@ _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 """Parts of shapes that are read, refused by their material, or change nothing that is seen"""
 
 
-def names_in(contents: Mapping[str, bytes]) -> list[str]:
-    """Names of the files that are included or, if all are there, of shapes and their surfaces."""
-    document = Document(contents)
-    if document.missing:
-        return document.missing
+def names_in(content: bytes) -> list[str]:
+    """Names of the files of shapes and of their surfaces."""
     found = []
-    for element in document.root.iter():
+    for element in Document(content).root.iter():
         if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
             found.append(value_of(element, "string", "filename"))
         elif element.tag == "spectrum":
@@ -55,17 +50,17 @@ def names_in(contents: Mapping[str, bytes]) -> list[str]:
 def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
     """Yield the pieces of all shapes. Raises any exception if the file is damaged."""
     reader, total = _Reader(contents), 0
-    for number, (shape, pose) in enumerate(reader.shapes()):
+    for number, shape in enumerate(reader.document.parts(reader.document.root, "shape")):
         check_count(next(iter(contents)), "shapes", number + 1, MOST_OBJECTS)
-        for piece in reader.pieces(shape, number):
+        for piece in reader.painted(shape, number):
             total += len(piece.faces)
             check_triangles(next(iter(contents)), total)
-            yield piece.moved(pose)
+            yield piece.moved(transform_of(shape))
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "lights" are used or not. Raises any exception."""
-    document = Document(contents)
+    document = Document(next(iter(contents.values())))
     for each in document.root:
         is_lamp = each.tag == "emitter" and each.get("type") == "area"  # of shapes that name it
         if each.tag in _UNUSED and not is_lamp:
@@ -80,7 +75,7 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
 
 def check_lights(contents: Mapping[str, bytes]) -> None:
     """Raise DamagedFileError for a light that does not belong to a shape, and is not read."""
-    document = Document(contents)
+    document = Document(next(iter(contents.values())))
     for light in document.parts(document.root, "emitter"):
         kind = light.get("type", "")
         if kind != "area":  # which shines where a shape refers to it
@@ -95,43 +90,23 @@ class _Reader:
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         self._contents = contents
-        self._document = Document(contents)
-        self._surfaces = Surfaces(self._document, contents)
-        self._meshes: dict[int, list[Piece]] = {}
+        self.document = Document(next(iter(contents.values())))
+        self._surfaces = Surfaces(self.document, contents)
 
-    def shapes(self) -> Iterator[tuple[Element, Floats]]:
-        """Yield all shapes, each with its pose (4, 4); of an instance, those of its group."""
-        grouped: dict[int, list[Element]] = {}
-        for shape in self._document.parts(self._document.root, "shape"):
-            if shape.get("type") == "instance":
-                for group in self._document.parts(shape, "shape"):
-                    if id(group) not in grouped:
-                        grouped[id(group)] = self._document.parts(group, "shape")
-                    for each in grouped[id(group)]:
-                        yield each, transform_of(shape) @ transform_of(each)
-            elif shape.get("type") != "shapegroup":
-                yield shape, transform_of(shape)
-
-    def pieces(self, shape: Element, number: int) -> list[Piece]:
-        """Return the pieces of a shape before its pose, as those of an object with a number."""
-        if id(shape) not in self._meshes:
-            self._meshes[id(shape)] = list(self._painted(shape))
-        return [replace(piece, number=number) for piece in self._meshes[id(shape)]]
-
-    def _painted(self, shape: Element) -> Iterator[Piece]:
-        """Yield the pieces of a shape with its surface."""
+    def painted(self, shape: Element, number: int) -> Iterator[Piece]:
+        """Yield the pieces of a shape with its surface, before its pose, with its number."""
         kind, file = shape.get("type", ""), plain(value_of(shape, "string", "filename"))
         name = shape.get("id") or PurePosixPath(file).stem or kind
-        for part in map(self._document.resolved, shape):
+        for part in map(self.document.resolved, shape):
             if part.tag not in _OF_SHAPES + _VALUES:
                 raise DamagedFileError(
                     f"shape {quoted(name)!r} has a part {quoted(part.tag)!r}, which is not read; "
                     "remove it"
                 )
         paint, to_picture = self._surfaces.of(shape, name)
-        if self._document.parts(shape, "medium"):
+        if self.document.parts(shape, "medium"):
             paint = replace(paint, finish=None, refused="the boundary of a medium")
-        if self._document.parts(shape, "emitter"):
+        if self.document.parts(shape, "emitter"):
             paint = self._surfaces.shining(paint, shape)
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
@@ -147,7 +122,7 @@ class _Reader:
             normals = None if is_flat else piece.normals
             faces = piece.faces[:, ::-1] if is_flipped else piece.faces
             piece = replace(piece, name=name, paint=paint, faces=faces, colors=None)
-            yield replace(piece, normals=normals, uv=uv)
+            yield replace(piece, number=number, normals=normals, uv=uv)
 
     def _of_file(self, kind: str, file: str) -> Iterator[Piece]:
         """Yield pieces of a mesh file, with Mitsuba's texture coordinates."""

@@ -56,7 +56,7 @@ SCENE = """<scene version="3.0.0">
   <shape type="ply">
     <string name="filename" value="panel.ply"/>
     <transform name="to_world">
-      <lookat origin="2 2 1" target="1 -7 4" up="0 0 1"/>
+      <rotate x="1" angle="105"/><rotate z="1" angle="10"/><translate x="2" y="2" z="1"/>
     </transform>
     <ref id="painted"/>
   </shape>
@@ -73,21 +73,12 @@ SCENE = """<scene version="3.0.0">
     <transform name="to_world"><scale value="0.8"/><translate value="0, 0, 2.5"/></transform>
     <emitter type="area"><rgb name="radiance" value="5"/></emitter>
   </shape>
-  <shape type="shapegroup" id="group">
-    <shape type="cube">
-      <transform name="to_world"><scale x="0.2" y="0.3" z="0.4"/></transform>
-      <ref id="red"/>
-    </shape>
-  </shape>
-  <shape type="instance">
-    <ref id="group"/>
-    <transform name="to_world"><matrix value="1 0 0 -3  0 1 0 -2  0 0 1 0.5  0 0 0 1"/></transform>
-  </shape>
-  <shape type="instance">
-    <ref id="group"/>
+  <shape type="cube">
     <transform name="to_world">
-      <rotate x="0" y="0" z="1" angle="45"/><translate x="3" y="0" z="0.5"/>
+      <scale x="0.2" y="0.3" z="0.4"/><rotate x="0" y="0" z="1" angle="45"/>
+      <matrix value="1 0 0 3  0 1 0 0  0 0 1 0.5  0 0 0 1"/>
     </transform>
+    <ref id="red"/>
   </shape>
 </scene>"""
 
@@ -139,7 +130,7 @@ def test_shapes_and_pictures_are_where_plain_mitsuba_has_them(xml):
     description = Meshes(files=({"file": str(xml), "up": "z"},))
     scene = build_scene(description, Light(), CAMERA, PATH)
     assert scene.kinds == ("cube", "cylinder", "disk", "floor", "panel", "sphere")
-    assert len(scene.placements) == 8
+    assert len(scene.placements) == 7
     settings = RenderSettings(bands_nm=BANDS, samples_per_pixel=1)
     renderer = SceneRenderer(scene, CAMERA, settings)
     truth = renderer.truth(PATH.poses(), 0)
