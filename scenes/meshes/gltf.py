@@ -218,6 +218,8 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
         for part in mesh["primitives"]:
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
                 yield "points and lines", name
+            if "COLOR_0" in part["attributes"]:
+                yield "colors of vertices", name
             if "targets" in part:
                 yield "morph targets", name
     for sampler in header.get("samplers", ()):
@@ -390,13 +392,12 @@ def _piece(
         raise ValueError(f"object {quoted(of[1])!r} has no positions")
     corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
     look = looks[part["material"]] if "material" in part else _Look()
-    uv, colors = values(f"TEXCOORD_{look.coordinates}"), values("COLOR_0")
+    uv = values(f"TEXCOORD_{look.coordinates}")
     if uv is not None:
         uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
         uv[:, 1] = 1 - uv[:, 1]
     faces = _faces(corners.astype(np.int64), part.get("mode", _TRIANGLES))
-    colors = None if colors is None else colors[:, :3].clip(0, 1)
-    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv, colors)
+    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv)
 
 
 def _faces(corners: Ints, mode: int) -> Ints:

@@ -121,7 +121,7 @@ class _Reader:
                 uv = uv * [1, -1] + [0, 1]  # Mitsuba's first row is v = 0, here the last one
             normals = None if is_flat else piece.normals
             faces = piece.faces[:, ::-1] if is_flipped else piece.faces
-            piece = replace(piece, name=name, paint=paint, faces=faces, colors=None)
+            piece = replace(piece, name=name, paint=paint, faces=faces)
             yield replace(piece, number=number, normals=normals, uv=uv)
 
     def _of_file(self, kind: str, file: str) -> Iterator[Piece]:

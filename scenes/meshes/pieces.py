@@ -1,7 +1,4 @@
-"""Meshes of a file in one form, whatever the format: pieces of one object and one material.
-
-Pictures of colors on surfaces, decoded within bounds.
-"""
+"""Meshes of a file in one form, whatever the format: pieces of one object and one material."""
 
 import io
 from dataclasses import dataclass, replace
@@ -68,9 +65,6 @@ class Piece:
     """(V, 3): normals of a smooth surface, of any length; None: flat faces."""
     uv: Floats | None = None
     """(V, 2): coordinates of the picture."""
-    colors: Floats | None = None
-    """(V, 3): colors of vertices, or (F, 3, 3) of the corners of faces, in linear sRGB; they
-    multiply those of the paint."""
     motion: NodeMotion | None = None
     """Motion with the object's node; None: at rest."""
 
@@ -91,11 +85,8 @@ class Piece:
         linear = matrix[:3, :3]
         vertices = self.vertices @ linear.T + matrix[:3, 3]
         normals = None if self.normals is None else self.normals @ _cofactors(linear).T
-        faces, colors = self.faces, self.colors
-        if np.linalg.det(linear) < 0:
-            faces = faces[:, ::-1]
-            colors = colors[:, ::-1] if colors is not None and colors.ndim > 2 else colors
-        moved = replace(self, vertices=vertices, faces=faces, normals=normals, colors=colors)
+        faces = self.faces[:, ::-1] if np.linalg.det(linear) < 0 else self.faces
+        moved = replace(self, vertices=vertices, faces=faces, normals=normals)
         return replace(moved, motion=self.motion.moved(matrix)) if self.motion else moved
 
     def sound(self) -> "Piece":
@@ -104,13 +95,10 @@ class Piece:
         facing = cross(b - a, c - a)
         solid = lengths(facing) > 0
         faces, facing = self.faces[solid], facing[solid]
-        colors = self.colors
-        if colors is not None and colors.ndim > 2:
-            colors = colors[solid]
         normals = self.normals
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
-        return replace(self, faces=faces, colors=colors, normals=normals)
+        return replace(self, faces=faces, normals=normals)
 
 
 def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:

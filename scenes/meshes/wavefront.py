@@ -165,9 +165,8 @@ def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) 
     uv = file.uv[of_uv, :2] if (of_uv >= 0).all() else None
     normals = file.normals[of_normal] if (of_normal >= 0).all() else None
     positions = file.positions[place]
-    colors = linear_of_srgb(positions[:, 3:6].clip(0, 1)) if positions.shape[1] >= 6 else None
     shaped = faces.reshape(-1, 3)
-    return Piece(*of, positions[:, :3], shaped, paint, normals, uv, colors)
+    return Piece(*of, positions[:, :3], shaped, paint, normals, uv)
 
 
 def _paints(

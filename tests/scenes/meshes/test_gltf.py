@@ -126,14 +126,6 @@ def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
     np.testing.assert_allclose(piece.uv, expected, atol=1e-6)
 
 
-def test_colors_of_vertices_keep_sixteen_bits():
-    file = Gltf()
-    colors = np.uint16([[0, 1000, 65535, 65535], [1, 2, 3, 0], [65535, 0, 0, 65535]])
-    file.triangle(COLOR_0=file.accessor(colors, normalized=True))
-    (piece,) = read(file.glb())
-    np.testing.assert_allclose(piece.colors, colors[:, :3] / 65535)
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -18,20 +18,7 @@ def test_triangles_are_those_that_were_written(kind):
     (piece,) = pieces_of({name: written.encode() if isinstance(written, str) else written})
     assert piece.name == "rock" and len(piece.faces) == len(ball().faces)
     assert trimesh.Trimesh(piece.vertices, piece.faces).volume == pytest.approx(ball().volume, 1e-5)
-    assert piece.colors is None and piece.normals is None
-
-
-@pytest.mark.parametrize("of", ["vertex", "face"])
-def test_colors_are_decoded(of):
-    mesh = ball()
-    count = len(mesh.vertices if of == "vertex" else mesh.faces)
-    codes = RNG.integers(0, 256, (count, 4), dtype=np.uint8)
-    setattr(mesh.visual, f"{of}_colors", codes)
-    (piece,) = pieces_of({"a.ply": mesh.export(file_type="ply")})
-    coded = codes[:, :3] / 255
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    expected = linear if of == "vertex" else linear[:, None].repeat(3, axis=1)
-    np.testing.assert_allclose(piece.colors, expected)
+    assert piece.normals is None
 
 
 def test_normals_of_a_file_make_a_smooth_surface():

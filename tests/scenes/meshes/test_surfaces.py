@@ -21,52 +21,12 @@ def piece(number=0, faces=5, **more):
     )
 
 
-def bilinear(texels, uv):
-    """Values of a picture (H, W, 3), row 0 at v = 0, between the centers of its texels."""
-    place = uv * texels.shape[1::-1] - 0.5
-    low = np.floor(place).astype(int)
-    x, y = (place - low).T[..., None]
-    (left, below), (right, above) = low.T, low.T + 1
-    lower = (1 - x) * texels[below, left] + x * texels[below, right]
-    return (1 - y) * lower + y * ((1 - x) * texels[above, left] + x * texels[above, right])
-
-
-@pytest.mark.parametrize("of", ["vertices", "corners"])
-def test_colors_are_interpolated_over_each_triangle(of):
-    given = [piece(faces=7), piece(number=1, faces=4, paint=RED)]
-    shapes = [(len(p.vertices), 3) if of == "vertices" else (len(p.faces), 3, 3) for p in given]
-    given = [
-        Piece(**{**vars(p), "colors": RNG.random(shape)})
-        for p, shape in zip(given, shapes, strict=True)
-    ]
-    surfacing = Surfacing("a.ply")
-    for p, (_, asset) in zip(given, surfacing.objects(given), strict=True):
-        ((name, mesh),) = asset.parts.items()
-        texels = surfacing.materials[name].texture.weight
-        shares = RNG.dirichlet([1, 1, 1], len(p.faces))
-        corners = p.colors if of == "corners" else p.colors[p.faces]
-        expected = np.einsum("fc,fcx->fx", shares, corners) * p.paint.color
-        uv = np.einsum("fc,fcx->fx", shares, mesh.visual.uv[mesh.faces])
-        np.testing.assert_allclose(bilinear(texels, uv), expected, atol=1e-5)
-        points = np.einsum("fc,fcx->fx", shares, mesh.vertices[mesh.faces])
-        there = np.einsum("fc,fcx->fx", shares, p.vertices[p.faces])
-        np.testing.assert_allclose(points, there)
-
-
 def test_a_color_is_a_reflectance_and_knows_where_it_ends():
     surfacing = Surfacing("a.obj")
     surfacing.objects([piece(paint=RED)])
     (material,) = surfacing.materials.values()
     np.testing.assert_allclose(material.reflectance(GRID), reflectance_of_color(RED.color)(GRID))
     assert material.known_nm == (360, 830)
-
-
-def test_one_color_of_all_vertices_needs_no_picture():
-    surfacing = Surfacing("a.obj")
-    surfacing.objects([piece(colors=np.full((10, 3), 0.5), paint=RED)])
-    (material,) = surfacing.materials.values()
-    expected = reflectance_of_color(np.multiply(0.5, RED.color))
-    np.testing.assert_allclose(material.reflectance(GRID), expected(GRID))
 
 
 def test_a_picture_is_three_weights_and_needs_coordinates():

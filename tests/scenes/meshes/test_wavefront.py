@@ -98,12 +98,6 @@ def test_coordinates_and_normals_are_used_where_all_corners_have_them():
     assert partly == [None, None]
 
 
-def test_colors_after_positions_are_those_of_vertices():
-    (piece,) = read("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n")
-    assert piece.name == "yard"
-    np.testing.assert_allclose(piece.colors, np.diag([1, 1, ((0.5 + 0.055) / 1.055) ** 2.4]))
-
-
 def test_trimesh_reads_the_same_surface():
     shape = trimesh.creation.annulus(0.5, 1, 2, sections=17)
     (piece,) = read(shape.export(file_type="obj"))
