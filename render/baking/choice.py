@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats
 from megalopta.render import MEASURED_EVERY, RenderSettings, dr, mi
 from megalopta.render.baking.cells import views
 from megalopta.render.film import pixel_means
@@ -241,19 +241,7 @@ def compared(
     """
     sky, bands = image[..., -1], image.shape[-1] // 2
     found = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
-    chosen = _pairs(sky <= 0, round(share * sky.size / 2))
-    if len(chosen):
-        # Each pixel once per group, with its own samples.
-        several = np.tile(chosen, GROUPS)
-        sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
-        means = pixel_means(sensor, sampler, part_seed(seed, "comparison"), look, several)
-        groups = means.reshape(GROUPS, len(chosen), bands)
-        found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
-    return found.reshape(*sky.shape, -1)
-
-
-def _pairs(part: Mask, most: int) -> Ints:
-    """Pixels, counted row by row, of some pairs of neighbors in a part (H, W)."""
+    part, most = sky <= 0, round(share * sky.size / 2)
     number = np.arange(part.size).reshape(part.shape)
     columns, rows = pairs(part)
     both = np.concatenate(
@@ -264,4 +252,12 @@ def _pairs(part: Mask, most: int) -> Ints:
     )
     # The same in all passes of a strip, which are averaged.
     order = np.random.default_rng(0).permutation(len(both))[:most]
-    return np.unique(both[order])
+    chosen = np.unique(both[order])
+    if len(chosen):
+        # Each pixel once per group, with its own samples.
+        several = np.tile(chosen, GROUPS)
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
+        means = pixel_means(sensor, sampler, part_seed(seed, "comparison"), look, several)
+        groups = means.reshape(GROUPS, len(chosen), bands)
+        found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
+    return found.reshape(*sky.shape, -1)

@@ -212,7 +212,13 @@ class BakedLightIntegrator:
         if self._sun:
             part = replace(sight, shaded=rest)
             direct = self._sun.radiance(scene, part, weights, sampler.next_1d())
-        emitted = self._emitted(scene, sight.point, place)
+        point = sight.point
+        emitter = point.emitter(scene)
+        emitted = []
+        for _, size, wavelengths in wavelength_groups(self._bands, place):
+            point.wavelengths = wavelengths
+            values = emitter.eval(point)
+            emitted += [values[band] for band in range(size)]
         sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
@@ -222,16 +228,6 @@ class BakedLightIntegrator:
         light = [a + dr.select(baked, b, 0.0) for a, b in zip(light, direct, strict=True)]
         standing = self._light.standing(cluster, weights, baked)
         return _Found(emitted, light, standing, sky, baked, surface & ~baked)
-
-    def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
-        """Radiance that sky and emitting surfaces emit themselves."""
-        emitter = point.emitter(scene)
-        emitted = []
-        for _, size, wavelengths in wavelength_groups(self._bands, place):
-            point.wavelengths = wavelengths
-            values = emitter.eval(point)
-            emitted += [values[band] for band in range(size)]
-        return emitted
 
 
 _LARGEST_SHARE = 0.01

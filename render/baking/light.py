@@ -244,7 +244,11 @@ class BakedLight:
             for part in parts:
                 self._bake(part)
                 advance()
-        self._point_members()
+        clusters = self._clusters
+        if len(clusters):
+            self._point(
+                clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+            )
         self.smooth()
 
     def smooth(self) -> None:
@@ -317,14 +321,6 @@ class BakedLight:
     def _show(self) -> None:
         """Make all computed light available to frames."""
         self._values = mi.Float(self._rows.ravel())
-
-    def _point_members(self) -> None:
-        """Link all surveyed cells to their clusters."""
-        clusters = self._clusters
-        if len(clusters):
-            self._point(
-                clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
-            )
 
     def _point(self, cell: UInt32, cluster: Ints) -> None:
         """Link cells (N,) to clusters (N,)."""

@@ -162,7 +162,20 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
     Raises UserError, in one sentence, for what cannot be read.
     """
     try:
-        return _opened(path, unit)
+        if path.is_dir():
+            return open_folder(path, unit)
+        check_file(path, at_most=2**63 - 1)  # each reader has its own limit
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise UserError(
+                f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
+                f"folder of pictures, or one of {', '.join(SUFFIXES)}"
+            )
+        if not path.stat().st_size:
+            raise UserError(f"{path} is empty; copy it again")
+        if suffix in _ANIMATED and is_animated(path):
+            return _coded_only(path, unit, open_animation)
+        return _OPENERS[suffix](path, unit)
     except OSError as problem:
         unreadable = f"{path}: cannot be read ({problem.strerror}); repair it"
         raise UserError(machine_problem(problem) or unreadable) from None
@@ -173,23 +186,6 @@ def is_footage(path: Path) -> bool:
     if path.is_dir():
         return any(picture_kind(each) and each.is_file() for each in path.iterdir())
     return path.suffix.lower() in SUFFIXES
-
-
-def _opened(path: Path, unit: Unit | None) -> Footage:
-    if path.is_dir():
-        return open_folder(path, unit)
-    check_file(path, at_most=2**63 - 1)  # each reader has its own limit
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise UserError(
-            f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
-            f"folder of pictures, or one of {', '.join(SUFFIXES)}"
-        )
-    if not path.stat().st_size:
-        raise UserError(f"{path} is empty; copy it again")
-    if suffix in _ANIMATED and is_animated(path):
-        return _coded_only(path, unit, open_animation)
-    return _OPENERS[suffix](path, unit)
 
 
 def _coded_only(path: Path, unit: Unit | None, opener: Callable[[Path], Footage]) -> Footage:
@@ -261,7 +257,11 @@ def open_animation(path: Path) -> Animation:
         check_count(path, "pixels in its frames", frames_in(image) * math.prod(image.size), 10**9)
         header = pillow_header(path)
         first = int(bool(image.info.get("default_image")))
-        lasts_s, is_transparent = _survey(image, first)
+        lasts_s, is_transparent = list[float](), False
+        for index in range(first, frames_in(image)):
+            _, is_frame_transparent = _frame(image, index)
+            lasts_s.append(float(image.info.get("duration") or 0) / 1000)
+            is_transparent |= is_frame_transparent
         told = [f"{path} holds a picture that is no part of its animation, and is not read"] * first
         if 0.0 in lasts_s:
             told.append(
@@ -280,16 +280,6 @@ def open_animation(path: Path) -> Animation:
             opened=stack.pop_all(),
             first=first,
         )
-
-
-def _survey(image: Image.Image, first: int) -> tuple[list[float], bool]:
-    """Return the duration of each frame (s), and True if anything is transparent."""
-    lasts_s, is_transparent = list[float](), False
-    for index in range(first, frames_in(image)):
-        _, is_frame_transparent = _frame(image, index)
-        lasts_s.append(float(image.info.get("duration") or 0) / 1000)
-        is_transparent |= is_frame_transparent
-    return lasts_s, is_transparent
 
 
 def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:

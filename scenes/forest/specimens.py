@@ -278,15 +278,10 @@ def _leaf_area(
             continue
         to_world = np.stack([each.to_world for each in members])
         leaves = specimens[name]["leaf"]
-        points = _some_places(leaves)
+        faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
+        points = np.asarray(leaves.vertices[faces].mean(axis=1))
         places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
         distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
         inside = _is_in(ring_m, distance).mean(axis=1)
         total += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
     return total
-
-
-def _some_places(leaves: Surface) -> Floats:
-    """Return the centers (n, 3) of evenly sampled triangles (m)."""
-    faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
-    return np.asarray(leaves.vertices[faces].mean(axis=1))
