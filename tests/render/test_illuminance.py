@@ -65,10 +65,6 @@ def test_edge_of_a_shadow_is_as_soft_as_the_disc_of_the_sun_makes_it(ground):
     np.testing.assert_allclose(profile, share, atol=0.04)
 
 
-def test_a_scene_without_light_from_outside_has_nothing_to_measure(ground):
-    assert survey(None, (0, 0, 1.5), ground) is None
-
-
 @pytest.mark.slow
 def test_meter_and_frames_agree_in_an_integrating_sphere():
     """Which is open above, and so large that 2 cm are nothing to it."""

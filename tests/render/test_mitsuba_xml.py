@@ -152,14 +152,6 @@ def test_shapes_and_pictures_are_where_plain_mitsuba_has_them(xml):
     np.testing.assert_allclose(ours[same], colors[same], atol=2e-3)
 
 
-def test_the_light_of_the_xml_has_no_effect_and_a_disk_is_gray(xml):
-    scene = build_scene(Meshes(files=(str(xml),)), Light(), CAMERA, PATH)
-    assert scene.lighting == Light().lighting()
-    assert not any(material.emission for material in scene.materials.values())
-    gray = next(each for name, each in scene.materials.items() if "disk" in name)
-    assert gray.reflectance(550) == 0.5
-
-
 ROOM = """<scene version="3.0.0">
   <integrator type="path"/>
   <bsdf type="twosided" id="wall">
@@ -192,19 +184,6 @@ def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
     # Errors of pixels are independent, of some 5 % at 64 samples; with 432 pixels and two
     # renderings, five deviations of the mean are below 2 %.
     np.testing.assert_allclose(ours.mean((0, 1)), plain.mean((0, 1), dtype=float), rtol=0.02)
-
-
-def test_lamps_that_are_missing_or_unknown_in_a_band_are_refused(tmp_path):
-    path = tmp_path / "room.xml"
-    path.write_text(ROOM.replace('type="area"', 'type="spot"'))
-    with pytest.raises(
-        ValueError, match="object 'lamp' is a lamp of type spot, which is not read; remove it"
-    ):
-        build_scene(Meshes(files=(str(path),), lights="file"), Light(), CAMERA, PATH)
-    path.write_text(ROOM.replace("400:0.3, 720:0.7", "0.5"))
-    scene = build_scene(Meshes(files=(str(path),), lights="file"), Light(), CAMERA, PATH)
-    with pytest.raises(ValueError, match=r"lamp': its spectrum is known from 300 to 830 nm"):
-        scene.check_bands(((800, 1000),))
 
 
 @pytest.mark.slow

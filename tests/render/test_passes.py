@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, path_tracing
-from megalopta.render.film import pass_seed, plan_passes
+from megalopta.render.film import plan_passes
 from megalopta.scenes import CylindricalCamera, EquirectangularCamera, PerspectiveCamera, Trajectory
 
 from .conftest import glowing_room
@@ -52,17 +52,6 @@ def test_a_frame_in_strips_is_the_frame_in_one(camera):
     assert 0.8 < np.median(np.abs(strips - whole)) / noise < 1.25
     # A shift by a single row would not go unseen.
     assert np.median(np.abs(strips[1:] - whole[:-1])) > 10 * noise
-
-
-def test_two_repeats_are_the_mean_of_two_passes():
-    camera = PerspectiveCamera(width=16, height=1, fov_deg=80)
-    both = rendered(camera, 9, samples_per_pixel=32, samples_per_pass=16 * 16)
-    first, second = (
-        rendered(camera, pass_seed(9, number), samples_per_pixel=16).astype(np.float64)
-        for number in (0, 1)
-    )
-    assert (first != second).any()
-    np.testing.assert_array_equal(both, ((first + second) / 2).astype(np.float32))
 
 
 def test_an_interrupt_is_answered_after_one_pass(monkeypatch):

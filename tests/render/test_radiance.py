@@ -8,7 +8,7 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, frame_seed
 from megalopta.render.film import pass_seed
-from megalopta.render.settings import bake_seed, part_seed
+from megalopta.render.settings import bake_seed
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting
@@ -79,28 +79,6 @@ def test_same_seed_gives_same_bytes_and_another_seed_other_noise(ground):
     assert first.tobytes() != other.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("sampler", "effective"), [("independent", 4095), ("orthogonal", 4489), ("ldsampler", 4096)]
-)
-def test_samples_are_told_as_the_sampler_rounds_them(sampler, effective):
-    settings = RenderSettings(samples_per_pixel=4095, sampler=sampler)
-    scene = Scene({}, {}, (), Lighting(flat(1.0)))
-    camera = PerspectiveCamera(width=16, height=16)
-    assert SceneRenderer(scene, camera, settings).samples_per_pixel == effective
-
-
-@pytest.mark.parametrize(
-    ("bands", "reason"),
-    [
-        (((400, 500), (425, 475)), "400-500 and 425-475 nm share a center"),
-        (((500, 400),), r"\[500, 400\] is not a band"),
-    ],
-)
-def test_bands_are_refused_before_rendering(bands, reason):
-    with pytest.raises(ValueError, match=reason):
-        RenderSettings(bands_nm=bands)
-
-
 def test_no_two_random_seeds_of_sequences_are_equal():
     instants = [frame_seed(7, *each) for each in np.ndindex(60, 3, 32)]
     of_frames = [frame_seed(seed, frame) for seed in range(20) for frame in range(120)]
@@ -110,13 +88,6 @@ def test_no_two_random_seeds_of_sequences_are_equal():
         assert len(set(seeds)) == len(seeds)
     assert pass_seed(12, 0) == 12
     assert len({pass_seed(*each) for each in np.ndindex(20, 50)}) == 1000
-
-
-def test_no_pass_has_the_seed_of_a_part_of_another_or_of_a_frame():
-    parts = {part_seed(9, what, n) for what in ("light path", "fixed error") for n in range(5)}
-    passes = {pass_seed(9, number) for number in range(1, 50)}
-    frames = {frame_seed(9, number) for number in range(50)}
-    assert len(parts | passes | frames) == 10 + 49 + 50
 
 
 LEVEL = 2e-9
@@ -170,10 +141,3 @@ def test_share_is_the_rest_of_a_geometric_series(max_depth):
     expected = kept ** (max_depth - 1)
     found = of_walls(max_depth).light_left_out(DOWN)
     np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
-
-
-def test_nothing_is_left_out_where_there_is_nothing_to_hit():
-    empty = renderer_of(
-        PerspectiveCamera(width=16, height=16), bands_nm=LONGER_PATHS_BANDS, max_depth=2
-    )
-    np.testing.assert_array_equal(empty.light_left_out(DOWN), 0.0)

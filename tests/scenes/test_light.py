@@ -28,15 +28,6 @@ def test_sky_and_disc_together_give_the_named_illuminance(level):
     assert given(Light(level=level)) == pytest.approx(LEVELS[level].illuminance_lux, rel=1e-12)
 
 
-def test_an_illuminance_makes_all_lights_stronger_alike():
-    usual, strong = Light(level="quarter_moon"), Light(level="quarter_moon", illuminance_lux=0.04)
-    assert given(strong) == pytest.approx(0.04)
-    clouded = Light(level="full_moon", cloud_cover=0.7, illuminance_lux=0.1)
-    assert given(clouded) == pytest.approx(0.1)  # what arrives
-    for name, lux in parts(usual).items():
-        assert parts(strong)[name] == pytest.approx(4 * lux)
-
-
 def test_disc_and_sky_of_the_moon_share_what_the_night_leaves():
     night = 1e-3
     for fraction in (0.0, 0.3, 1.0):
@@ -70,16 +61,6 @@ def test_clouds_take_more_of_the_infrared():
     ratios = [ratio(cover) for cover in (0.0, *COVERS)]
     assert ratios == sorted(ratios, reverse=True)
     assert ratios[-1] < 0.5 * ratios[0]
-
-
-def test_airglow_can_be_stronger_but_not_of_another_color():
-    usual, strong = (
-        Light(level="airglow", illuminance_lux=lux).lighting().sky(1600.0)
-        for lux in (None, 1.638e-3)
-    )
-    assert strong == pytest.approx(2 * usual, rel=1e-9)
-    with pytest.raises(ValueError, match="color_temperature_k 4000: .*its own spectrum"):
-        Light(level="airglow", color_temperature_k=4000)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from megalopta.render.baking.choice import (
     Scatter,
     cost_reason,
     path_tracing_reason,
-    samples_of_pixel,
 )
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
@@ -221,25 +220,6 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     assert "to the same error of 10.2%" in too_many
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
-
-
-def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground):
-    still = scene_of(Lighting(SKY), ground)
-    few = RenderSettings(samples_per_pixel=25, target_error=0.1)
-    assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few, 80**2) == ""
-    # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
-    for error, samples in ((0.5, 50), (1.0, 125), (9.0, 16 * 25)):
-        assert samples_of_pixel(few, Scatter(error, 9.0)) == samples
-    assert samples_of_pixel(TRACED_25, Scatter(9.0, 9.0)) == 25
-    # 50 samples and baked light reach 7.4 %, for which paths would take 4559 samples:
-    # 1.7 r + 0.7 · 50 = 1.5 · 4559 for each pixel.
-    assert cost_reason(4001, 1, Scatter(0.5, 5.0), few) == ""
-    assert "100% of the work" in cost_reason(4003, 1, Scatter(0.5, 5.0), few)
-    # 4 frames of 2 passes: a look would take more work than tracing them.
-    hurried = RenderSettings(samples_per_pixel=25, target_error=0.1, max_passes=2)
-    assert "too few" in path_tracing_reason(
-        still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried, 640**2
-    )
 
 
 def least_standing(tracer, light, part, time=0.0):

@@ -74,12 +74,6 @@ def test_normals_that_turn_cut_a_face_further():
     assert sorted(bent_cells.pieces[:, 0]) == [flat_cells.pieces.min(), 7]
 
 
-def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
-    monkeypatch.setattr(cells_module, "MOST_CELLS", 10)
-    with pytest.raises(ValueError, match="and 10 fit; use 'path'"):
-        Cells.of([triangle_mesh(random_triangles())], CAMERA, PATH)
-
-
 @vectorized
 @pytest.mark.parametrize("frames", [1, 7, 1000])
 def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
@@ -127,16 +121,6 @@ SCATTERING = Scattering(list(MATERIALS.values()), BANDS)
 INDEX = {name: index for index, name in enumerate(MATERIALS)}
 
 
-def test_rays_go_through_where_light_does_and_neither_side_is_starved():
-    through = dict(zip(MATERIALS, SCATTERING.through, strict=True))
-    assert through["opaque"] == through["glows"] == through["black"] == 0
-    assert through["little comes through"] == 0.25
-    # Means over both spectra and both bands.
-    means = [RISING(np.linspace(*band, 1001)).mean() for band in BANDS]
-    back, on = (np.mean([*means, other, other]) for other in (0.4, 0.3))
-    assert through["leaf"] == pytest.approx(on / (back + on), rel=1e-3)
-
-
 @pytest.mark.parametrize("name", MATERIALS)
 def test_what_rays_count_makes_up_for_how_many_there_are(name):
     material, share = MATERIALS[name], SCATTERING.through[INDEX[name]]
@@ -176,10 +160,6 @@ def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
     if 0.5 <= contrast <= 3:
         # half differences tell it with what is taken of contrast, whose share is known from 20
         assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
-
-
-TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
-LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
 
 
 @vectorized

@@ -79,14 +79,6 @@ def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):
         )
 
 
-def test_an_animation_has_no_other_unit_and_stands_alone(tmp_path):
-    path = write(tmp_path / "a.gif")
-    with pytest.raises(UserError, match="omit the unit linear"):
-        open_footage(path, "linear")
-    with pytest.raises(UserError, match="holds 4 pictures; give it alone"):
-        open_footage(tmp_path)
-
-
 def test_an_animation_that_is_cut_off_is_refused(tmp_path):
     path = write(tmp_path / "a.png")
     path.write_bytes(path.read_bytes()[:-60])

@@ -92,11 +92,3 @@ def test_files_that_are_damaged_or_hold_several_arrays_are_refused(tmp_path):
     (tmp_path / "bad.npz").write_bytes(b"PK hello")
     with pytest.raises(UserError, match="complete array"):
         open_footage(tmp_path / "bad.npz", "linear")
-
-
-def test_frames_that_are_not_finite_are_refused(tmp_path):
-    with (
-        open_footage(saved(tmp_path, np.full((2, 3, 5), np.inf)), "linear") as footage,
-        pytest.raises(UserError, match="not finite"),
-    ):
-        footage.frame(1)

@@ -176,12 +176,3 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
     assert list(made.covers) == list(again.covers)
     for cover, chosen in made.covers.items():
         np.testing.assert_array_equal(chosen, again.covers[cover], strict=True)
-
-
-def test_floors_that_differ_are_kept_apart(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    land = make_land(ROUGH.seed, WAY, ROUGH.relief_m, 12.0)
-    changes = {}, {"seed": 6}, {"detail": 0.3}, {"moss_share": 0.2}, {"ground": "meadow"}
-    for change in changes:
-        kept_floor(ROUGH.model_copy(update=change), land, None, np.zeros((1, 2)), 12.0)
-    assert len(list((tmp_path / "megalopta" / "plants").iterdir())) == len(changes)

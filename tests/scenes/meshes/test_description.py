@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.meshes import pieces
@@ -55,19 +55,6 @@ def test_a_file_is_placed_by_scale_turn_and_position(files):
     np.testing.assert_allclose(corners(scene, 0), [[7, 21, 28], [13, 23, 32]], atol=1e-6)
 
 
-@pytest.mark.parametrize("alone", [0, 1])
-def test_one_file_may_be_given_alone(files, alone):
-    given = files[1] if alone else {"file": files[1], "scale": 1.0}
-    assert Meshes(files=given) == Meshes(files=[files[1]])
-
-
-def test_the_same_file_may_be_placed_again(files):
-    both = [files[0], {"file": files[0], "position_m": [9, 9, 9]}]
-    scene = built(files=both)
-    assert len(scene.placements) == 4 and len(scene.materials) == 1
-    np.testing.assert_allclose(corners(scene, 2) - corners(scene, 0), 9)
-
-
 def test_the_ground_lies_just_below_everything(files):
     scene = built(files=files, ground="soil")
     ground, others = corners(scene, 3), [corners(scene, number) for number in range(3)]
@@ -93,25 +80,6 @@ def test_bands_beyond_what_a_color_says_are_refused_by_the_name_of_the_material(
     built(files=files, materials={"wood": 0.4}).check_bands(bands)
 
 
-def test_no_file_and_unknown_files_are_refused(files, tmp_path):
-    with pytest.raises(ValidationError, match="at least 1 item"):
-        Meshes(files=[])
-    with pytest.raises(ValidationError, match=r"none\.glb cannot be read"):
-        Meshes(files=str(tmp_path / "none.glb"))
-
-
-def test_the_report_names_files_and_what_has_no_effect(files):
-    told = Meshes(files=files).describe()
-    assert "room.glb, stone.stl" in told and "emission" in told
-    assert "mirrors" not in told
-
-
-def test_the_report_says_whose_motion_a_mirror_has(tmp_path):
-    (tmp_path / "room.xml").write_text('<scene version="3.0.0"/>')
-    told = Meshes(files=str(tmp_path / "room.xml")).describe()
-    assert "that of the first surface, also of glass and mirrors." in told and "opaque" not in told
-
-
 def pictured(path, *colors):
     """Squares with a picture of 8 × 4 pixels each, in a color."""
     squares = trimesh.Scene()
@@ -129,15 +97,6 @@ def pictured(path, *colors):
 
 
 WHITE = [255, 255, 255, 255]
-
-
-@pytest.mark.parametrize("suffix", [".glb", ".obj"])
-def test_pictures_of_a_file_have_a_bounded_size_in_all(tmp_path, monkeypatch, suffix):
-    two = pictured(tmp_path / f"two{suffix}", WHITE, WHITE)
-    assert len(built(files=two).materials) == 2
-    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)
-    with pytest.raises(ValueError, match="two.* with its pictures takes .*64 values"):
-        built(files=two)
 
 
 def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):

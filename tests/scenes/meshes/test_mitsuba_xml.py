@@ -188,16 +188,6 @@ def test_surfaces_that_repeat_their_parts_are_bounded(write, last):
         scene_of(write(blends + square('<ref id="b0"/>')))
 
 
-def test_a_picture_of_many_surfaces_is_decoded_once(write, tmp_path):
-    path = write("".join(square(
-        f'<bsdf type="diffuse" id="s{n}"><texture type="bitmap" name="reflectance">'
-        '<string name="filename" value="tile.png"/></texture></bsdf>') for n in range(3))
-    )  # fmt: skip
-    Image.new("RGB", (8, 4)).save(tmp_path / "yard/tile.png")
-    found = {id(piece.paint.picture) for piece in PlacedMesh(file=path).pieces()}
-    assert len(found) == 1
-
-
 def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
     monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 50)
     path = write("".join(square(
@@ -207,15 +197,6 @@ def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
     for number in range(2):
         Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
     with pytest.raises(ValueError, match="scene.xml with its pictures takes .*64 values"):
-        scene_of(path)
-
-
-def test_files_of_spectra_are_bounded(write, tmp_path):
-    path = write(
-        square('<bsdf type="diffuse"><spectrum name="reflectance" filename="a.spd"/></bsdf>')
-    )
-    (tmp_path / "yard/a.spd").write_bytes(b"1 " * 3 * 10**6)
-    with pytest.raises(ValueError, match=r"a\.spd is larger than 4 MB"):
         scene_of(path)
 
 
@@ -297,14 +278,6 @@ def test_lamps_are_refused_by_name_only_where_they_shall_shine(write, lamp, reas
         scene_of(path, lights="file")
 
 
-def test_an_unknown_spectrum_of_a_surface_is_refused_with_its_type_and_material(write):
-    path = write(square('<bsdf type="diffuse" id="Wax"><spectrum type="x" name="reflectance"/>'
-                        "</bsdf>"))  # fmt: skip
-    with pytest.raises(ValueError, match="material 'Wax' is with a spectrum of type 'x'"):
-        scene_of(path)
-    assert scene_of(path, materials={"Wax": 0.3})
-
-
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
@@ -330,13 +303,3 @@ def test_shapes_and_places_that_cannot_be_are_refused_with_element_and_value(wri
     path = write(f'<shape id="it" {shape}</shape>')
     with pytest.raises(ValueError, match=rf"scene\.xml.*{reason}"):
         scene_of(path)
-
-
-def test_what_else_a_scene_holds_is_told(write):
-    lamp = square('<emitter type="area"/>')
-    path = write(
-        f'<sensor type="perspective"/><integrator type="path"/><emitter type="point"/>{lamp}'
-    )
-    (told,) = scene_of(path).notes
-    for what in "sensors (perspective)", "integrators (path)", "emitters (point)", "'own' (table)":
-        assert what in told

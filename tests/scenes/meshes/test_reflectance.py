@@ -33,14 +33,3 @@ def test_what_is_no_curve_is_refused(tmp_path, text, reason):
     path.write_text(text)
     with pytest.raises(ValidationError, match=reason):
         READ(str(path))
-
-
-@pytest.mark.parametrize("given", ["leef", 1.5, -1, None])
-def test_other_reflectances_are_refused(given):
-    with pytest.raises(ValidationError, match="is no"):
-        READ(given)
-
-
-def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(ValidationError, match=r"leaf\.csv cannot be read \(no such file"):
-        READ(str(tmp_path / "leaf.csv"))

@@ -59,17 +59,3 @@ def test_the_primaries_are_the_smoothest_with_their_colors(observer):
     best = nnls(rows, wanted, maxiter=10_000)[0].reshape(3, n)
     for found, expected in zip((RED, GREEN, BLUE), best, strict=True):
         np.testing.assert_allclose(found(knots), expected, atol=2e-3)
-
-
-@pytest.mark.parametrize("color", [[0.5, 0.5, 0.5], [0.6, 0.4, 0.3], [0.2, 0.4, 0.2]])
-def test_mitsubas_own_reflectance_of_a_color_is_a_metamer_and_close_where_eyes_see(color, observer):
-    # Sigmoids of polynomials (Jakob and Hanika 2019), free beyond the visible.
-    theirs = mitsuba.load_dict({"type": "srgb", "color": color})
-    points = [mitsuba.SurfaceInteraction3f() for _ in GRID]
-    for point, wavelength in zip(points, GRID, strict=True):
-        point.wavelengths = [float(wavelength)] * 4
-    found = np.array([theirs.eval(point)[0] for point in points])
-    ours = reflectance_of_color(color)(GRID)
-    np.testing.assert_allclose(seen(found, observer), seen(ours, observer), atol=0.01)
-    visible = (GRID >= 420) & (GRID <= 680)
-    assert np.abs(found - ours)[visible].mean() < 0.05

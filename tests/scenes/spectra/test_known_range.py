@@ -6,12 +6,11 @@ import pytest
 from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
-from megalopta.scenes import Light, Pictures
 from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.reflectance import leaf_of, reflectance_of
-from megalopta.scenes.spectra.spectrum import Spectrum, flat, planckian, total
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -24,11 +23,6 @@ def test_bands_in_which_the_light_is_unknown(level, band):
     }
     with pytest.raises(UserError, match=rf"light '{level}': .* known from 360 to 1800 nm"):
         validated(Configuration, fields, "a.yaml", {})
-
-
-def test_a_self_luminous_scene_has_any_band():
-    fields = {"render": {"bands_nm": [(200, 300), (3000, 4000)]}, "scene": {"kind": "grating"}}
-    validated(Configuration, fields, "a.yaml", {})
 
 
 SOIL, BLADE = reflectance_of("soil * 1.6"), leaf_of("dry leaf")
@@ -52,15 +46,3 @@ def test_bands_in_which_a_surface_is_unknown(material, band, said):
     ):
         scene.check_bands([(550, 560), band])
     scene.check_bands([(550, 560)])
-
-
-def test_the_range_of_a_sum_is_where_all_parts_are_known():
-    parts = planckian(3000), Spectrum((400, 500), (1, 1)), flat(1.0)
-    assert total(parts).scaled(2).range_nm == (400, 500)
-    assert flat(1.0).range_nm == (-np.inf, np.inf)
-
-
-def test_white_of_pictures_has_a_range():
-    pictures = Pictures.model_construct(spectrum="D65", reflectance=0.18)
-    with pytest.raises(ValueError, match=r"white 'D65': .* 300 to 830 nm"):
-        pictures.radiance_of_unit(Light(), [(900, 1000)], (1, 1, 1))

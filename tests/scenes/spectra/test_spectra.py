@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.constants import sigma
 
-from megalopta.core import strict_yaml
 from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.color import (
     LUMINANCE_SHARES,
@@ -19,8 +18,6 @@ from megalopta.scenes.spectra.color import (
 from megalopta.scenes.spectra.reflectance import (
     LEAVES,
     REFLECTANCES,
-    TABLE,
-    Leaf,
     leaf_of,
     reflectance_of,
 )
@@ -126,13 +123,7 @@ def test_reflectances_lie_between_zero_and_one(name):
     assert spectrum(WAVELENGTHS_NM).min() > 0 and spectrum(WAVELENGTHS_NM).max() < 1
 
 
-def test_dry_litter_shows_the_band_of_water_less_than_moist_soil():
-    soil, litter = (s(1450) / s(1300) for s in map(reflectance_of, ("soil", "litter")))
-    assert soil < 0.85 < litter < 1
-
-
 LEAVES_WAVELENGTHS_NM = np.arange(380, 2501)
-ENTRIES = strict_yaml.load(TABLE.read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", LEAVES)
@@ -140,13 +131,6 @@ def test_leaves_send_out_less_light_than_they_get(name):
     reflected, through = (spectrum(LEAVES_WAVELENGTHS_NM) for spectrum in leaf_of(name))
     assert reflected.min() > 0.02 and through.min() >= 0
     assert (reflected + through).max() < 0.98
-
-
-def test_a_darker_leaf_is_darker_on_both_sides():
-    for whole, half in zip(leaf_of("moss"), leaf_of("moss * 0.5"), strict=True):
-        np.testing.assert_allclose(
-            half(LEAVES_WAVELENGTHS_NM), whole(LEAVES_WAVELENGTHS_NM) / 2, 1e-12
-        )
 
 
 def test_leaves_absorb_as_green_dry_and_young_ones_do():
@@ -158,21 +142,3 @@ def test_leaves_absorb_as_green_dry_and_young_ones_do():
         assert 0.35 < green < 0.85 and red > 0.8 and infrared < 0.2, name
     assert absorbed["young leaf light"][0] < absorbed["leaf light"][0] < absorbed["leaf dark"][0]
     assert absorbed["dry leaf"][1] < 0.3  # no chlorophyll
-
-
-TOLERANCE = 0.004
-"""Largest error of a straight line between two wavelengths of a leaf's table."""
-
-
-@pytest.mark.parametrize("name", LEAVES)
-def test_tables_are_what_the_model_gives_for_the_parameters_beside_them(name):
-    xleaf = pytest.importorskip("xleaf")
-    table, wavelengths = dict(ENTRIES[name]), 1000 * np.asarray(xleaf.wavelengths, np.float64)
-    curves = np.array(xleaf.simulate_leaf(**table.pop("prospect"), transmittance=True)).round(3)
-    kept, off = [0, len(wavelengths) - 1], np.array(np.inf)
-    while off.max() > TOLERANCE:
-        lines = [np.interp(wavelengths, wavelengths[kept], each[kept]) for each in curves]
-        off = np.abs(lines - curves).max(axis=0)
-        kept = sorted({*kept, int(off.argmax())}) if off.max() > TOLERANCE else kept
-    values = [each[kept].tolist() for each in (wavelengths.round(), *curves)]
-    assert table == dict(zip(("wavelengths_nm", *Leaf._fields), values, strict=True))
