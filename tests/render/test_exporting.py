@@ -62,7 +62,8 @@ def means(radiance):
 
 
 @vectorized
-@pytest.mark.parametrize("kind", ["grating", pytest.param("forest", marks=pytest.mark.slow), "own"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["grating", "forest", "own"])
 def test_plain_mitsuba_sees_the_same_radiance_in_every_band(kind, own, tmp_path):
     described = {"grating": Grating(), "forest": Forest(trees=8, density_per_ha=100), "own": own}
     box = MovingObject(position_m=(4, 1, 1.5), motion=Drift(velocity_m_s=(0, -9, 0)))

@@ -198,34 +198,3 @@ def test_truth_is_that_of_glass_and_of_the_whole_of_a_cut_out(room):
     np.testing.assert_allclose(from_center, 0.3, atol=3.3e-4)  # facets, 1.1e-3 of the radius
     assert not renderer.albedo(pose)[names == "marble"].any()
     assert renderer.albedo(pose)[names == "room"].min() > 0.3
-
-
-def changed(path, old, new):
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new))
-    return built(path)
-
-
-def rendered(scene, **more):
-    return SceneRenderer(scene, CAMERA, SETTINGS.model_copy(update=more), INSIDE.poses())
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('value="Au"', 'value="Unobtainium"', r"gold': Mitsuba .*Unobtainium.* does not exist"),
-        ('<float name="alpha" value="0.1"/>', '<float name="shine" value="1"/>', "shine"),
-        (
-            'name="int_ior" value="bk7"',
-            'name="int_ior" value="ice"',
-            r"glass, smooth': .*IOR value",
-        ),
-        ("0.2, 0.3, 0.7", "2, 0.3, 0.7", r"paint, smooth': .*Invalid RGB"),
-    ],
-)
-def test_what_mitsuba_does_not_accept_is_one_sentence(room, old, new, message):
-    with pytest.raises(ValueError, match=message) as refused:
-        rendered(changed(room, old, new))
-    assert "\n" not in str(refused.value)
-    assert "give its reflectance in `materials`" in str(refused.value)

@@ -61,6 +61,7 @@ def test_every_band_has_the_mean_of_mitsubas_path_tracer(name):
 
 
 @vectorized
+@pytest.mark.slow
 def test_a_band_reads_the_same_beside_others_with_gaps_between():
     def mean(*bands):
         renderer, pose = rendering("starlight", bands_nm=bands), PATH.poses()[0]
@@ -76,6 +77,7 @@ def test_a_band_reads_the_same_beside_others_with_gaps_between():
 
 
 @vectorized
+@pytest.mark.slow
 def test_a_depth_limit_leaves_parts_out():
     sky, once, twice = (
         rendering("daylight", max_depth=depth).measured(PATH.poses()[0], 1) for depth in (1, 2, 3)

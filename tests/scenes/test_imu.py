@@ -96,16 +96,3 @@ def test_the_allan_variance_is_that_of_the_model(seconds):
     # A sampled walk has another 1/(2·size²) of its own.
     tolerance += 1 / size**2
     assert abs(found / noise.allan_variance(seconds) - 1) < tolerance
-
-
-def test_readings_are_truth_noise_and_bias():
-    imu = Imu(rate_hz=100, gyroscope_noise_density=0, accelerometer_random_walk=0)
-    read = imu.read(HOVER, np.random.default_rng(0))
-    gyroscope = read.angular_velocities - read.truth.angular_velocities
-    np.testing.assert_allclose(gyroscope, read.gyroscope_biases, atol=1e-12)
-    assert not read.gyroscope_biases[0].any()
-    assert read.gyroscope_biases[1:].all()
-    assert not read.accelerometer_biases.any()
-    noise = (read.specific_forces - read.truth.specific_forces).std()
-    # 603 numbers: five deviations of a standard deviation are 5/√(2·603).
-    assert abs(noise / (2e-3 * 10) - 1) < 5 / np.sqrt(2 * 603)

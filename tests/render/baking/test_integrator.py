@@ -80,6 +80,7 @@ def test_what_lies_below_the_ground_sends_no_light_up():
     assert baked == pytest.approx(path, rel=0.25)
 
 
+@pytest.mark.slow
 @vectorized
 def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
     leaf = square(1.0, 0.3), Material(flat(0.4))
@@ -146,12 +147,13 @@ def compared(tracer, light, seeds, time=0.0):
     return paths, quick, (quick - paths).mean(axis=0) ** 2 - noise
 
 
+@pytest.mark.slow
 @vectorized
 @pytest.mark.parametrize(
     "sun",
     [
         pytest.param(None, id="sky"),
-        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun", marks=pytest.mark.slow),
+        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun"),
     ],
 )
 def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):

@@ -131,19 +131,6 @@ def test_light_of_exr_and_radiance_and_float_tiff(tmp_path):
         assert (footage.transfer, footage.unit) == ("cd/m²", "cd/m2")
 
 
-def test_primaries_that_an_exr_states(tmp_path):
-    one = np.ones((4, 4), np.float32)
-    bt2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
-    write_exr(tmp_path / "a.exr", R=one, G=one / 2, B=one / 2, header={"chromaticities": bt2020})
-    with open_footage(tmp_path / "a.exr") as footage:  # ITU-R BT.2087
-        np.testing.assert_allclose(
-            footage.frame(0)[0, 0],
-            [0.5 + 1.6605 / 2, 0.5 - 0.1246 / 2, 0.5 - 0.0182 / 2],
-            atol=1e-3,
-        )
-        assert "primaries" in footage.notes[0]
-
-
 def test_light_below_zero(tmp_path):
     values = np.ones((10, 10), np.float32)
     values[0, 0] = -0.1

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
@@ -139,23 +138,6 @@ def test_the_ground_is_one_object_whose_parts_meet(scene, ground):
     same = np.diff(welded.reshape(-1)[order]) == 0
     np.testing.assert_allclose(normals[order][1:][same], normals[order][:-1][same], atol=1e-12)
     assert normals[:, 2].min() > 0
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"moss_share": 1.0}, "less than or equal to 0.95"),
-        ({"moss_share": 0.3, "ground": "moss"}, r"moss_share 0.3 adds patches .* set ground to"),
-        ({"path_width_m": 3.0}, r"path_width_m 3 is wider than the 2.4 m .* raise clearance_m"),
-        ({"path_width_m": 0.01}, "path_width_m 0.01 is no path; give 0.2 or more, or 0 for none"),
-        ({"path_width_m": -1.0}, "greater than or equal to 0"),
-        ({"floor_relief_m": 1.0}, "less than or equal to 0.2"),
-        ({"bark_relief": 9.0}, "less than or equal to 3"),
-    ],
-)
-def test_impossible_floors_are_refused(values, message):
-    with pytest.raises(ValidationError, match=message):
-        Forest.model_validate(values)
 
 
 def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):

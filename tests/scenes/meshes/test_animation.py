@@ -1,13 +1,11 @@
 """Animation against the formulas of the specification, written here again."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
-from megalopta.scenes.meshes.animation import NodeMotion, Track
+from megalopta.scenes.meshes.animation import Track
 from megalopta.scenes.meshes.gltf import pieces_of
 from megalopta.scenes.meshes.model import PlacedMesh
 
@@ -136,19 +134,6 @@ def test_normals_stay_at_right_angles_to_the_surface(blade):
         (normal, *_) = blade.motion.turn(flat.normals, flat.vertices, time)
         facing = np.cross(b - a, c - a)
         np.testing.assert_allclose(normal, facing / np.linalg.norm(facing), atol=1e-6)
-
-
-def test_a_motion_elsewhere_is_the_same_seen_from_there(blade):
-    place = pose(30, (1, 1, 0), (5, -2, 1), 0.5)
-    there = blade.moved(place)
-    for time in TIMES:
-        expected = blade.motion.carry(blade.vertices, time) @ place[:3, :3].T + place[:3, 3]
-        np.testing.assert_allclose(there.motion.carry(there.vertices, time), expected, atol=1e-9)
-
-
-def test_the_record_of_a_motion_gives_it_again(blade):
-    again = NodeMotion.of_record(json.loads(json.dumps(blade.motion.record())))
-    np.testing.assert_array_equal(again.maps(TIMES), blade.motion.maps(TIMES))
 
 
 def test_what_does_not_move_has_no_motion_and_without_animation_nothing_has():

@@ -41,13 +41,6 @@ def corners(scene, number):
     return np.array([placed.min(axis=0), placed.max(axis=0)])
 
 
-def test_nodes_are_objects_of_kinds_by_name_without_control_characters(files):
-    scene = built(files=files)
-    assert [each.kind for each in scene.placements] == ["table", r"chair\x1b[31m", "stone"]
-    assert scene.triangle_count == 12 + 12 + 80 == Meshes(files=files).expected_triangles(9.0)
-    assert scene.lighting == Light().lighting()
-
-
 def test_a_file_is_placed_by_scale_turn_and_position(files):
     placed = {"scale": 2.0, "turn_deg": [0, 0, 90], "position_m": [10, 20, 30]}
     scene = built(files=[{"file": files[0], **placed}])

@@ -46,8 +46,7 @@ def test_given_reflectances_replace_colors_by_the_name_of_the_material_or_object
     curve = Curve(wavelengths_nm=(400, 900), values=(0.1, 0.6))
     given = {"red": curve, "thing 1": 0.25, "thing 2": "soil"}
     surfacing = Surfacing("a.ply", given)
-    colored = {"colors": RNG.random((10, 3))}
-    surfacing.objects([piece(paint=RED), piece(1, **colored), piece(2, **colored)])
+    surfacing.objects([piece(paint=RED), piece(1), piece(2)])
     first, second, third = surfacing.materials.values()
     assert first.reflectance(650.0) == pytest.approx(0.35) and first.known_nm == (400, 900)
     assert second.reflectance == flat(0.25) and second.known_nm is None

@@ -110,14 +110,3 @@ MISSING = "vertices, coordinates or normals that are not there"
 def test_corners_that_are_not_there_or_no_numbers_are_refused(face, told):
     with pytest.raises(ValueError, match=told):
         read(f"{CORNERS}{face}\n")
-
-
-@pytest.mark.parametrize("more", ["", " 1 2", " 1 # gray"])
-def test_positions_are_read_to_the_last_digit_whatever_comes_after_them(more):
-    rng = np.random.default_rng(5)
-    values = rng.standard_normal((1500, 3)) * 10.0 ** rng.integers(-30, 30, (1500, 3))
-    lines = ["v " + " ".join(map(repr, row)) for row in values.tolist()]
-    lines[7] += more  # not as long as the others
-    faces = [f"f {n} {n + 1} {n + 2}" for n in range(1, 1499, 3)]
-    (piece,) = pieces_of({"a.obj": "\n".join(lines + faces).encode()})
-    np.testing.assert_array_equal(piece.vertices, values)
