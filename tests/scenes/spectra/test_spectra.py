@@ -1,26 +1,45 @@
-"""Spectra, the colors that they have, and reflectances."""
+"""Spectra, the colors that they have, and reflectances.
+
+Bands beyond the range of a spectrum are refused, with its name and range.
+"""
 
 import math
 
+import mitsuba
 import numpy as np
 import pytest
 from scipy.constants import sigma
+from scipy.optimize import nnls
 
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
+from megalopta.core import strict_yaml
+from megalopta.core.errors import UserError
 from megalopta.scenes.levels import LEVELS
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import (
+    BLUE,
+    GREEN,
+    KNOWN_NM,
     LUMINANCE_SHARES,
+    RED,
     encode_srgb,
     linear_srgb,
     matching_functions,
     primaries,
+    reflectance_of_color,
 )
 from megalopta.scenes.spectra.reflectance import (
     LEAVES,
     REFLECTANCES,
+    TABLE,
+    Leaf,
     leaf_of,
     reflectance_of,
 )
 from megalopta.scenes.spectra.spectrum import (
+    SPECTRA,
     Spectrum,
     flat,
     luminous,
@@ -126,3 +145,112 @@ def test_leaves_absorb_as_green_dry_and_young_ones_do():
         assert 0.35 < green < 0.85 and red > 0.8 and infrared < 0.2, name
     assert absorbed["young leaf light"][0] < absorbed["leaf light"][0] < absorbed["leaf dark"][0]
     assert absorbed["dry leaf"][1] < 0.3  # no chlorophyll
+
+
+GRID = np.arange(KNOWN_NM[0], KNOWN_NM[1] + 1, 1.0)
+D65 = SPECTRA["D65"](GRID)
+XYZ_OF_SRGB = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def observer():
+    """CIE 1931 standard observer (wavelengths, 3), from Mitsuba's tables."""
+    mitsuba.set_variant("scalar_spectral")
+    return np.array([np.ravel(mitsuba.cie1931_xyz(float(each))) for each in GRID], np.float64)
+
+
+def seen(reflectance, observer):
+    """Color (..., 3) of a reflectance (..., wavelengths) in D65, in linear sRGB; of white, 1."""
+    xyz = (reflectance * D65) @ observer / (D65 @ observer) * XYZ_OF_SRGB.sum(axis=1)
+    return xyz @ np.linalg.inv(XYZ_OF_SRGB).T
+
+
+@pytest.mark.parametrize("color", [*np.eye(3), *np.random.default_rng(1).random((20, 3))])
+def test_a_color_has_a_reflectance_that_looks_like_it_in_daylight(color, observer):
+    reflectance = reflectance_of_color(color)(GRID)
+    assert reflectance.min() >= 0 and reflectance.max() <= 1 + 1e-9
+    # Tables have four digits; the inverse of the matrix multiplies their rounding by up to 3.
+    np.testing.assert_allclose(seen(reflectance, observer), color, atol=3e-4)
+
+
+def test_red_green_and_blue_add_up_to_a_perfect_white():
+    np.testing.assert_allclose(RED(GRID) + GREEN(GRID) + BLUE(GRID), 1, atol=1e-9)
+
+
+def test_the_primaries_are_the_smoothest_with_their_colors(observer):
+    knots = np.linspace(*KNOWN_NM, 48)
+    n = len(knots)
+    tents = np.array([np.interp(GRID, knots, row) for row in np.eye(n)])
+    colors = seen(tents, observer)
+    heavy = 1e4  # of conditions, in the least squares of the steps
+    rows = np.concatenate(
+        [
+            np.kron(np.eye(3), np.diff(np.eye(n), axis=0)),
+            heavy * np.kron(np.eye(3), colors.T),
+            heavy * np.tile(np.eye(n), 3),
+        ]
+    )
+    wanted = np.concatenate([np.zeros(3 * (n - 1)), heavy * np.eye(3).ravel(), np.full(n, heavy)])
+    best = nnls(rows, wanted, maxiter=10_000)[0].reshape(3, n)
+    for found, expected in zip((RED, GREEN, BLUE), best, strict=True):
+        np.testing.assert_allclose(found(knots), expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("band", [(300, 320), (359, 420), (1780, 1801), (3000, 4000)])
+def test_bands_in_which_the_light_is_unknown(level, band):
+    fields = {
+        "light": {"level": level},
+        "render": {"bands_nm": [band]},
+        "scene": {"kind": "forest"},
+    }
+    with pytest.raises(UserError, match=rf"light '{level}': .* known from 360 to 1800 nm"):
+        validated(Configuration, fields, "a.yaml", {})
+
+
+SOIL, BLADE = reflectance_of("soil * 1.6"), leaf_of("dry leaf")
+
+
+@pytest.mark.parametrize(
+    ("material", "band", "said"),
+    [
+        (Material(SOIL), (370, 400), "380 to 1700"),
+        (Material(SOIL), (1600, 1750), "380 to 1700"),
+        (Material(BLADE.reflectance, transmittance=BLADE.transmittance), (380, 420), "400 to 2500"),
+        (Material(flat(0.1), Texture(np.ones((2, 2), "f4"), SOIL)), (1600, 1750), "380 to 1700"),
+        (Material(flat(0.0), emission=Emission(Spectrum((500, 600), (1, 2)))), (590, 610), "500 to 600"),
+        (Material(flat(0.3), known_nm=(500, 600)), (590, 610), "500 to 600"),
+    ],
+)  # fmt: skip
+def test_bands_in_which_a_surface_is_unknown(material, band, said):
+    scene = Scene({"it": material}, {}, ())
+    with pytest.raises(
+        ValueError, match=f"material 'it': .* known from {said} nm, and bands_nm has"
+    ):
+        scene.check_bands([(550, 560), band])
+    scene.check_bands([(550, 560)])
+
+
+ENTRIES = strict_yaml.load(TABLE.read_text("utf-8"))
+TOLERANCE = 0.004
+"""Largest error of a straight line between two wavelengths of a leaf's table."""
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_tables_are_what_the_model_gives_for_the_parameters_beside_them(name):
+    xleaf = pytest.importorskip("xleaf")
+    table, wavelengths = dict(ENTRIES[name]), 1000 * np.asarray(xleaf.wavelengths, np.float64)
+    curves = np.array(xleaf.simulate_leaf(**table.pop("prospect"), transmittance=True)).round(3)
+    kept, off = [0, len(wavelengths) - 1], np.array(np.inf)
+    while off.max() > TOLERANCE:
+        lines = [np.interp(wavelengths, wavelengths[kept], each[kept]) for each in curves]
+        off = np.abs(lines - curves).max(axis=0)
+        kept = sorted({*kept, int(off.argmax())}) if off.max() > TOLERANCE else kept
+    values = [each[kept].tolist() for each in (wavelengths.round(), *curves)]
+    assert table == dict(zip(("wavelengths_nm", *Leaf._fields), values, strict=True))
