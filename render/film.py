@@ -8,7 +8,7 @@ a fifth less noisy than four times 16. A shutter that reads columns has a film o
 A channel is the integral of radiance against a box of height 1/width, that is, the band mean in
 W·m⁻²·sr⁻¹·nm⁻¹.
 
-Means over pixels of quantities along a sensor's rays; in vectorized variants.
+In vectorized variants, `pixel_means` finds means over pixels of any quantities along the rays.
 """
 
 import math

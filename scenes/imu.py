@@ -9,12 +9,11 @@ at time 0. The Allan variance of the error over τ is density²/τ + walk²·τ/
 annex C). Saturation, scale errors, misalignment and steps of the converter are not modeled. Default
 values are those of the ADIS16448 of EuRoC (Burri et al., IJRR 35, 2016).
 
-Angular velocity and specific force of a body on a path, from its exact course.
-
-An accelerometer measures a − g, along its own axes: at rest, 9.80665 m/s² upward. Derivatives are
-central differences over 1 ms, extrapolated to fourth order (Richardson). They have an error below
-1e-6 of the largest value for motion up to 5 Hz. Where a course has a corner, as recorded
-orientations at each line of the file, it is rounded over 2 ms.
+True angular velocity and specific force follow from the exact course of a path. An accelerometer
+measures a − g, along its own axes: at rest, 9.80665 m/s² upward. Derivatives are central
+differences over 1 ms, extrapolated to fourth order (Richardson). They have an error below 1e-6 of
+the largest value for motion up to 5 Hz. Where a course has a corner, as recorded orientations at
+each line of the file, it is rounded over 2 ms.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,6 @@
 """Surfaces that reflect, transmit or emit light.
 
-Surfaces that are not diffuse, as the tree of Mitsuba's plug-ins that describes them.
-
+Surfaces that are not diffuse are the tree of Mitsuba's plug-ins that describes them (`Finish`).
 They are kept as a file states them; only the renderer knows what they do to light.
 """
 

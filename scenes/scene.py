@@ -6,12 +6,11 @@ computes in float32, so its coordinates are relative to `Scene.origin_m`.
 
 An object id is the index in `Scene.placements` plus one; 0 means no hit.
 
-Droplets in the air that scatter light between objects and camera.
-
-The visibility V is the distance at which a black object has a contrast of 2 % (Koschmieder 1924,
-Beiträge zur Physik der freien Atmosphäre 12, 33), so the extinction is σ = ln 50 / V. Directions
-follow Henyey and Greenstein (1941, Astrophysical Journal 93, 70), p = (1 − g²) / (4π·(1 + g² −
-2g·cos θ)^(3/2)) with the scattering angle θ.
+Haze is droplets in the air that scatter light between objects and camera. The visibility V is the
+distance at which a black object has a contrast of 2 % (Koschmieder 1924, Beiträge zur Physik der
+freien Atmosphäre 12, 33), so the extinction is σ = ln 50 / V. Directions follow Henyey and
+Greenstein (1941, Astrophysical Journal 93, 70), p = (1 − g²) / (4π·(1 + g² − 2g·cos θ)^(3/2)) with
+the scattering angle θ.
 
 Haze is independent of wavelength: droplets of fog and mist are large compared with it (radii of 1
 to 20 µm), so extinction is twice the cross section. They absorb little light: less than 1e-5 in the

@@ -5,8 +5,6 @@ divided into pieces, which spans a grid of parallelograms over the triangle. Pie
 long where the camera comes closest; where vertex normals turn, they are short enough that the
 normal turns little within one.
 
-Number of views of each cell in a sequence, and random numbers derived from a cell alone.
-
 Before baking, a survey of the whole sequence finds each cell's area in the frames and place. Of a
 cell that extends into the ground or a stone only a part is visible, and light on the rest is
 irrelevant. So one visible point is kept of each cell.
@@ -25,7 +23,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import MeshIndex
-from megalopta.render.numbers import hashed
+from megalopta.render.path_tracing import hashed
 from megalopta.render.shading import Sight
 from megalopta.scenes.cameras.base import Camera
 

@@ -1,10 +1,9 @@
-"""Choice of baked light or path tracing for a sequence.
+"""Choice of baked light or path tracing for a sequence, by the error of baked light.
 
-Error of baked light: predicted from a few frames, then measured against traced paths.
-
-Both use the same points of some pixels, so that the pixels' content cancels. The paths of a pixel
-come in independent groups, which gives their own scatter (`render.noise`). Many paths per pixel are
-used rather than many pixels: the scatter to be subtracted decreases with their number.
+The error is predicted from a few frames, then measured against traced paths. Both use the same
+points of some pixels, so that the pixels' content cancels. The paths of a pixel come in independent
+groups, which gives their own scatter (`render.noise`). Many paths per pixel are used rather than
+many pixels: the scatter to be subtracted decreases with their number.
 """
 
 import math

@@ -6,8 +6,6 @@ shadow edges are as sharp as those of the path tracer. Emitters, including the s
 directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
 light of their own, for moving objects, and near these.
 
-Points near moving objects, where paths are traced in place of baked light.
-
 Moving objects change the light on objects at rest. An object inside a sphere of radius r at a
 distance d contributes at most (r/d)² to the irradiance of a point at rest. Where this exceeds 0.01,
 paths are traced instead of using baked light.

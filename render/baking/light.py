@@ -1,16 +1,15 @@
-"""Baked light: computed, looked up and cached.
+"""Baked light: computed and looked up.
 
 Baked light is the radiance of cells, the view-independent part of shading. For each requested
 cluster of cells and each band, the table holds the radiance of each spectrum that a texture mixes,
 and for each the difference of the halves of the samples (`gathering`). At weight w of the second
 the surface shows (1 − w) of the first and w of the second.
 
-Cells that share their light: in clusters, and clusters with their neighbors.
-
-In foliage a pixel sees dozens of leaves at a time, each once in a sequence: only their mean
-matters. Cells of one material, of similar orientation and in the same voxel, a quarter to half a
-pixel wide where the camera comes closest, form a cluster. Its light is gathered at points drawn in
-proportion to how often the sequence sees their cells.
+Cells share their light in clusters, and clusters with their neighbors. In foliage a pixel sees
+dozens of leaves at a time, each once in a sequence: only their mean matters. Cells of one material,
+of similar orientation and in the same voxel, a quarter to half a pixel wide where the camera comes
+closest, form a cluster. Its light is gathered at points drawn in proportion to how often the
+sequence sees their cells.
 
 Neighboring clusters are distinguished only as far as their light differs by more than its noise. In
 a voxel some pixels wide, the light of clusters of the same orientation varies by τ², and each

@@ -1,6 +1,5 @@
-"""Files and folders of pictures as footage, by suffix; animations, read with Pillow.
-
-Arrays in `.npy` and `.npz` as footage.
+"""Files and folders of pictures as footage, by suffix; arrays, and animations, which
+Pillow reads.
 """
 
 import math

@@ -4,9 +4,8 @@
 scene, OptiX does not; both give the shape itself, as its number in Dr.Jit's registry of all shapes
 of the process.
 
-Loaded scenes whose meshes rays meet: one, or one at rest and a small one of moving objects.
-
-Only the small one is rebuilt when objects move.
+Rays meet the meshes of one loaded scene, or of two (`Layers`): one at rest, and a small one of
+moving objects, the only one that is rebuilt when these move.
 """
 
 import re

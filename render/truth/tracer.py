@@ -9,9 +9,8 @@ occluded. A point of a leaf is also invisible to a camera on the leaf's other si
 Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
 point, as behind a pinhole. The other frame may be any of the sequence.
 
-Diffuse reflectance of the surfaces that rays see, as band means: from materials, without light.
-
-Textures are interpolated between texels as the renderer does. Transmitted light does not count.
+Albedo, the diffuse reflectance of the surfaces seen, as band means, comes from materials. Textures
+are interpolated between texels as the renderer does. Transmitted light does not count.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

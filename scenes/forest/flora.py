@@ -1,7 +1,5 @@
 """Plants and litter of a forest, from the table `flora.yaml` and from here.
 
-Kinds of plants: growth, look and placement; presets and levels of detail.
-
 Stones, logs and fallen leaves are plants here too.
 """
 

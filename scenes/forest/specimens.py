@@ -6,8 +6,6 @@ dataset and their rendering processes share them.
 A few individuals of every kind grow, each with several levels of detail. An asset is one of these,
 such as "young spruce 3 far".
 
-Leaf and wood area of a forest: as requested.
-
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
 the ground below them. Wood counts with half of its surface, like one of a leaf's two sides (Chen
 and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and litter are excluded, as in the

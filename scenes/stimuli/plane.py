@@ -3,11 +3,10 @@
 Motion in the image has a closed form: a board at distance D shifts by f·s/D everywhere if the
 camera, of focal length f (px), moves by s along it. The board covers all views.
 
-Motion bench of the dissertation's SPADCAM (§2.4.8): a plate crosses the beam over a row.
-
-There a metal plate on a 3-D printer moves at 1 to 10 mm/s between a monochromator and the bare
-array, 16 pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame.
-Hidden pixels still receive stray light: 27 photons per pixel and frame against 65.
+On the motion bench of the dissertation's SPADCAM (§2.4.8) a plate crosses the beam over a row. A
+metal plate on a 3-D printer moves at 1 to 10 mm/s between a monochromator and the bare array, 16
+pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame. Hidden pixels
+still receive stray light: 27 photons per pixel and frame against 65.
 
 Here the camera replaces the array. Its rays meet the plate's plane one pixel pitch apart, and it
 moves past the resting plate, which gives the same images: a camera velocity of 0.01 m/s to the

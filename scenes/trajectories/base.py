@@ -4,7 +4,7 @@ A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to wo
 renderer computes in float32 about a local origin, `origin_m`. Positions are rounded accordingly, so
 that the stored pose is the rendered pose, even a kilometer from the world's origin.
 
-Place of a camera on a rig that follows a path.
+A camera may have a place on a rig that follows the path (`Mount`).
 """
 
 from abc import abstractmethod

@@ -1,8 +1,6 @@
-"""Camera on a circle around the point at which it looks.
+"""Camera on a circle around the point at which it looks, or around a scene, all of which it sees.
 
-Camera on a circle around a scene of files, all of which it sees.
-
-Extent of a scene, of which files may hold more than what a camera looks at.
+Of a scene of files only what a camera looks at counts (`bounds_of`).
 """
 
 from typing import Annotated, Literal

@@ -1,7 +1,4 @@
-"""Camera that turns in place, moves along a line, or both.
-
-Camera held in place with jitter.
-"""
+"""Camera that turns in place, moves along a line, or both; or is held in place with jitter."""
 
 import math
 from typing import Annotated, Literal

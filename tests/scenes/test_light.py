@@ -18,7 +18,7 @@ from megalopta.scenes.light import (
 )
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement
-from megalopta.scenes.spectra.spectrum import flat, luminous, planckian
+from megalopta.scenes.spectra.spectrum import flat, luminous
 
 from .published import (
     ARCSEC2_SR,
@@ -59,14 +59,6 @@ def test_disc_and_sky_of_the_moon_share_what_the_night_leaves():
         assert light.get("moon", 0) == pytest.approx(fraction * (0.25 - night))
         assert light["airglow"] + light["starlight"] == pytest.approx(night)
     assert Light(level="full_moon", disc_fraction=0.0).lighting().sun is None
-
-
-def test_a_color_temperature_is_that_of_every_light():
-    light = Light(level="full_moon", color_temperature_k=5000).lighting()
-    grid = np.arange(400, 1700, 50)
-    for spectrum in (light.sky, light.sun.irradiance):
-        ratio = spectrum(grid) / planckian(5000)(grid)
-        np.testing.assert_allclose(ratio, ratio[0])
 
 
 @pytest.mark.parametrize("cover", COVERS)

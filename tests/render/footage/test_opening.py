@@ -1,8 +1,6 @@
 """What is footage, and what is refused before it is opened.
 
-Arrays in files, with a unit.
-
-Animated GIF, PNG and WebP, which the tests write.
+Arrays, and animated GIF, PNG and WebP, which the tests write.
 """
 
 import os
