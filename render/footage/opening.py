@@ -1,6 +1,4 @@
-"""Files and folders of pictures as footage, by suffix; arrays, and animations, which
-Pillow reads.
-"""
+"""Files and folders of pictures, arrays and animations as footage, by suffix."""
 
 import math
 import sys
