@@ -122,18 +122,6 @@ def test_all_bits_are_kept(film, format, codec, name):
         np.testing.assert_allclose(footage.frame(0)[..., 1], expected, atol=2e-5)
 
 
-def test_a_film_of_gray_keeps_its_range(film):
-    path = film(
-        [(np.full((48, 64), 126),)],
-        "gray.mkv",
-        "ffv1",
-        "gray",
-        colors={"color_range": 1, "color_trc": 8},
-    )
-    with open_footage(path) as footage:
-        np.testing.assert_allclose(footage.frame(0), 110 / 219, atol=1e-6)
-
-
 def moving(count):
     return [gray(20 + 8 * k) for k in range(count)]
 

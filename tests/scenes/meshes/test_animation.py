@@ -56,21 +56,6 @@ def test_splines_follow_the_formula_of_the_specification():
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("times", "values", "reason"),
-    [
-        ([0, 0], [1, 2], "do not increase"),
-        ([0], [1, 2], "one value"),
-        ([0, 1], [1, np.nan], "not finite"),
-        ([0, 1], [1, 2], "interpolated by CATMULL"),
-    ],
-)
-def test_what_is_no_function_of_time_is_refused(times, values, reason):
-    mode = "CATMULL" if "CATMULL" in reason else "LINEAR"
-    with pytest.raises(ValueError, match=reason):
-        Track(np.array(times, float), np.array(values, float)[:, None], mode)
-
-
 TURNS = Rotation.from_euler("z", [[0], [90], [200]], degrees=True).as_quat().astype(np.float32)
 SHIFTS = np.array([[0, 0, 0], [1, 2, 3], [0, -1, 0]], np.float32)
 
@@ -142,19 +127,6 @@ def test_what_does_not_move_has_no_motion_and_without_animation_nothing_has():
     assert all(piece.motion is None for piece in pieces_of({"a.glb": mill().glb()}))
     with pytest.raises(ValueError, match="no animation of nodes with meshes.*; omit animate"):
         list(pieces_of({"a.glb": mill(animations=[]).glb()}, True))
-
-
-def test_a_shape_that_shrinks_to_nothing_is_carried_and_brought_back():
-    file = mill()
-    sizes = file.accessor(np.float32([[1, 1, 1], [0, 0, 0], [1, 1, 1]]))
-    animation = file.header["animations"][0]
-    animation["samplers"].append({**animation["samplers"][0], "output": sizes})
-    animation["channels"].append({"sampler": 2, "target": {"node": 2, "path": "scale"}})
-    (blade, _) = pieces_of({"a.glb": file.glb()}, True)
-    points = RNG.normal(size=(4, 3))
-    assert np.ptp(blade.motion.carry(points, 1.0), axis=0).max() < 1e-9
-    assert np.isfinite(blade.motion.undo(points, 1.0)).all()
-    assert np.isfinite(blade.motion.turn(points, points, 1.0)).all()
 
 
 def test_a_damaged_animation_is_one_sentence(tmp_path):
