@@ -214,3 +214,15 @@ def test_a_damaged_frame_is_refused_when_it_is_asked_for(film, tmp_path):
     with open_footage(path) as footage, pytest.raises(UserError, match="cannot be decoded"):
         for k in range(len(footage)):
             footage.frame(k)
+
+
+def test_a_film_of_gray_keeps_its_range(film):
+    path = film(
+        [(np.full((48, 64), 126),)],
+        "gray.mkv",
+        "ffv1",
+        "gray",
+        colors={"color_range": 1, "color_trc": 8},
+    )
+    with open_footage(path) as footage:
+        np.testing.assert_allclose(footage.frame(0), 110 / 219, atol=1e-6)
