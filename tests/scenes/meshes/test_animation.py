@@ -144,20 +144,8 @@ def test_a_damaged_animation_is_one_sentence(tmp_path):
     assert 20 < refused < 150
 
 
-@pytest.mark.parametrize(
-    ("frames", "told"),
-    [(26, False), (31, True), (11, True), (501, True)],
-)
-def test_an_animation_of_another_duration_and_what_of_it_has_no_effect_is_told(
-    tmp_path, frames, told
-):
-    file = mill()
-    keys = np.float32([0, 1, 2.5])
-    file.header["animations"][0]["samplers"][0]["input"] = file.accessor(keys)
-    file.header["animations"][0]["samplers"][1]["input"] = file.accessor(keys)
-    (tmp_path / "a.glb").write_bytes(file.glb())
+def test_what_of_an_animation_has_no_effect_is_told(tmp_path):
+    (tmp_path / "a.glb").write_bytes(mill().glb())
     description = Meshes(files=({"file": str(tmp_path / "a.glb"), "animate": True},))
-    path = Trajectory(frames=frames, frame_rate_hz=10)
-    notes = " ".join(description.build(Light(), PerspectiveCamera(), path).notes)
-    assert ("has keys from 0 to 2.5 s" in notes) == told
+    notes = " ".join(description.build(Light(), PerspectiveCamera(), Trajectory()).notes)
     assert "morph weights, extensions (weights)" in notes
