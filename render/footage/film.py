@@ -296,7 +296,7 @@ def _is_gray(frame: Any) -> bool:
 
 
 def _is_full(frame: Any) -> bool:
-    return frame.color_range == _FULL or frame.format.name.startswith("yuvj")
+    return bool(frame.color_range == _FULL or frame.format.name.startswith("yuvj"))
 
 
 def _codes(path: Path, frame: Any, first: Any, reformatter: Any) -> NDArray[Any]:
