@@ -30,9 +30,8 @@ from megalopta.config.model import Configuration, load
 from megalopta.render import MeasuredPass, RunningMean, SceneRenderer, frame_seed, mi
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import BakedLight
+from megalopta.render.film import Film, pixel_means
 from megalopta.render.noise import RegionNoise
-from megalopta.render.sensors.film import Film
-from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.build import build_scene
 
 PRESETS, LIGHTS = ("open", "dense", "rainforest"), ("daylight", "twilight", "starlight")

@@ -29,7 +29,7 @@ from megalopta.scenes.cameras.panoramic import EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.forest.sway import Wind
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.motion import Drift
 from megalopta.scenes.moving_objects import MovingObject
 from megalopta.scenes.trajectories.steady import Trajectory

@@ -35,11 +35,6 @@ from .settings import (
     RenderSettings as RenderSettings,
     frame_seed as frame_seed,
 )
-from .surveys import (
-    Canopy as Canopy,
-    gap_fraction as gap_fraction,
-    measure_canopy as measure_canopy,
-)
 from .truth.tracer import (
     Flow as Flow,
     Tracks as Tracks,

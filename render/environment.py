@@ -21,9 +21,9 @@ from megalopta.core.arrays import Floats, bilinear
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
+from megalopta.render.film import FrameExposure
 from megalopta.render.footage.pictures import open_picture
 from megalopta.render.noise import Image, MeasuredPass
-from megalopta.render.sensors.film import FrameExposure
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera

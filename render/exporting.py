@@ -15,18 +15,18 @@ import numpy as np
 
 from megalopta.core import files
 from megalopta.core.arrays import Floats
+from megalopta.render.film import film_and_sampler
 from megalopta.render.loading.materials import bsdf, emission
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh, merge
 from megalopta.render.loading.scene import lights_of, load_mesh
 from megalopta.render.mitsuba_loader import activated, mi
+from megalopta.render.optics import plugin, sensor_transform
 from megalopta.render.path_tracing import ROULETTE_DEPTH
-from megalopta.render.sensors.film import film_and_sampler
-from megalopta.render.sensors.optics import plugin, sensor_transform
 from megalopta.render.settings import RenderSettings
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.finish import SURFACES, TEXTURES
+from megalopta.scenes.material import SURFACES, TEXTURES
 from megalopta.scenes.scene import Scene
 
 _TAGS = {

@@ -5,7 +5,6 @@ own seed, as equal seeds would give noise that is fixed on the sensor and detect
 """
 
 from functools import cached_property
-from pathlib import Path as Files
 from typing import Any
 
 import numpy as np
@@ -15,29 +14,26 @@ from megalopta.core.arrays import Floats
 from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
+from megalopta.render.film import ExposurePart, FrameExposure
 from megalopta.render.loading.air import Air, fill
-from megalopta.render.loading.layers import MovingScene, is_layered
 from megalopta.render.loading.meshes import leaf_clusters, merge
-from megalopta.render.loading.scene import LoadedScene, load_scene
+from megalopta.render.loading.scene import LoadedScene, MovingScene, is_layered, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import ExposurePart, FrameExposure
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
-from megalopta.render.surveys import Canopy, LightSurvey, measure_canopy
-from megalopta.render.truth.albedo import albedo_of
+from megalopta.render.surveys import LightSurvey
 from megalopta.render.truth.geometry import Geometry
-from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer
+from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer, albedo_of
 from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.trajectories.fit import Fit
+from megalopta.scenes.trajectories.orbit import Fit, bounds_of
 
 # Poses of an exposure whose lines all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
@@ -71,8 +67,6 @@ class SceneRenderer:
         traced.
     seed : int
         Seed of the sequence, for data shared by its frames.
-    light_folder : pathlib.Path, optional
-        Cache folder for baked light, for later renderings of the same.
     times_s : (T,), optional
         Times of the poses, s; with these, a view of no surface is refused.
 
@@ -91,7 +85,6 @@ class SceneRenderer:
         settings: RenderSettings,
         poses: Floats | None = None,
         seed: int = 0,
-        light_folder: Files | None = None,
         times_s: Floats | None = None,
     ) -> None:
         self.camera = camera
@@ -121,7 +114,7 @@ class SceneRenderer:
             integrator: Integrator = _path_tracer(whole, settings, geometry.still, air)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
-                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed, light_folder)
+                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
                 reason = baked.reason
                 integrator = integrator if reason else baked
             self._view = SurfaceView(whole, camera, settings, integrator, air)
@@ -212,10 +205,6 @@ class SceneRenderer:
         It is for a pose (4, 4); None for a panorama.
         """
         return self._view.light_left_out(self._local(pose), time_s)
-
-    def canopy(self, poses: Floats, ring_m: tuple[float, float]) -> Canopy:
-        """Plant area, gaps and floor light of a forest in a ring around poses (N, 4, 4)."""
-        return measure_canopy(self._loaded, self._scene, poses[:, :2, 3], ring_m)
 
     def truth(self, poses: Floats, frame: int, times_s: ArrayLike | None = None) -> Truth:
         """Ground truth of one frame of a sequence, with flow toward the one after and before.

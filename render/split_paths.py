@@ -21,15 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
-from megalopta.render.loading.layers import Layers
+from megalopta.render.film import Look, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.render.loading.scene import LoadedScene, MeshIndex
+from megalopta.render.loading.scene import Layers, LoadedScene, MeshIndex
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.render.path_tracing import BandPaths
-from megalopta.render.scattering import Scattering
-from megalopta.render.sensors.primary import Look, pixel_means
 from megalopta.render.settings import RenderSettings, part_seed
-from megalopta.render.shading import Bounces, Sight, SkyLight, SunLight, Textures, Weights
+from megalopta.render.shading import (
+    Bounces,
+    Scattering,
+    Sight,
+    SkyLight,
+    SunLight,
+    Textures,
+    Weights,
+)
 from megalopta.scenes.scene import Scene
 
 _SKY_EVERY, _FOLLOWED_EVERY = 4, 16

@@ -14,29 +14,26 @@ from .cameras.panoramic import (
 from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
 from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
-from .haze import Haze as Haze
 from .imu import Imu as Imu
-from .lighting.light import Light as Light
+from .light import Light as Light
 from .meshes.description import Meshes as Meshes
 from .moving_objects import (
     AnyObject as AnyObject,
     MovingModel as MovingModel,
     MovingObject as MovingObject,
 )
-from .scene import Scene as Scene
+from .scene import Haze as Haze, Scene as Scene
 from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating
-from .stimuli.motion_bench import MotionBench as MotionBench
 from .stimuli.panorama import Panorama as Panorama
 from .stimuli.pictures import Pictures as Pictures
-from .stimuli.plane import Plane as Plane
+from .stimuli.plane import MotionBench as MotionBench, Plane as Plane
 from .tone_mapping import (
     ToneCurve as ToneCurve,
     preview as preview,
 )
-from .trajectories.hover import Hover as Hover
-from .trajectories.mount import Mount as Mount
+from .trajectories.base import Mount as Mount
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded
 from .trajectories.spline import Spline as Spline
-from .trajectories.steady import Trajectory as Trajectory
+from .trajectories.steady import Hover as Hover, Trajectory as Trajectory

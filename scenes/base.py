@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from megalopta.core.record import Record
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.base import Path
@@ -70,11 +70,6 @@ class SceneDescription(Record, frozen=True):
         """Return the approximate number of triangles along a path of this length."""
         del path_m
         return 1.0
-
-    @property
-    def canopy_ring_m(self) -> tuple[float, float] | None:
-        """Range of distances from the path in which its canopy is measured; None without."""
-        return None
 
     @abstractmethod
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:

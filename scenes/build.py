@@ -10,15 +10,14 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of, models_in
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.meshes.description import Meshes
 from megalopta.scenes.moving_objects import AnyObject, with_objects
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
-from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.stimuli.panorama import Panorama
 from megalopta.scenes.stimuli.pictures import Pictures
-from megalopta.scenes.stimuli.plane import Plane
+from megalopta.scenes.stimuli.plane import MotionBench, Plane
 from megalopta.scenes.trajectories.base import Path
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from PIL import Image
 from megalopta.config.model import Configuration
 from megalopta.plotting.text import level_name, lux, number
 from megalopta.report.images import gray_counts, write_sheet
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 
 PRESETS = "open", "dense", "understorey", "clearing", "rainforest", "trail"
 SIZE_PX, TURN = (196, 131), {"frames": 2, "rotation_deg_s": 15}

@@ -45,7 +45,7 @@ from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slop
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.sensor import Sensor, changed, load_sensor, preset, without
 from megalopta.sensor.optics.pixels import detected_rate
 

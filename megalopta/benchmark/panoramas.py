@@ -27,9 +27,9 @@ from megalopta.core.record import Record
 from megalopta.flow.stimuli.resizing import resize
 from megalopta.render import read_attributes, read_radiance, write_radiance
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.scenes.cloudy_sky import under_clouds
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.lighting.cloudy_sky import under_clouds
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES
 from megalopta.scenes.trajectories.steady import Trajectory
 

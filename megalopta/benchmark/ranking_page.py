@@ -26,7 +26,7 @@ from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
 from megalopta.plotting.svg import in_style, to_svg
 from megalopta.plotting.text import UNDEFINED, number
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.levels import LEVELS, illuminance_of
 
 _LUX = np.logspace(-4, 5, 91)
 _EXPOSURES_S = np.logspace(-4, 0, 41)

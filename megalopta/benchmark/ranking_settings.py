@@ -11,7 +11,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.flow.stimuli.resizing import resize
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]
 Frames = Annotated[int, Field(ge=1)]

@@ -34,9 +34,9 @@ from megalopta.flow.detectors.correlation import (
     NonDirectionalSummation,
 )
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.stimuli.grating import sky_radiance
-from megalopta.scenes.stimuli.motion_bench import MotionBench
+from megalopta.scenes.stimuli.plane import MotionBench
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset, reading_moments
 from megalopta.sensor.expectations import expectation

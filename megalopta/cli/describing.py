@@ -19,8 +19,8 @@ from megalopta.config.recipe import Plan
 from megalopta.core import files
 from megalopta.core.validation import plain_types
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.scenes.forest.plants import PRESETS
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.forest.flora import PRESETS
+from megalopta.scenes.levels import LEVELS
 from megalopta.sensor import IMAGE_SENSORS
 from megalopta.stages.importing import DEFAULTS
 from megalopta.stages.make import Exposing

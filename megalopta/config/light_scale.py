@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration, LightLevel
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 

@@ -15,9 +15,7 @@ from megalopta.config.sensing import LightLevel, LightLevels, level_text
 from megalopta.config.yaml_model import mapping, overridden, validated, yaml_text
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.extent import bounds_of
-from megalopta.scenes.trajectories.fit import Fit
-from megalopta.scenes.trajectories.orbit import Orbit
+from megalopta.scenes.trajectories.orbit import Fit, Orbit, bounds_of
 
 __all__ = [
     "Configuration",

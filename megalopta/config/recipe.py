@@ -20,7 +20,7 @@ from megalopta.core.bounded import folder_of, named_path, quoted
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
-from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.trajectories.base import Mount
 from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 

@@ -12,8 +12,8 @@ from megalopta.scenes import AnyObject, AnyScene
 from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.trajectories.mount import Mount
+from megalopta.scenes.light import Light
+from megalopta.scenes.trajectories.base import Mount
 from megalopta.scenes.trajectories.steady import Trajectory
 
 ONCE = AfterValidator(each_once)

@@ -20,7 +20,7 @@ from megalopta.core.bounded import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.lighting.levels import illuminance_of, level_named
+from megalopta.scenes.levels import illuminance_of, level_named
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
 from megalopta.sensor.spad.presets import load_sensor, with_files

@@ -4,7 +4,7 @@ import math
 
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.flow.metrics.photon_threshold import format_flux
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 
 UNDEFINED = "–"
 FAILS = "fails"

@@ -48,7 +48,7 @@ from megalopta.report.source import (
 )
 from megalopta.report.thresholds import threshold_section
 from megalopta.scenes import Light, Pictures
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 from megalopta.stages import versions
 
 OUTCOME = (
@@ -68,12 +68,11 @@ def lead(configuration: Configuration, record: Record) -> str:
     levels = configuration.light_levels
     *others, last = (sensor.name for sensor in configuration.sensors)
     sensors = f"{', '.join(others)} and {last}" if others else last
-    canopy = f"{record['canopy']} " if record.get("canopy") else ""
     scene, light = configuration.scene, configuration.light
     about = (
         _assumed(scene, light, record)
         if isinstance(scene, Pictures)
-        else f"{canopy}The {configuration.camera} {configuration.trajectory}. Every frame is "
+        else f"The {configuration.camera} {configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. "
     )
     return (

@@ -43,7 +43,7 @@ from megalopta.report.seen import (
     step_of,
 )
 from megalopta.scenes import Pictures, ToneCurve
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.flow import responses_path

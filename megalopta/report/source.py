@@ -41,7 +41,7 @@ from megalopta.report.images import (
     selection,
 )
 from megalopta.report.seen_sequence import ShownSequence, checked_json
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 from megalopta.sensor import ImageSensor, OpenedCounts, detected_photons, expectation
 from megalopta.stages.noise_warning import variances
 from megalopta.stages.registry import STAGES

@@ -25,7 +25,7 @@ from megalopta.dataset.picture_light import (
 from megalopta.dataset.store import Dataset
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
-from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
 

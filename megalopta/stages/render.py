@@ -14,7 +14,6 @@ from megalopta.config.model import Configuration
 from megalopta.config.rendering import RenderingSettings
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
 from megalopta.dataset import labels, sintel
@@ -71,7 +70,7 @@ def render(dataset: Dataset) -> None:
                 writer.write(index)
                 advance()
         writer.write_sequence_labels()
-        with step("measuring light and canopy"):
+        with step("measuring light"):
             record = writer.record()
         files.write_json(dataset.scene_record, record)
         _say_illuminance(record["illuminance"])
@@ -110,16 +109,12 @@ def build(settings: Configuration) -> Scene:
     return scene
 
 
-def _load(
-    scene: Scene, settings: Configuration, times_s: NDArray[np.float64], kept_light: Path | None
-) -> "SceneRenderer":
+def _load(scene: Scene, settings: Configuration, times_s: NDArray[np.float64]) -> "SceneRenderer":
     from megalopta.render import SceneRenderer
 
     camera, poses = settings.camera, settings.trajectory.pose_at(times_s)
     with refused_as("render"):
-        return SceneRenderer(
-            scene, camera, settings.render, poses, settings.seed, kept_light, times_s
-        )
+        return SceneRenderer(scene, camera, settings.render, poses, settings.seed, times_s)
 
 
 class FrameWriter:
@@ -137,8 +132,7 @@ class FrameWriter:
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
         with step("loading the scene"):
-            kept_light = None if whole else cache_folder() / "light"
-            self._renderer = _load(scene, settings, _all_times(settings), kept_light)
+            self._renderer = _load(scene, settings, _all_times(settings))
         self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
@@ -156,12 +150,10 @@ class FrameWriter:
     def record(self) -> dict[str, Any]:
         """Record of the rendering: counts, names of kinds, motions by object, light and its noise.
 
-        The canopy is a sentence on leaf area, gaps and floor light; None without a forest. The
-        truncation bias is the share of the light of surfaces, by band, that needs more hits than
-        paths may have.
+        The truncation bias is the share of the light of surfaces, by band, that needs more hits
+        than paths may have.
         """
-        settings, middle = self._settings, len(self._poses) // 2
-        ring = settings.scene.canopy_ring_m
+        middle = len(self._poses) // 2
         left_out = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
         return {
             "objects": self.objects,
@@ -172,7 +164,6 @@ class FrameWriter:
             "notes": list(self._notes),
             "motions": self._motions,
             "illuminance": self._illuminance(),
-            "canopy": str(self._renderer.canopy(self._poses, ring)) if ring else None,
             "light_left_out": None if left_out is None else left_out.tolist(),
             "monte_carlo": noise_record(self._dataset, self._renderer.samples_per_pixel),
         }

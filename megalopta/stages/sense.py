@@ -33,7 +33,7 @@ from megalopta.dataset.inertial import write_imu
 from megalopta.dataset.picture_light import NextPictures, light_of
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
-from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
 from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR

@@ -23,14 +23,11 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.render import RenderSettings, dr, mi
-from megalopta.render.baking.cells import Cells, Patches, UInt32
-from megalopta.render.baking.visibility import unpacked
+from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
-from megalopta.render.numbers import hashed, keyed_sampler, recurrence
-from megalopta.render.path_tracing import LightPaths
-from megalopta.render.scattering import WAVELENGTHS, Scattering, wavelength_groups
-from megalopta.render.shading import leaving
+from megalopta.render.path_tracing import LightPaths, hashed, keyed_sampler, recurrence
+from megalopta.render.shading import WAVELENGTHS, Scattering, leaving, wavelength_groups
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 

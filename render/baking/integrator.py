@@ -5,13 +5,16 @@ reflectances by the surface's texture. If there is a sun or moon, it traces one 
 shadow edges are as sharp as those of the path tracer. Emitters, including the sky, are seen
 directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
 light of their own, for moving objects, and near these.
+
+Moving objects change the light on objects at rest. An object inside a sphere of radius r at a
+distance d contributes at most (r/d)² to the irradiance of a point at rest. Where this exceeds 0.01,
+paths are traced instead of using baked light.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,27 +23,26 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
-from megalopta.render.baking.cells import CellFinder, Cells, CellSight
-from megalopta.render.baking.choice import BAKE, SAMPLE, Scatter, cost_reason
-from megalopta.render.baking.clusters import Voxels
-from megalopta.render.baking.errors import (
+from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
+from megalopta.render.baking.choice import (
+    BAKE,
+    SAMPLE,
+    Scatter,
     compared,
+    cost_reason,
     pilot,
     pilot_views,
     pixels_to_compare,
     scatter_of_paths,
 )
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import NAMES, BakedLight, key_of, light_store
-from megalopta.render.baking.neighborhood import Neighborhood
-from megalopta.render.baking.visibility import VIEWS, survey, views
-from megalopta.render.loading.meshes import MovingMesh
+from megalopta.render.baking.light import BakedLight, Voxels
+from megalopta.render.film import pixel_means
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.path_tracing import BandPaths
-from megalopta.render.scattering import wavelength_groups
-from megalopta.render.sensors.primary import pixel_means
 from megalopta.render.settings import part_seed
-from megalopta.render.shading import SunLight, Textures, Weights
+from megalopta.render.shading import SunLight, Textures, Weights, wavelength_groups
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
@@ -69,8 +71,7 @@ class BakedLightIntegrator:
     """Scene with baked light, as seen by cameras.
 
     The poses (T, 4, 4) of the sequence are relative to the scene's origin. Surfaces near them are
-    divided finely, and those often seen get the most rays. The seed has 32 bits. Light is shared
-    through a cache folder.
+    divided finely, and those often seen get the most rays. The seed has 32 bits.
 
     Attributes
     ----------
@@ -87,7 +88,6 @@ class BakedLightIntegrator:
         settings: RenderSettings,
         poses: Floats,
         seed: int,
-        folder: Path | None = None,
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm
@@ -106,32 +106,21 @@ class BakedLightIntegrator:
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         pixels = camera.width * camera.height
-        store = light_store(folder, key_of(scene, meshes, settings, camera, poses, seed))
-        kept = store.read(NAMES)
-        if kept:
-            self._light.restore(kept)
-            scatter = Scatter(*kept["scatter"].tolist())
-        else:
-            with step("counting the rays that baked light takes"):
-                parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
-                self._look_around(loaded, camera, poses, seed)
-                scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
-        if settings.integrator == "auto":  # frames must not depend on the cache
-            rays = self._light.total_rays()
-            self.reason = cost_reason(rays, len(poses) * pixels, scatter, settings)
-        if not kept and not self.reason:
+        with step("counting the rays that baked light takes"):
+            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
+            rays = views(camera, poses, VIEWS, seed)
+            self._light.surveyed(*survey(loaded, self._finder, cells.count, rays))
+            self._light.begin(_PILOT_DENSITY)
+            scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
+        if settings.integrator == "auto":
+            seen = len(poses) * pixels
+            self.reason = cost_reason(self._light.total_rays(), seen, scatter, settings)
+        if not self.reason:
             with step("baking light"):
                 self._light.bake_all()
-            store.write({**self._light.contents(), "scatter": np.array(scatter)})
         work = BAKE * self._light.total_rays()
         work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
-
-    def _look_around(self, loaded: Any, camera: Camera, poses: Floats, seed: int) -> None:
-        """Find the cells to bake."""
-        rays = views(camera, poses, VIEWS, seed)
-        self._light.surveyed(*survey(loaded, self._finder, self._light.cells, rays))
-        self._light.begin(_PILOT_DENSITY)
 
     def _prepare(
         self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
@@ -221,7 +210,13 @@ class BakedLightIntegrator:
         if self._sun:
             part = replace(sight, shaded=rest)
             direct = self._sun.radiance(scene, part, weights, sampler.next_1d())
-        emitted = self._emitted(scene, sight.point, place)
+        point = sight.point
+        emitter = point.emitter(scene)
+        emitted = []
+        for _, size, wavelengths in wavelength_groups(self._bands, place):
+            point.wavelengths = wavelengths
+            values = emitter.eval(point)
+            emitted += [values[band] for band in range(size)]
         sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
@@ -232,12 +227,41 @@ class BakedLightIntegrator:
         standing = self._light.standing(cluster, weights, baked)
         return _Found(emitted, light, standing, sky, baked, surface & ~baked)
 
-    def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
-        """Radiance that sky and emitting surfaces emit themselves."""
-        emitter = point.emitter(scene)
-        emitted = []
-        for _, size, wavelengths in wavelength_groups(self._bands, place):
-            point.wavelengths = wavelengths
-            values = emitter.eval(point)
-            emitted += [values[band] for band in range(size)]
-        return emitted
+
+_LARGEST_SHARE = 0.01
+
+
+class Neighborhood:
+    """Points near moving objects."""
+
+    def __init__(self, meshes: Sequence[MergedMesh]) -> None:
+        self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
+        self._spheres: list[tuple[Any, Any]] = []
+        self.move_to(0.0)
+
+    def __bool__(self) -> bool:
+        return bool(self._meshes)
+
+    def move_to(self, time_s: float) -> None:
+        """Move the objects to a time."""
+        self._spheres = []
+        for mesh in self._meshes:
+            vertices = mesh.vertices_at(time_s)
+            for part in mesh.parts:
+                center, reach = _sphere(vertices[part.vertices])
+                sphere = mi.Point3f(center.tolist()), mi.Float(reach**2 / _LARGEST_SHARE)
+                dr.make_opaque(sphere)  # otherwise every time would be compiled anew
+                self._spheres.append(sphere)
+
+    def holds(self, points: Any) -> Any:
+        """True for points (N,) near moving objects."""
+        near = mi.Bool(False)
+        for center, reach2 in self._spheres:
+            near |= dr.squared_norm(points - center) < reach2
+        return near
+
+
+def _sphere(vertices: NDArray[np.float32]) -> tuple[Floats, float]:
+    """Center (3,) and radius of a sphere around points (n, 3)."""
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    return center, float(np.linalg.norm(vertices - center, axis=1).max())

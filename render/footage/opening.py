@@ -1,9 +1,11 @@
-"""Files and folders of pictures as footage, by suffix; animations, read with Pillow."""
+"""Files and folders of pictures, arrays and animations as footage, by suffix."""
 
 import math
+import sys
+import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.core.bounded import check_count, check_file
-from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, plain_array
+from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
-from megalopta.render.footage.arrays import open_array
-from megalopta.render.footage.film_reader import DEMUXERS
-from megalopta.render.footage.frames import TRANSPARENT, Footage, Unit, check_size
+from megalopta.render.footage.film import DEMUXERS, open_film
+from megalopta.render.footage.frames import (
+    TRANSPARENT,
+    Coding,
+    Footage,
+    Unit,
+    check_size,
+    coding_of,
+)
 from megalopta.render.footage.pictures import (
     KINDS,
     coding_stated,
@@ -28,7 +36,115 @@ from megalopta.render.footage.pictures import (
     picture_kind,
     pillow_header,
 )
-from megalopta.render.footage.video import open_video
+from megalopta.render.footage.transfer import light_of
+
+_NAMES: Mapping[Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
+
+
+@dataclass(eq=False, kw_only=True)
+class ArrayFrames(Footage):
+    """Frames of an array (T, H, W) or (T, H, W, 3)."""
+
+    values: NDArray[Any]
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.values)
+
+    def _numbers(self, index: int) -> NDArray[Any]:
+        numbers = np.asarray(self.values[index])
+        if self.coding.table is not None:
+            return numbers.astype(numbers.dtype.newbyteorder("="))
+        if self.unit != "srgb":
+            return self._as_light(numbers, self.path)
+        if not ((numbers >= 0) & (numbers <= 1)).all():
+            raise DamagedFileError(
+                f"{self.path} has values that are not between 0 and 1; scale them, or give the "
+                "unit linear"
+            )
+        return self._as_light(light_of("sRGB", numbers.astype(np.float64)), self.path)
+
+
+def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
+    """Return an array (H, W), (T, H, W), (H, W, 3) or (T, H, W, 3) as frames. Raises UserError."""
+    if unit is None:
+        raise UserError(
+            f"{path}: an array does not state its unit; give the unit srgb (coded as in "
+            "pictures), linear (proportional to light) or cd/m2 (luminance)"
+        )
+    values = _zipped(path) if path.suffix.lower() == ".npz" else _mapped(path)
+    return array_frames(values, unit, path)
+
+
+def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
+    """Return an array as frames; `path` names it in messages. Raises UserError."""
+    frames = _frames(path, values)
+    check_size(path, frames.shape[1:])
+    return ArrayFrames(
+        path=path,
+        files=(path,),
+        shape=(frames.shape[1], frames.shape[2]),
+        coding=_coding(path, values.dtype, unit),
+        values=frames,
+    )
+
+
+def _mapped(path: Path) -> NDArray[Any]:
+    check_file(path, sys.maxsize)  # read frame by frame
+    try:
+        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    except Exception:  # a damaged header can raise anything
+        raise DamagedFileError(
+            f"{path} is not a complete array of numbers; write it with numpy.save"
+        ) from None
+
+
+def _zipped(path: Path) -> NDArray[Any]:
+    check_file(path)
+    try:
+        with zipfile.ZipFile(path) as file:
+            entries = file.infolist()
+            if len(entries) != 1 or entries[0].file_size > ARRAY_BYTES:
+                raise DamagedFileError(
+                    f"{path} holds {len(entries)} arrays; give one, of at most "
+                    f"{ARRAY_BYTES / 1e9:.0f} GB, or a .npy file"
+                )
+            values = plain_array(file.read(entries[0]))
+    except DamagedFileError:
+        raise
+    except Exception:  # from a damaged archive, too
+        values = None
+    if values is None:
+        raise DamagedFileError(f"{path} holds no complete array; write it with numpy.savez")
+    return values
+
+
+def _frames(path: Path, values: NDArray[Any]) -> NDArray[Any]:
+    """Return a view (T, H, W) or (T, H, W, 3)."""
+    if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
+        values = values[None]
+    is_gray = values.ndim == 3 and values.shape[-1] not in (1, 2, 4)
+    if not values.size or not (is_gray or (values.ndim == 4 and values.shape[-1] == 3)):
+        raise DamagedFileError(
+            f"{path} has the shape {values.shape}; give (H, W), (T, H, W), (H, W, 3) or "
+            "(T, H, W, 3), without an alpha channel"
+        )
+    return values
+
+
+def _coding(path: Path, dtype: np.dtype[Any], unit: Unit) -> Coding:
+    if dtype.kind == "f":
+        return Coding(_NAMES[unit], unit)
+    if dtype.kind != "u" or dtype.itemsize > 2:
+        raise DamagedFileError(
+            f"{path} holds {dtype}; give uint8, uint16 or floating-point numbers"
+        )
+    codes = 256**dtype.itemsize
+    coding = coding_of("sRGB" if unit == "srgb" else "linear", codes)
+    if unit == "cd/m2":
+        coding = replace(coding, table=np.arange(codes, dtype=np.float32))
+    return replace(coding, name=_NAMES[unit], unit=unit)
+
 
 _ANIMATED = (".gif", ".png", ".webp")
 
@@ -42,7 +158,20 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
     Raises UserError, in one sentence, for what cannot be read.
     """
     try:
-        return _opened(path, unit)
+        if path.is_dir():
+            return open_folder(path, unit)
+        check_file(path, at_most=2**63 - 1)  # each reader has its own limit
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise UserError(
+                f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
+                f"folder of pictures, or one of {', '.join(SUFFIXES)}"
+            )
+        if not path.stat().st_size:
+            raise UserError(f"{path} is empty; copy it again")
+        if suffix in _ANIMATED and is_animated(path):
+            return _coded_only(path, unit, open_animation)
+        return _OPENERS[suffix](path, unit)
     except OSError as problem:
         unreadable = f"{path}: cannot be read ({problem.strerror}); repair it"
         raise UserError(machine_problem(problem) or unreadable) from None
@@ -55,36 +184,19 @@ def is_footage(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
-def _opened(path: Path, unit: Unit | None) -> Footage:
-    if path.is_dir():
-        return open_folder(path, unit)
-    check_file(path, at_most=2**63 - 1)  # each reader has its own limit
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise UserError(
-            f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
-            f"folder of pictures, or one of {', '.join(SUFFIXES)}"
-        )
-    if not path.stat().st_size:
-        raise UserError(f"{path} is empty; copy it again")
-    if suffix in _ANIMATED and is_animated(path):
-        return _coded_only(path, unit, open_animation)
-    return _OPENERS[suffix](path, unit)
-
-
 def _coded_only(path: Path, unit: Unit | None, opener: Callable[[Path], Footage]) -> Footage:
     if unit not in (None, "srgb"):
         raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
     return opener(path)
 
 
-def _open_video(path: Path, unit: Unit | None) -> Footage:
-    return _coded_only(path, unit, open_video)
+def _open_film(path: Path, unit: Unit | None) -> Footage:
+    return _coded_only(path, unit, open_film)
 
 
 _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
     **dict.fromkeys(KINDS, open_picture),
-    **dict.fromkeys(DEMUXERS, _open_video),
+    **dict.fromkeys(DEMUXERS, _open_film),
     **dict.fromkeys((".npy", ".npz"), open_array),
 }
 
@@ -141,7 +253,11 @@ def open_animation(path: Path) -> Animation:
         check_count(path, "pixels in its frames", frames_in(image) * math.prod(image.size), 10**9)
         header = pillow_header(path)
         first = int(bool(image.info.get("default_image")))
-        lasts_s, is_transparent = _survey(image, first)
+        lasts_s, is_transparent = list[float](), False
+        for index in range(first, frames_in(image)):
+            _, is_frame_transparent = _frame(image, index)
+            lasts_s.append(float(image.info.get("duration") or 0) / 1000)
+            is_transparent |= is_frame_transparent
         told = [f"{path} holds a picture that is no part of its animation, and is not read"] * first
         if 0.0 in lasts_s:
             told.append(
@@ -160,16 +276,6 @@ def open_animation(path: Path) -> Animation:
             opened=stack.pop_all(),
             first=first,
         )
-
-
-def _survey(image: Image.Image, first: int) -> tuple[list[float], bool]:
-    """Return the duration of each frame (s), and True if anything is transparent."""
-    lasts_s, is_transparent = list[float](), False
-    for index in range(first, frames_in(image)):
-        _, is_frame_transparent = _frame(image, index)
-        lasts_s.append(float(image.info.get("duration") or 0) / 1000)
-        is_transparent |= is_frame_transparent
-    return lasts_s, is_transparent
 
 
 def _frame(image: Image.Image, index: int) -> tuple[NDArray[np.uint8], bool]:

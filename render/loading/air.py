@@ -16,8 +16,7 @@ from megalopta.render import mi
 from megalopta.render.loading.materials import spectrum
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene, of_shapes
-from megalopta.scenes.haze import Haze
-from megalopta.scenes.scene import Scene
+from megalopta.scenes.scene import Haze, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 MARGIN_M = 1.0

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
-from megalopta.scenes.finish import Finish, Part, Rgb
-from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
+from megalopta.scenes.material import ColorTexture, Emission, Finish, Material, Part, Rgb, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 # Mitsuba's spectra are zero beyond their table; here the end values continue.

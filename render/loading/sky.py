@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from megalopta.render import dr, mi
@@ -53,18 +52,6 @@ def read(texture: Any, rows: int, place: Any, active: Any) -> Any:
     return texture.eval_1(at, active)
 
 
-def _chances(lighting: Lighting) -> NDArray[np.float32]:
-    """Sampling weights of texels (H, 2·H), in arbitrary units."""
-    rows = max(len(each.pattern) for each in lighting.patterns)
-    chance = np.full((rows, 2 * rows), mean(lighting.sky))
-    for each in lighting.patterns:
-        near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
-        of_row, of_column = (np.arange(n) * len(near) // rows for n in (rows, 2 * rows))
-        chance += near[of_row][:, of_column]
-    sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
-    return np.asarray(chance * sine[:, None] / chance.max(), np.float32)
-
-
 def _zeros(kind: Any) -> Any:
     return kind() if is_scalar() else dr.zeros(kind)
 
@@ -73,7 +60,14 @@ class BrightDirections:
     """Random directions to where a sky with patterns is bright."""
 
     def __init__(self, lighting: Lighting) -> None:
-        chances = _chances(lighting)
+        rows = max(len(each.pattern) for each in lighting.patterns)
+        chance = np.full((rows, 2 * rows), mean(lighting.sky))
+        for each in lighting.patterns:
+            near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
+            of_row, of_column = (np.arange(n) * len(near) // rows for n in (rows, 2 * rows))
+            chance += near[of_row][:, of_column]
+        sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
+        chances = np.asarray(chance * sine[:, None] / chance.max(), np.float32)
         self._texels = mi.DiscreteDistribution2D(chances)
         self._rows, self._columns = chances.shape
 

@@ -133,7 +133,19 @@ class Geometry:
 
         All have one time, or each its own (N,).
         """
-        return self._refined(self.glimpsed(origin, directions, time_s), origin)
+        surface = self.glimpsed(origin, directions, time_s)
+        hit = ~surface.is_sky
+        points = surface.points.copy()
+        corners = self.corners(surface.triangle[hit], of_rays(surface.time_s, hit))
+        along, coarse = surface.directions[hit], surface.distance[hit]
+        start = np.broadcast_to(origin, points.shape)[hit]
+        perpendicular = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fine = _dot(perpendicular, corners[:, 0] - start) / _dot(perpendicular, along)
+            is_good = np.abs(fine - coarse) <= _GRAZING * coarse
+        points[hit] = start + np.where(is_good, fine, coarse)[:, None] * along
+        fine_surface = replace(surface, points=points)
+        return self._placed_in_triangles(fine_surface) if self._moving else fine_surface
 
     def glimpsed(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
@@ -254,21 +266,6 @@ class Geometry:
     def _perpendicular(self, triangle: Ints, time_s: Times) -> Floats:
         corners = self.corners(triangle, time_s)
         return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-    def _refined(self, surface: Surface, origin: Floats) -> Surface:
-        """The same surface with points on its triangles in float64."""
-        hit = ~surface.is_sky
-        points = surface.points.copy()
-        corners = self.corners(surface.triangle[hit], of_rays(surface.time_s, hit))
-        along, coarse = surface.directions[hit], surface.distance[hit]
-        start = np.broadcast_to(origin, points.shape)[hit]
-        perpendicular = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            fine = _dot(perpendicular, corners[:, 0] - start) / _dot(perpendicular, along)
-            is_good = np.abs(fine - coarse) <= _GRAZING * coarse
-        points[hit] = start + np.where(is_good, fine, coarse)[:, None] * along
-        fine_surface = replace(surface, points=points)
-        return self._placed_in_triangles(fine_surface) if self._moving else fine_surface
 
     def _placed_in_triangles(self, surface: Surface) -> Surface:
         """The same surface with barycentric coordinates for points of moving objects."""

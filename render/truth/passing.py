@@ -73,7 +73,11 @@ class Passing:
         motion_of = np.repeat(motion, sizes)[faces[:, 0]]
         order = np.lexsort((_places_in_order(placed[faces].mean(axis=1)), motion_of))
         self._triangle, motion_of = order + first, motion_of[order]
-        starts = _cluster_starts(motion_of)
+        begins = np.append(0, np.flatnonzero(np.diff(motion_of)) + 1)
+        rank = np.arange(len(motion_of)) - np.repeat(
+            begins, np.diff(np.append(begins, len(motion_of)))
+        )
+        starts = np.flatnonzero(rank % _CLUSTER == 0)
         self._first_face = np.append(starts, len(order))
         self._motion_of = motion_of[starts]
         # Each cluster has its own vertices, in sequence.
@@ -103,7 +107,12 @@ class Passing:
             for bundle in _bundles(directions, rays):
                 start, time = origin[rays[0]], float(times_s[rays[0]])
                 near = np.flatnonzero(_meets(bundle.sides, stay, start))
-                corners, number = self._at(near, time)
+                clusters, time_s = near, time
+                rows, first = _rows_of(self._first_vertex, clusters)
+                faces, first_face = _rows_of(self._first_face, clusters)
+                moved = self._carried(rows, first, clusters, time_s)
+                shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
+                corners, number = moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
                 some = bundle.rays
                 far = distance[some]
                 found = _meet(
@@ -113,14 +122,6 @@ class Passing:
                 hit = found >= 0
                 distance[some], triangle[some[hit]] = far, number[found[hit]]
         return distance, triangle
-
-    def _at(self, clusters: Ints, time_s: float) -> tuple[Floats, Ints]:
-        """Corners (n, 3, 3) of the triangles of clusters at a time, and their numbers (n,)."""
-        rows, first = _rows_of(self._first_vertex, clusters)
-        faces, first_face = _rows_of(self._first_face, clusters)
-        moved = self._carried(rows, first, clusters, time_s)
-        shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
-        return moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
 
     def _carried(self, rows: Ints, first: Ints, clusters: Ints, time_s: float) -> Floats:
         """Vertices (n, 3) at a time, rounded like the renderer's, of clusters from rows `first`."""
@@ -170,13 +171,6 @@ def _places_in_order(points: Floats) -> Ints:
         for axis in range(3):
             number |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
     return number
-
-
-def _cluster_starts(motion_of: Ints) -> Ints:
-    """First triangles of clusters, for triangles in the order of their motions (F,)."""
-    begins = np.append(0, np.flatnonzero(np.diff(motion_of)) + 1)
-    rank = np.arange(len(motion_of)) - np.repeat(begins, np.diff(np.append(begins, len(motion_of))))
-    return np.flatnonzero(rank % _CLUSTER == 0)
 
 
 def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:

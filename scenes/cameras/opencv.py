@@ -236,7 +236,14 @@ class _Lens:
 
     def undone(self, wanted: Floats) -> Floats:
         """Points distorted to the wanted ones (..., 2), by Newton's method; NaN if none."""
-        plane = self._guess(wanted)
+        size = np.linalg.norm(wanted, axis=-1, keepdims=True)
+        largest = most = float(np.nanmax(size, initial=1e-3))
+        end = math.sqrt(self._end)
+        while most < end and most * self._gain(most**2) < largest:
+            most *= 2
+        radii = np.linspace(0, min(most, end), _TABLE)[:-1]
+        found = np.interp(size, radii * self._gain(radii**2), radii)
+        plane = np.asarray(wanted * found / np.maximum(size, np.finfo(float).tiny))
         with np.errstate(all="ignore"):  # where there are none
             for _ in range(_MOST_STEPS):
                 moved, (xx, xy, yy) = self._bent(plane)
@@ -248,17 +255,6 @@ class _Lens:
                     break
             is_found = (np.abs(step) < _ACCURACY) & ~np.isnan(self.done(plane))
         return np.where(is_found.all(axis=-1, keepdims=True), plane, np.nan)
-
-    def _guess(self, wanted: Floats) -> Floats:
-        """Points (..., 2) near the ones looked for: without tangential distortion, from a table."""
-        size = np.linalg.norm(wanted, axis=-1, keepdims=True)
-        largest = most = float(np.nanmax(size, initial=1e-3))
-        end = math.sqrt(self._end)
-        while most < end and most * self._gain(most**2) < largest:
-            most *= 2
-        radii = np.linspace(0, min(most, end), _TABLE)[:-1]
-        found = np.interp(size, radii * self._gain(radii**2), radii)
-        return np.asarray(wanted * found / np.maximum(size, np.finfo(float).tiny))
 
     def _gain(self, s: Floats | float) -> Floats:
         return np.asarray(self.upper(s) / self.lower(s))

@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.forest.canopy import RING_M, in_leaf
 from megalopta.scenes.forest.floor import (
     HORIZON_M,
     even_ground,
@@ -23,7 +22,7 @@ from megalopta.scenes.forest.floor import (
     make_land,
     trail_of,
 )
-from megalopta.scenes.forest.flora import LAYERS, TREES, Flora
+from megalopta.scenes.forest.flora import LAYERS, LODS, PRESETS, TREES, Flora
 from megalopta.scenes.forest.own_species import SpeciesByName, flora_of
 from megalopta.scenes.forest.planting import (
     BELT_M,
@@ -32,17 +31,17 @@ from megalopta.scenes.forest.planting import (
     dense_path,
     tree_positions,
 )
-from megalopta.scenes.forest.plants import LODS, PRESETS
 from megalopta.scenes.forest.specimens import (
+    RING_M,
     grow_specimens,
+    in_leaf,
     materials,
     plant_assets,
     specimens_of,
 )
 from megalopta.scenes.forest.sway import Wind, swaying
-from megalopta.scenes.haze import Haze
-from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.light import Light
+from megalopta.scenes.scene import Asset, Haze, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
 
 SMALL_TRIANGLES = 80
@@ -265,8 +264,8 @@ class Forest(SceneDescription, frozen=True):
         return foreseen(self, path_m)[1]
 
     @property
-    def canopy_ring_m(self) -> tuple[float, float]:
-        """Range of distances from the path in which its leaf-area index is set and measured (m)."""
+    def leaf_ring_m(self) -> tuple[float, float]:
+        """Range of distances from the path in which its leaf-area index is set (m)."""
         return self.clearance_m, self.clearance_m + RING_M
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
@@ -333,7 +332,7 @@ def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> di
     if forest.leaf_area_index is None:
         return plant_assets(forest.seed, grow(), flora=flora)
     wanted = forest.leaf_area_index
-    specimens, share = in_leaf(wanted, grow, placements, path, forest.canopy_ring_m)
+    specimens, share = in_leaf(wanted, grow, placements, path, forest.leaf_ring_m)
     return plant_assets(forest.seed, specimens, share, flora)
 
 

@@ -1,31 +1,206 @@
-"""Plants and litter of a forest, from the table `flora.yaml` and from here."""
+"""Plants and litter of a forest, from the table `flora.yaml` and from here.
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+Stones, logs and fallen leaves are plants here too.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.plants import undergrowth
-from megalopta.assets_gen.plants.detail import merged_leaves
-from megalopta.assets_gen.plants.species import Species
+from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves
+from megalopta.assets_gen.plants.furrows import Furrows
+from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.assets_gen.plants.species import Species, aged
 from megalopta.assets_gen.rocks import grow_rock
 from megalopta.core import strict_yaml
-from megalopta.scenes.forest.plants import (
-    Coat,
-    Layer,
-    LodLevel,
-    Organs,
-    Plant,
-    Small,
-    Woody,
-    by_name,
+from megalopta.scenes.spectra.reflectance import Leaf, leaf_of, reflectance_of
+from megalopta.scenes.spectra.spectrum import Spectrum
+
+PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
 )
-from megalopta.scenes.spectra.reflectance import leaf_of, reflectance_of
+"""Fields of a forest by preset name; others have their defaults."""
+
+
+@dataclass(frozen=True)
+class LodLevel:
+    """Level of detail."""
+
+    name: str
+    """Part of the assets' names."""
+    beyond_m: float
+    """Distance from the path at which it begins (m)."""
+    detail: Detail
+    wood_triangles: int
+    """Approximate triangles of a tree's wood; bushes have a fourth."""
+    sides: int
+    """Sides of rocks; logs have half as many."""
+    merged_small: int
+    """Number of small plants' leaves merged into one."""
+
+
+LODS = (
+    LodLevel("near", 0.0, Detail(0.0, 1, 0.0, 0.0), 4000, 28, 1),
+    LodLevel("close", 8.0, Detail(0.009, 3, 0.006, 0.04), 1600, 20, 1),
+    LodLevel("middle", 16.0, Detail(0.026, 5, 0.015, 0.07), 600, 14, 2),
+    LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
+    LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
+)
+"""Levels from fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
+
+HEIGHTS = (0.35, 0.55, 0.75, 0.9, 1.0, 1.0, 1.12, 1.25)
+"""Heights of a tree's individuals, relative to the species' height."""
+
+
+Spectra = tuple[Spectrum, Spectrum]
+"""Reflectances, or transmittances, where a texture is 0 and where it is 1."""
+Organs = Mapping[str, Surface]
+
+
+@dataclass(frozen=True)
+class Coat:
+    """Look of a surface: two reflectances and the name of the texture between them."""
+
+    spectra: Spectra
+    texture: str
+    transmittances: Spectra | None = None
+    """Transmittances; None: opaque."""
+
+    @classmethod
+    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
+        """Return the coat of leaves, which transmit light."""
+        through = dark.transmittance, light.transmittance
+        return cls((dark.reflectance, light.reflectance), texture, through)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Distribution of one kind of undergrowth around the path."""
+
+    per_m2: float
+    """Plants per square meter where the layer is densest, unless set by the forest."""
+    reach_m: float
+    """Largest distance from the path (m); smaller plants are not visible farther away."""
+    clearance_m: float
+    """Smallest distance from the path (m)."""
+    scale: tuple[float, float] = (0.6, 1.25)
+    """Smallest and largest size, as a factor on the grown plant."""
+
+
+@dataclass(frozen=True)
+class Plant(ABC):
+    """Kind of plant or litter in a forest."""
+
+    name: str
+    """Name for readers and for the seeds of its individuals."""
+    coats: Mapping[str, Coat]
+    """Look of each organ."""
+
+    detail_distance: ClassVar[float] = 1.0
+    """Factor on the distances at which it gets coarser."""
+    lies = False
+    """True if it follows the slope of the ground instead of standing upright."""
+
+    @abstractmethod
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+        """Organs of one individual at each of some levels of detail."""
+
+    def individual(self, number: int) -> "Plant":
+        """Return the plant to grow for an individual: trees are of several ages."""
+        return self
+
+    @property
+    def leaves_from_m(self) -> float:
+        """Height of the lowest leaves above the ground (m)."""
+        return 0.0
+
+    def part(self, organ: str) -> str:
+        """Name of an organ's material, such as "beech bark"."""
+        return f"{self.name} {organ}".strip()
+
+
+@dataclass(frozen=True)
+class Woody(Plant):
+    """Tree or bush."""
+
+    shape: Species
+    """Species from which it grows."""
+    layer: Layer | None = None
+    """Its layer in the undergrowth."""
+    fullness: int = 1
+    """Factor on its species' number of leaves."""
+    furrows: Furrows | None = None
+    """Relief of its bark, drawn in full detail only; None: smooth."""
+    variety: str = ""
+    """Hash of a species of the user's own, by which its shapes are cached."""
+
+    @property
+    def carved_bark(self) -> Coat | None:
+        """Coat of bark with furrows; None if it has none."""
+        relief = self.shape.relief
+        return replace(self.coats["bark"], texture=relief.pattern) if relief else None
+
+    def carved(self, depth: float, pattern: NDArray[np.float32]) -> "Woody":
+        """Return the same plant, with furrows where the pattern (H, W) of its relief is dark.
+
+        They are `depth` times as deep as those of its species.
+        """
+        relief = self.shape.relief
+        return replace(self, furrows=Furrows(pattern, depth * relief.depth_m)) if relief else self
+
+    def individual(self, number: int) -> "Woody":
+        """Tree of the height of individuals of this number."""
+        return self if self.layer else replace(self, shape=aged(self.shape, HEIGHTS[number]))
+
+    @property
+    def leaves_from_m(self) -> float:
+        """Height of the lowest branches (m)."""
+        return self.shape.crown.base * self.shape.height_m
+
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+        """Organs of one individual at each of some levels, all coarsened from one plant."""
+        plant = grow_plant(self.shape, rng, self.fullness, self.furrows)
+        for lod in lods:
+            is_full = lod.detail.leaf_m2 == 0
+            wood, leaves = (
+                (plant.wood, plant.leaves) if is_full else coarsened(plant, lod.detail, rng)
+            )
+            yield {"bark": wood, "leaf": leaves}
+
+
+@dataclass(frozen=True)
+class Small(Plant):
+    """Plant of the forest floor, or litter."""
+
+    layer: Layer
+    drawn: Callable[[LodLevel, np.random.Generator], Organs]
+    """Organs of an individual at a level of detail; the same individual for the same generator."""
+    lies: bool = False
+
+    detail_distance = 0.4
+
+    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+        """Organs of one individual at each of some levels."""
+        key = int(rng.integers(2**63))
+        for lod in lods:
+            yield self.drawn(lod, np.random.default_rng(key))
+
+
+AnyPlant = TypeVar("AnyPlant", bound=Plant)
+
+
+def by_name(*plants: AnyPlant) -> Mapping[str, AnyPlant]:
+    """Plants by their names."""
+    return MappingProxyType({plant.name: plant for plant in plants})
 
 
 def _scaled(entry: Mapping[str, Any]) -> Mapping[str, Any]:

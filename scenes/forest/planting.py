@@ -18,8 +18,7 @@ from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.core.arrays import Floats
-from megalopta.scenes.forest.flora import FLORA, LITTER, Flora
-from megalopta.scenes.forest.plants import HEIGHTS, LODS, Plant, Woody
+from megalopta.scenes.forest.flora import FLORA, HEIGHTS, LITTER, LODS, Flora, Plant, Woody
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.scene import Placement
 

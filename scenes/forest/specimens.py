@@ -5,9 +5,18 @@ dataset and their rendering processes share them.
 
 A few individuals of every kind grow, each with several levels of detail. An asset is one of these,
 such as "young spruce 3 far".
+
+Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
+the ground below them. Wood counts with half of its surface, like one of a leaf's two sides (Chen
+and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and litter are excluded, as in the
+field, where instruments stand a meter above them.
+
+It applies in a ring around the camera's path: from the clearance of trunks to `RING_M` farther out.
+Trees grow with all their leaves, or twice or four times as many on the same twigs, and then lose
+some at random; leaves keep their size and clumping.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, lru_cache
 from itertools import groupby, product
@@ -17,16 +26,29 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import TEXTURES, Surface, generator
 from megalopta.assets_gen.plants.detail import some_leaves
+from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
-from megalopta.scenes.forest.flora import COVERS, FLORA, Flora
-from megalopta.scenes.forest.plants import HEIGHTS, LODS, LodLevel, Organs, Plant, Woody
+from megalopta.scenes.forest.flora import (
+    COVERS,
+    FLORA,
+    HEIGHTS,
+    LODS,
+    SMALL,
+    Flora,
+    LodLevel,
+    Organs,
+    Plant,
+    Woody,
+)
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.scene import Asset
+from megalopta.scenes.scene import Asset, Placement
 
 _MOST_BYTES = 2 * 10**9
 _FIELDS = tuple(each.name for each in fields(Surface))
@@ -187,3 +209,77 @@ def materials(
         mixed = Texture(texture(seed, coat.texture), second, more)
         result[part] = Material(first, mixed, transmittance=through)
     return result
+
+
+Specimens = Mapping[str, Organs]
+
+RING_M = 20.0
+"""Width of the ring around the path in which the leaf-area index is set and measured (m)."""
+FULLNESS = (1, 2, 4)
+"""Factors on the number of leaves with which trees can grow."""
+SAMPLED = 200
+"""Leaves of a specimen sampled for their positions."""
+GRID_M = 0.2
+"""Grid step for measuring ground area (m)."""
+
+
+def _is_in(ring_m: tuple[float, float], distance: Floats) -> Mask:
+    return np.asarray((distance >= ring_m[0]) & (distance < ring_m[1]))
+
+
+def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
+    """Return the area whose distance from a path is within a ring (m²)."""
+    low, high = path.mins - ring_m[1], path.maxes + ring_m[1]
+    steps = [np.arange(low[i], high[i], GRID_M) + GRID_M / 2 for i in range(2)]
+    distance = distance_to(path, np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2))
+    return GRID_M**2 * int(_is_in(ring_m, distance).sum())
+
+
+def in_leaf(
+    leaf_area_index: float,
+    grow: Callable[[int], Specimens],
+    placements: Sequence[Placement],
+    path: cKDTree,
+    ring_m: tuple[float, float],
+) -> tuple[Specimens, float]:
+    """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
+
+    Raises ValueError if the stand cannot carry that many leaves.
+
+    `grow`: function that returns all specimens for a factor on their species' leaves.
+    """
+    ground = ground_area(path, ring_m)
+    reached = 0.0
+    for fullness in FULLNESS:
+        specimens = grow(fullness)
+        reached = _leaf_area(specimens, placements, path, ring_m) / ground
+        if leaf_area_index <= reached:
+            return specimens, leaf_area_index / reached
+    raise ValueError(
+        f"leaf_area_index: {leaf_area_index:g} is more than the {reached:.2g} that these trees can "
+        "carry; raise density_per_ha or lower leaf_area_index"
+    )
+
+
+def _leaf_area(
+    specimens: Specimens,
+    placements: Sequence[Placement],
+    path: cKDTree,
+    ring_m: tuple[float, float],
+) -> float:
+    """Return the area of the leaves of woody plants above a ring around a path (m²)."""
+    total = 0.0
+    ordered = sorted(placements, key=lambda each: each.asset)
+    for name, group in groupby(ordered, lambda each: each.asset):
+        members = list(group)
+        if name not in specimens or members[0].kind in SMALL:
+            continue
+        to_world = np.stack([each.to_world for each in members])
+        leaves = specimens[name]["leaf"]
+        faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
+        points = np.asarray(leaves.vertices[faces].mean(axis=1))
+        places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
+        distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
+        inside = _is_in(ring_m, distance).mean(axis=1)
+        total += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
+    return total

@@ -17,14 +17,12 @@ from megalopta.assets_gen import Surface
 from megalopta.core.bounded import printable, quoted, undamaged
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.material import Material
-from megalopta.scenes.meshes.counting import check_triangles
 from megalopta.scenes.meshes.mesh_file import REPAIR
 from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
-from megalopta.scenes.meshes.pictures import Texels
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Texels, check_triangles
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.scene import Asset, Placement, Scene
@@ -132,8 +130,6 @@ class Meshes(SceneDescription, frozen=True):
         for placed, pieces in zip(self.files, models, strict=True):
             used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
             notes += placed.notes(pieces, *used)
-            notes += placed.doubts(pieces, trajectory.poses()[:, :3, 3])
-            notes += _times_told(placed.file.path, pieces, trajectory)
         materials: dict[str, Material] = {}
         parts = list(self._objects(models, materials))
         if self.ground is not None:
@@ -179,19 +175,6 @@ class Meshes(SceneDescription, frozen=True):
                 "the first surface, also of glass and mirrors"
             )
         return f"{text}."
-
-
-def _times_told(path: str, pieces: Iterable[Piece], trajectory: Path) -> Iterator[str]:
-    """Yield a sentence if an animation lasts for another time than the frames."""
-    motions = [piece.motion for piece in pieces if piece.motion]
-    tracks = [track for each in motions for joint in each.joints for track in joint.tracks.values()]
-    first_s = min((track.times_s[0] for track in tracks), default=0.0)
-    last_s = max((track.times_s[-1] for track in tracks), default=trajectory.duration_s)
-    if first_s or abs(last_s - trajectory.duration_s) > 1 / trajectory.frame_rate_hz:
-        yield (
-            f"{path}: its animation has keys from {first_s:g} to {last_s:g} s, and the frames last "
-            f"from 0 to {trajectory.duration_s:g} s; before and after its keys it stands still"
-        )
 
 
 def _kind(name: str) -> str:

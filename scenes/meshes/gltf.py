@@ -1,32 +1,149 @@
-"""Meshes of a glTF file: its nodes as objects, in the pose of the file.
+"""Meshes of a glTF 2.0 file: its nodes as objects, in the pose of the file.
 
-trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads sparse,
-quantized, skinned and morphed vertices as they are stored. Here they are where the file puts them
-at rest. Points and lines have no surface.
+trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads quantized
+vertices as they are stored. Points and lines have no surface.
+
+Khronos Group, glTF 2.0 Specification. Everything is read by index from JSON of a stranger: errors
+of any kind mean a damaged file.
 """
 
+import base64
+import struct
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import check_count, quoted
+from megalopta.core.bounded import check_count, check_decoded, from_json, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
-from megalopta.scenes.meshes.gltf_file import (
-    EFFECTIVE,
-    GltfFile,
-    Json,
-    color_of,
-    image_of,
-    parts_of,
-)
-from megalopta.scenes.meshes.pictures import Texels, linear_picture
-from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, check_map
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, check_map, linear_picture
+
+_JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
+_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_VALUE_BYTES = 24
+"""Memory of a value that an accessor reads, with its copies."""
+EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
+"""Extensions that have an effect."""
+
+Json = Mapping[str, Any]
+
+
+def parts_of(content: bytes) -> tuple[Json, bytes]:
+    """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
+    if content[:4] != b"glTF":
+        if content.lstrip()[:1] != b"{":
+            raise ValueError("it is neither binary glTF nor JSON")
+        return _checked(from_json(content.decode("utf-8"))), b""
+    (length,) = struct.unpack_from("<I", content, 8)
+    if length != len(content):
+        raise ValueError(f"it states {length} bytes, and has {len(content)}")
+    parts: dict[int, bytes] = {}
+    place = 12
+    while place + 8 <= length:
+        size, kind = struct.unpack_from("<II", content, place)
+        if place + 8 + size > len(content):
+            raise ValueError("it ends early")
+        if kind in parts or len(parts) == _MOST_PARTS:
+            raise ValueError("it has two parts of one kind, or too many")
+        parts[kind] = content[place + 8 : place + 8 + size]
+        place += 8 + size
+    return _checked(from_json(parts[_JSON].decode("utf-8"))), parts.get(_BINARY, b"")
+
+
+def _checked(header: Any) -> Json:
+    version = str(header["asset"]["version"])
+    if version.split(".")[0] != "2":
+        raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
+    for name in header.get("extensionsRequired", ()):
+        if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
+            raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
+    return dict(header)
+
+
+def names_in(content: bytes) -> list[str]:
+    """Names of the files with buffers and colors that a glTF file names. Raises any exception."""
+    header, _ = parts_of(content)
+    textures = (color_of(each)[1] for each in header.get("materials", ()))
+    images = [header["images"][image_of(header, each)] for each in textures if each is not None]
+    uris = [each["uri"] for each in [*header.get("buffers", ()), *images] if "uri" in each]
+    return [unquote(uri) for uri in uris if not uri.startswith("data:")]
+
+
+def color_of(material: Json) -> tuple[list[float], Json | None]:
+    """Color factor, in linear sRGB, and entry of the texture, or None, of a material."""
+    model = material.get("pbrMetallicRoughness", {})
+    return model.get("baseColorFactor", [1, 1, 1])[:3], model.get("baseColorTexture")
+
+
+def image_of(header: Json, texture: Json) -> int:
+    """Number of the image of a texture's entry in a material."""
+    return int(header["textures"][texture["index"]]["source"])
+
+
+class GltfFile:
+    """JSON of a glTF file, with the values of its accessors."""
+
+    def __init__(self, contents: Mapping[str, bytes]) -> None:
+        self.header, binary = parts_of(next(iter(contents.values())))
+        self._contents, self._binary = contents, binary
+        self._buffers = [self._bytes(each) for each in self.header.get("buffers", ())]
+        for number, entry in enumerate(self.header.get("buffers", ())):
+            if entry["byteLength"] > len(self._buffers[number]):
+                raise ValueError(f"buffers.{number} ends early")
+        for number in range(len(self.header.get("bufferViews", ()))):
+            self._view(number)
+
+    def _bytes(self, entry: Json) -> bytes:
+        """Content of a buffer or an image."""
+        uri = entry.get("uri")
+        if uri is None:
+            return self._binary
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition("base64,")[2])
+        return self._contents[unquote(uri)]
+
+    def image(self, number: int) -> bytes:
+        """Content of an image's file."""
+        entry = self.header["images"][number]
+        return (
+            bytes(self._view(entry["bufferView"])) if "bufferView" in entry else self._bytes(entry)
+        )
+
+    def _view(self, number: int) -> memoryview:
+        entry = self.header["bufferViews"][number]
+        start, size = entry.get("byteOffset", 0), entry["byteLength"]
+        buffer = memoryview(self._buffers[entry["buffer"]])
+        if min(start, size) < 0 or start + size > len(buffer):
+            raise ValueError(f"bufferViews.{number} reaches beyond its {len(buffer)} bytes")
+        return buffer[start : start + size]
+
+    def values(self, number: int) -> NDArray[Any]:
+        """Values (n, k) of an accessor: integers, or float64."""
+        entry = self.header["accessors"][number]
+        shape = entry["count"], _WIDTHS[entry["type"]]
+        kind = np.dtype(_TYPES[entry["componentType"]])
+        check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
+        found = self._array(entry, kind, shape) if "bufferView" in entry else np.zeros(shape, kind)
+        if "sparse" in entry:
+            raise ValueError("it has sparse accessors, which are not read; export it without")
+        if entry.get("normalized"):
+            return np.maximum(found / np.iinfo(kind).max, -1.0)
+        return found.astype(np.float64) if kind.kind == "f" else found
+
+    def _array(self, entry: Json, kind: "np.dtype[Any]", shape: tuple[int, int]) -> NDArray[Any]:
+        step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
+        strides = step or kind.itemsize * shape[1], kind.itemsize
+        start = entry.get("byteOffset", 0)
+        # numpy refuses an array that would reach beyond the bytes.
+        return np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
+
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REPEAT = 10497
@@ -57,85 +174,73 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
     materials = file.header.get("materials", ())
     pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
     looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
-    joints_of, steps, is_moving = dict[int, Floats](), 0, False
+    steps, is_moving = 0, False
     for number, pose in to_world.items():
         node = nodes[number]
         if "mesh" not in node:
             continue
         if "skin" in node:
-            if node["skin"] not in joints_of:
-                joints_of[node["skin"]] = _joints(file, node, to_world)
-            for part, piece in _parts(file, number, looks):
-                yield _bent(file, part, piece, joints_of[node["skin"]])
-            continue
+            raise DamagedFileError(
+                f"node {number} is a skinned figure, whose pose is not read; apply the pose to its "
+                "mesh, and export it again"
+            )
         chain = _chain(above, number) if tracks else []
         steps += len(chain)
         check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
         motion = _motion(nodes, chain, pose, tracks)
-        for _, piece in _parts(file, number, looks):
+        for piece in _parts(file, number, looks):
             is_moving |= motion is not None
             yield replace(piece.moved(pose), motion=motion)
     if animated and not is_moving:
         raise DamagedFileError(
-            "it has no animation of nodes with meshes, and joints of skins and morph weights do "
-            "not move; omit animate"
+            "it has no animation of nodes with meshes, and morph weights do not move; omit animate"
         )
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "animation" is used or not. Raises any exception."""
     header, _ = parts_of(next(iter(contents.values())))
-    poses, shown, playing = _poses(header), header.get("scene", 0), "animation" in used
-    cameras, scenes, animations, materials, meshes, nodes = (
-        [
-            (str(entry.get("name") or f"{kind} {number}"), entry)
-            for number, entry in enumerate(
-                header.get("meshes" if kind == "mesh" else f"{kind}s", ())
-            )
-        ]
-        for kind in ("camera", "scene", "animation", "material", "mesh", "node")
-    )
+    shown, playing = header.get("scene", 0), "animation" in used
+
+    def named(kind: str, plural: str) -> list[tuple[str, Json]]:
+        entries = enumerate(header.get(plural, ()))
+        return [(str(entry.get("name") or f"{kind} {n}"), entry) for n, entry in entries]
+
     extensions = header.get("extensionsUsed", ())
+    scenes, animations = named("scene", "scenes"), named("animation", "animations")
     yield from (("extensions", name) for name in extensions if name not in EFFECTIVE)
-    yield from (("cameras", name) for name, _ in cameras)
+    yield from (("cameras", name) for name, _ in named("camera", "cameras"))
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in animations[playing:])
-    yield from ((what, name) for name, material in materials for what in _ignored(material))
-    for name, mesh in meshes:
+    for name, material in named("material", "materials"):
+        yield from ((what, name) for what in _ignored(material))
+    for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
-            texture = color_of(materials[part["material"]][1])[1] if "material" in part else None
-            own = {"TEXCOORD_0", f"TEXCOORD_{_coordinates(texture or {})}"}
-            own |= set() if texture else {"COLOR_0"}
-            sets = {each for each in part["attributes"] if each.startswith(("TEXCOORD", "COLOR"))}
-            yield from ((f"the set {each}", name) for each in sorted(sets - own))
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
                 yield "points and lines", name
-    for number, (name, node) in enumerate(nodes):
-        if "mesh" in node and number not in poses:
-            yield "nodes outside the scene", name
-        elif "mesh" in node and not np.linalg.det(poses[number][:3, :3]):
-            yield "nodes without size", name
+            if "COLOR_0" in part["attributes"]:
+                yield "colors of vertices", name
+            if "targets" in part:
+                yield "morph targets", name
     for sampler in header.get("samplers", ()):
         if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
             yield "pictures' clamping and mirroring", ""
-    joints = {joint for skin in header.get("skins", ()) for joint in skin["joints"]}
     for _, animation in animations[:playing]:
         for target in (channel["target"] for channel in animation["channels"]):
-            if target["path"] not in PARTS or target.get("node", -1) in {-1, *joints}:
-                yield "an animation's joints of skins, morph weights, extensions", target["path"]
+            if target["path"] not in PARTS or "node" not in target:
+                yield "an animation's morph weights, extensions", target["path"]
 
 
-def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[tuple[Json, Piece]]:
-    """Yield the entry and the piece of each part of a node's mesh with triangles, in its axes."""
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
+    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
     node = file.header["nodes"][number]
     mesh = file.header["meshes"][node["mesh"]]
     name = str(node.get("name") or mesh.get("name") or f"node {number}")
-    weights = node.get("weights", mesh.get("weights", ()))
     for part in mesh["primitives"]:
         if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
             raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
         if mode >= _TRIANGLES:
-            yield part, _piece(file, part, looks, (number, name), weights)
+            yield _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -261,7 +366,7 @@ def _ignored(material: Json) -> Iterator[str]:
         yield "transparency"
     if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
         yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
-    if model.get("roughnessFactor", 1) < 1 or "KHR_materials_pbrSpecularGlossiness" in extensions:
+    if model.get("roughnessFactor", 1) < 1:
         yield "gloss"
     if any(material.get("emissiveFactor", ())):
         yield "emission"
@@ -275,30 +380,24 @@ def _piece(
     part: Json,
     looks: Sequence[_Look],
     of: tuple[int, str],
-    weights: Sequence[float],
 ) -> Piece:
     attributes = part["attributes"]
 
     def values(name: str) -> Floats | None:
         if name not in attributes:
             return None
-        shaped = file.values(attributes[name]).astype(np.float64)
-        for weight, target in zip(weights, part.get("targets", ()), strict=False):
-            if weight and name in target:
-                shaped += weight * file.values(target[name])
-        return shaped
+        return file.values(attributes[name]).astype(np.float64)
 
     if (vertices := values("POSITION")) is None:
         raise ValueError(f"object {quoted(of[1])!r} has no positions")
     corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
     look = looks[part["material"]] if "material" in part else _Look()
-    uv, colors = values(f"TEXCOORD_{look.coordinates}"), values("COLOR_0")
+    uv = values(f"TEXCOORD_{look.coordinates}")
     if uv is not None:
         uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
         uv[:, 1] = 1 - uv[:, 1]
     faces = _faces(corners.astype(np.int64), part.get("mode", _TRIANGLES))
-    colors = None if colors is None else colors[:, :3].clip(0, 1)
-    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv, colors)
+    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv)
 
 
 def _faces(corners: Ints, mode: int) -> Ints:
@@ -311,30 +410,3 @@ def _faces(corners: Ints, mode: int) -> Ints:
         first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
         return np.stack([first, corners[1:-1], corners[2:]], axis=1)
     return corners.reshape(-1, 3)
-
-
-def _joints(file: GltfFile, node: Json, to_world: Mapping[int, Floats]) -> Floats:
-    """Maps (J, 4, 4) of a skin's joints from the mesh to the world."""
-    skin = file.header["skins"][node["skin"]]
-    poses = np.stack([to_world[joint] for joint in skin["joints"]])
-    if "inverseBindMatrices" not in skin:
-        return poses
-    back = file.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-    return np.asarray(poses @ back[: len(poses)])
-
-
-def _bent(file: GltfFile, part: Json, piece: Piece, joints: Floats) -> Piece:
-    """Return a piece whose vertices follow the joints of its skin."""
-    attributes = part["attributes"]
-    chosen = file.values(attributes["JOINTS_0"]).astype(np.int64)
-    weights = file.values(attributes["WEIGHTS_0"]).astype(np.float64)
-    total = weights.sum(axis=1)
-    maps = np.zeros((len(weights), 4, 4))
-    for column in range(chosen.shape[1]):
-        share = np.divide(weights[:, column], total, out=np.zeros_like(total), where=total > 0)
-        maps += share[:, None, None] * joints[chosen[:, column]]
-    vertices = np.einsum("nij,nj->ni", maps[:, :3, :3], piece.vertices) + maps[:, :3, 3]
-    normals = piece.normals
-    if normals is not None:
-        normals = np.einsum("nij,nj->ni", maps[:, :3, :3], normals)
-    return replace(piece, vertices=vertices, normals=normals)

@@ -14,7 +14,7 @@ from pydantic import model_validator
 from megalopta.core.bounded import TEXT_BYTES, named_path, quoted, read_bytes, undamaged, unreadable
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed
-from megalopta.scenes.meshes import gltf_file, mitsuba_xml, wavefront
+from megalopta.scenes.meshes import gltf, mitsuba_xml, wavefront
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
@@ -84,21 +84,19 @@ def _contents(path: str) -> Contents:
             at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
             found[name] = _beside(path, name, min(left, at_most))
             left -= len(found[name])
-        if waiting and path.lower().endswith(".xml"):
-            continue  # its names are those of all files, known when these are read
-        waiting += [each for each in _names_in(path, name, found) if each not in found]
+        waiting += [each for each in _names_in(path, name, found[name]) if each not in found]
     return found
 
 
-def _names_in(path: str, name: str, contents: Contents) -> Iterable[str]:
+def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:
     """Names of the files that a file, or one that it names, names."""
     kind = PurePosixPath(name).suffix.lower()
     with undamaged(path, REPAIR):
         if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
-            return mitsuba_xml.names_in(contents) if kind == ".xml" else ()
+            return mitsuba_xml.names_in(content) if kind == ".xml" else ()
         if kind in (".glb", ".gltf"):
-            return gltf_file.names_in(contents[name])
-        return wavefront.names_in(name, contents[name]) if kind in (".obj", ".mtl") else ()
+            return gltf.names_in(content)
+        return wavefront.names_in(name, content) if kind in (".obj", ".mtl") else ()
 
 
 def _beside(path: str, name: str, at_most: int) -> bytes:

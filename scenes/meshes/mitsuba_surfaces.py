@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c, h, k
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, quoted
-from megalopta.scenes.finish import SURFACES, TEXTURES, Finish, Part, Rgb
-from megalopta.scenes.meshes.pictures import Texels, linear_picture, texels_of
-from megalopta.scenes.meshes.pieces import Color, Paint
+from megalopta.scenes.material import SURFACES, TEXTURES, Finish, Part, Rgb
+from megalopta.scenes.meshes.pieces import Color, Paint, Texels, linear_picture, texels_of
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -28,7 +26,7 @@ from megalopta.scenes.meshes.xml_document import (
     value_of,
 )
 from megalopta.scenes.spectra.color import linear_of_srgb, primaries
-from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat, planckian, total
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat, total
 
 _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 """Mitsuba's white light of 1, whose luminance is that of 1 at every wavelength"""
@@ -203,8 +201,6 @@ class Surfaces:
                 made = flat(float(stated["value"]))
             case "d65", []:
                 made = _WHITE
-            case "blackbody", ["temperature"]:
-                made = _black_body(float(stated["temperature"]))
             case "regular", ["values", "wavelength_max", "wavelength_min"]:
                 ends = float(stated["wavelength_min"]), float(stated["wavelength_max"])
                 values = numbers_in(stated["values"])
@@ -217,15 +213,6 @@ class Surfaces:
         name = next(iter(self._contents))
         check_count(name, "values in a spectrum", len(made.values), _MOST_VALUES)
         return made.scaled(scale)
-
-
-def _black_body(temperature_k: float) -> Spectrum:
-    """Radiance of a black body, W·m⁻²·sr⁻¹·nm⁻¹ (Planck's law)."""
-    if not 0 < temperature_k < math.inf:
-        raise ValueError(f"a black body has a temperature of {temperature_k:g} K")
-    shape, meters = planckian(temperature_k), 600e-9
-    radiance = 2e-9 * h * c**2 / meters**5 / np.expm1(h * c / (meters * k * temperature_k))
-    return shape.scaled(radiance / shape(600))
 
 
 def content_of(contents: Mapping[str, bytes], file: str) -> bytes:

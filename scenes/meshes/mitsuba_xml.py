@@ -1,24 +1,24 @@
 """Meshes of a scene in Mitsuba's XML: every shape is an object, every surface a material.
 
-Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones; instances are copied. Area lights
-shine on request. What else would change the picture is refused by name, cameras and integrators of
-the file have no effect.
+Shapes are meshes of OBJ and PLY files, and Mitsuba's basic ones, as triangles. Area lights shine on
+request. What else would change the picture is refused by name, cameras and integrators of the file
+have no effect.
 """
 
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes import basic_shapes, polygons, wavefront
-from megalopta.scenes.meshes.counting import MOST_OBJECTS, check_triangles
+from megalopta.scenes.meshes import polygons, wavefront
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
-from megalopta.scenes.meshes.pieces import Piece, Unused
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_triangles
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -36,13 +36,10 @@ _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 """Parts of shapes that are read, refused by their material, or change nothing that is seen"""
 
 
-def names_in(contents: Mapping[str, bytes]) -> list[str]:
-    """Names of the files that are included or, if all are there, of shapes and their surfaces."""
-    document = Document(contents)
-    if document.missing:
-        return document.missing
+def names_in(content: bytes) -> list[str]:
+    """Names of the files of shapes and of their surfaces."""
     found = []
-    for element in document.root.iter():
+    for element in Document(content).root.iter():
         if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
             found.append(value_of(element, "string", "filename"))
         elif element.tag == "spectrum":
@@ -53,17 +50,17 @@ def names_in(contents: Mapping[str, bytes]) -> list[str]:
 def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
     """Yield the pieces of all shapes. Raises any exception if the file is damaged."""
     reader, total = _Reader(contents), 0
-    for number, (shape, pose) in enumerate(reader.shapes()):
+    for number, shape in enumerate(reader.document.parts(reader.document.root, "shape")):
         check_count(next(iter(contents)), "shapes", number + 1, MOST_OBJECTS)
-        for piece in reader.pieces(shape, number):
+        for piece in reader.painted(shape, number):
             total += len(piece.faces)
             check_triangles(next(iter(contents)), total)
-            yield piece.moved(pose)
+            yield piece.moved(transform_of(shape))
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "lights" are used or not. Raises any exception."""
-    document = Document(contents)
+    document = Document(next(iter(contents.values())))
     for each in document.root:
         is_lamp = each.tag == "emitter" and each.get("type") == "area"  # of shapes that name it
         if each.tag in _UNUSED and not is_lamp:
@@ -78,7 +75,7 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
 
 def check_lights(contents: Mapping[str, bytes]) -> None:
     """Raise DamagedFileError for a light that does not belong to a shape, and is not read."""
-    document = Document(contents)
+    document = Document(next(iter(contents.values())))
     for light in document.parts(document.root, "emitter"):
         kind = light.get("type", "")
         if kind != "area":  # which shines where a shape refers to it
@@ -93,43 +90,23 @@ class _Reader:
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         self._contents = contents
-        self._document = Document(contents)
-        self._surfaces = Surfaces(self._document, contents)
-        self._meshes: dict[int, list[Piece]] = {}
+        self.document = Document(next(iter(contents.values())))
+        self._surfaces = Surfaces(self.document, contents)
 
-    def shapes(self) -> Iterator[tuple[Element, Floats]]:
-        """Yield all shapes, each with its pose (4, 4); of an instance, those of its group."""
-        grouped: dict[int, list[Element]] = {}
-        for shape in self._document.parts(self._document.root, "shape"):
-            if shape.get("type") == "instance":
-                for group in self._document.parts(shape, "shape"):
-                    if id(group) not in grouped:
-                        grouped[id(group)] = self._document.parts(group, "shape")
-                    for each in grouped[id(group)]:
-                        yield each, transform_of(shape) @ transform_of(each)
-            elif shape.get("type") != "shapegroup":
-                yield shape, transform_of(shape)
-
-    def pieces(self, shape: Element, number: int) -> list[Piece]:
-        """Return the pieces of a shape before its pose, as those of an object with a number."""
-        if id(shape) not in self._meshes:
-            self._meshes[id(shape)] = list(self._painted(shape))
-        return [replace(piece, number=number) for piece in self._meshes[id(shape)]]
-
-    def _painted(self, shape: Element) -> Iterator[Piece]:
-        """Yield the pieces of a shape with its surface."""
+    def painted(self, shape: Element, number: int) -> Iterator[Piece]:
+        """Yield the pieces of a shape with its surface, before its pose, with its number."""
         kind, file = shape.get("type", ""), plain(value_of(shape, "string", "filename"))
         name = shape.get("id") or PurePosixPath(file).stem or kind
-        for part in map(self._document.resolved, shape):
+        for part in map(self.document.resolved, shape):
             if part.tag not in _OF_SHAPES + _VALUES:
                 raise DamagedFileError(
                     f"shape {quoted(name)!r} has a part {quoted(part.tag)!r}, which is not read; "
                     "remove it"
                 )
         paint, to_picture = self._surfaces.of(shape, name)
-        if self._document.parts(shape, "medium"):
+        if self.document.parts(shape, "medium"):
             paint = replace(paint, finish=None, refused="the boundary of a medium")
-        if self._document.parts(shape, "emitter"):
+        if self.document.parts(shape, "emitter"):
             paint = self._surfaces.shining(paint, shape)
         is_flat, is_flipped = (
             value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
@@ -144,8 +121,8 @@ class _Reader:
                 uv = uv * [1, -1] + [0, 1]  # Mitsuba's first row is v = 0, here the last one
             normals = None if is_flat else piece.normals
             faces = piece.faces[:, ::-1] if is_flipped else piece.faces
-            piece = replace(piece, name=name, paint=paint, faces=faces, colors=None)
-            yield replace(piece, normals=normals, uv=uv)
+            piece = replace(piece, name=name, paint=paint, faces=faces)
+            yield replace(piece, number=number, normals=normals, uv=uv)
 
     def _of_file(self, kind: str, file: str) -> Iterator[Piece]:
         """Yield pieces of a mesh file, with Mitsuba's texture coordinates."""
@@ -172,20 +149,102 @@ def _basic(kind: str, shape: Element) -> Piece:
         raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
     match kind:
         case "rectangle":
-            made = basic_shapes.rectangle()
+            made = rectangle()
         case "cube":
-            made = basic_shapes.cube()
+            made = cube()
         case "disk":
-            made = basic_shapes.disk()
+            made = disk()
         case "sphere":
-            made = basic_shapes.sphere(points.get("center", np.zeros(3)), radius)
+            made = sphere(points.get("center", np.zeros(3)), radius)
         case "cylinder":
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
             if not 0 < np.linalg.norm(end - start) < math.inf:
                 raise ValueError(f"shape {quoted(label)!r} has p0 {start} and p1 {end}: no length")
-            made = basic_shapes.cylinder(start, end, radius)
+            made = cylinder(start, end, radius)
         case _:
             raise DamagedFileError(
                 f"a shape of type {quoted(kind)!r} is not read; export it as PLY or OBJ"
             )
     return Piece(0, kind, made.vertices, made.faces, normals=made.normals, uv=made.uv)
+
+
+_ROUND = 96
+"""Sides of round shapes: facets are up to 1.1e-3 of the radius below a sphere."""
+
+
+class Shape(NamedTuple):
+    """Triangles of a shape, with smooth normals if it is round."""
+
+    vertices: Floats
+    """(V, 3)."""
+    faces: Ints
+    """(F, 3)."""
+    uv: Floats | None = None
+    """(V, 2), as Mitsuba's."""
+    normals: Floats | None = None
+    """(V, 3)."""
+
+
+def rectangle() -> Shape:
+    """Return a square of side 2 with normal +z."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    return Shape(corners, np.array([[0, 1, 2], [0, 2, 3]]), (corners[:, :2] + 1) / 2)
+
+
+def cube() -> Shape:
+    """Return a cube of side 2, without texture coordinates."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [[side[0], side[n], side[n + 1]] for side in sides for n in (1, 2)]
+    return Shape(corners, np.array(faces))
+
+
+def disk() -> Shape:
+    """Return a disk of radius 1 with normal +z, without texture coordinates."""
+    rim = _circle()[:-1]
+    vertices = np.concatenate([np.zeros((1, 3)), np.column_stack([rim, np.zeros(_ROUND)])])
+    around = np.arange(_ROUND)
+    faces = np.column_stack([np.zeros(_ROUND, int), around + 1, (around + 1) % _ROUND + 1])
+    return Shape(vertices, faces)
+
+
+def sphere(center: Floats, radius: float) -> Shape:
+    """Return a sphere about a center (3,)."""
+    polar = np.linspace(0, np.pi, _ROUND // 2 + 1)
+    ring = _circle()
+    normals = np.stack(
+        [
+            np.outer(np.sin(polar), ring[:, 0]),
+            np.outer(np.sin(polar), ring[:, 1]),
+            np.repeat(np.cos(polar)[:, None], len(ring), axis=1),
+        ],
+        axis=-1,
+    )
+    turn, fall = np.meshgrid(np.linspace(0, 1, len(ring)), polar / np.pi)
+    uv = np.stack([turn, fall], axis=-1).reshape(-1, 2)
+    flat = normals.reshape(-1, 3)
+    return Shape(center + radius * flat, _grid(*normals.shape[:2])[:, ::-1], uv, flat)
+
+
+def cylinder(start: Floats, end: Floats, radius: float) -> Shape:
+    """Return an open cylinder between two points (3,), without texture coordinates."""
+    axis = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    normals = _circle() @ np.stack([across, np.cross(axis, across)])
+    vertices = np.concatenate([start + radius * normals, end + radius * normals])
+    return Shape(vertices, _grid(2, len(normals)), None, np.concatenate([normals, normals]))
+
+
+def _circle() -> Floats:
+    """Points (n + 1, 2) around the unit circle; the last is the first again."""
+    angle = np.linspace(0, 2 * np.pi, _ROUND + 1)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _grid(rows: int, columns: int) -> Ints:
+    """Two triangles (F, 3) for each cell of a grid of vertices."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
+    c, d = number[1:, 1:].ravel(), number[1:, :-1].ravel()
+    return np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])

@@ -1,6 +1,9 @@
 """Model of a mesh file: its pieces in meters, with z up."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
 import numpy as np
@@ -8,13 +11,13 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import printable, quoted, undamaged
+from megalopta.core.bounded import check_count, check_decoded, printable, quoted, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.record import Record
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
-from megalopta.scenes.meshes.counting import check_triangles, triangles_in
+from megalopta.scenes.meshes.gltf import Json
 from megalopta.scenes.meshes.mesh_file import REPAIR, Contents, MeshFile
-from megalopta.scenes.meshes.pieces import Piece, Unused
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, TEXT_BYTES, Piece, Unused, check_triangles
 from megalopta.scenes.motion import Vector
 
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
@@ -22,10 +25,6 @@ SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 
 _FARTHEST_M = 1e8
 """Largest distance from the origin, m: coordinates of maps are smaller."""
-_VAST_M, _TRAVELS = 1000.0, 100.0
-"""Extent of a file, also over that of the camera's path, from which its unit is in doubt"""
-_TINY_M, _EXTENTS = 0.1, 50.0
-"""Extent below which its unit is in doubt, if the camera is farther away than so many extents"""
 
 _NAMED, _LONGEST = 4, 40
 """Most names in a sentence, and most characters of one"""
@@ -36,7 +35,7 @@ _READERS: Mapping[str, tuple[_Reader, _Rest]] = {
     **dict.fromkeys((".glb", ".gltf"), (gltf.pieces_of, gltf.unused)),
     ".obj": (wavefront.pieces_of, wavefront.unused),
     ".xml": (mitsuba_xml.pieces_of, mitsuba_xml.unused),
-    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, polygons.unused)),
+    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, lambda *_: ())),
 }
 _Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
@@ -143,25 +142,6 @@ class PlacedMesh(Record, frozen=True):
                 f"{_FARTHEST_M:.0e} m; move it there"
             )
 
-    def doubts(self, pieces: Sequence[Piece], positions: Floats) -> Iterator[str]:
-        """Yield a sentence if the file is of an unlikely size for a camera at positions (T, 3)."""
-        corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
-        placed = corners @ self.pose[:3, :3].T + self.pose[:3, 3]
-        low, high = placed.min(axis=0), placed.max(axis=0)
-        extent, travel = float((high - low).max()), float(np.ptp(positions, axis=0).max())
-        outside = np.maximum(np.maximum(low - positions, positions - high), 0)
-        distance = float(np.linalg.norm(outside, axis=1).min())
-        if extent >= _VAST_M and extent > _TRAVELS * travel:
-            doubt, better = f"the camera moves by {travel:.3g} m", self.scale * 1e-3
-        elif extent < _TINY_M and distance > _EXTENTS * extent:
-            doubt, better = f"the camera is {distance:.3g} m away from it", self.scale * 1e3
-        else:
-            return
-        yield (
-            f"{self.file.path} extends over {extent:.4g} m, and {doubt}; if its unit is "
-            f"another, give the unit's length in meters, such as `scale: {better:g}`"
-        )
-
 
 def _some(owners: Iterable[str]) -> str:
     """Some of the names in brackets, empty without any."""
@@ -184,3 +164,53 @@ def _nearer(extent: float, scale: float) -> float:
     while not SMALLEST_M <= extent < LARGEST_M:
         extent, scale = extent * step, scale * step
     return scale
+
+
+_LINE = re.compile(rb"^[ \t]*(v|f|o|g|usemtl)[ \t]", re.MULTILINE | re.IGNORECASE)
+_MESHES = (".obj", ".ply")
+_GLTF_LISTS = ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers")
+
+
+def triangles_in(contents: Contents) -> int:
+    """Return the number of triangles, at least, that a file places.
+
+    Raises TooLargeError if it states more than is read, and any exception if it is damaged.
+    """
+    name, content = next(iter(contents.items()))
+    match PurePosixPath(name).suffix.lower():
+        case ".stl":
+            triangles = polygons.stl_triangles(content)
+            vertices, objects = 3 * triangles, 1
+        case ".ply":
+            counts = polygons.ply_counts(content)
+            vertices, triangles, objects = counts.get("vertex", 0), counts.get("face", 0), 1
+        case ".xml":
+            meshes = (each for each in contents.items() if each[0].lower().endswith(_MESHES))
+            return sum(triangles_in({name: each}) for name, each in meshes)
+        case ".obj":
+            check_decoded(name, (len(content),), TEXT_BYTES)
+            lines = Counter(line[1].lower() for line in _LINE.finditer(content))
+            vertices, triangles = lines[b"v"], lines[b"f"]
+            objects = lines[b"o"] + lines[b"g"] + lines[b"usemtl"]
+        case _:
+            vertices, triangles, objects = _of_gltf(name, gltf.parts_of(content)[0])
+    check_count(name, "objects", objects, MOST_OBJECTS)
+    check_triangles(name, triangles + vertices // 2)
+    return triangles
+
+
+def _of_gltf(name: str, header: Json) -> tuple[int, int, int]:
+    """Vertices, triangles and primitives that the nodes place, of meshes as often as placed."""
+    for things in _GLTF_LISTS:
+        check_count(name, things, len(header.get(things, ())), MOST_OBJECTS)
+    counts = [int(each["count"]) for each in header.get("accessors", ())]
+    placed = Counter(node["mesh"] for node in header.get("nodes", ()) if "mesh" in node)
+    vertices = triangles = primitives = 0
+    for number, times in placed.items():
+        for part in header["meshes"][number]["primitives"]:
+            position = part["attributes"]["POSITION"]
+            corners = counts[part.get("indices", position)]
+            vertices += times * counts[position]
+            triangles += times * (corners // 3 if part.get("mode", 4) == 4 else corners)
+            primitives += times
+    return vertices, triangles, primitives

@@ -1,7 +1,6 @@
 """Meshes of a file in one form, whatever the format: pieces of one object and one material."""
 
-import re
-from collections.abc import Iterator
+import io
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +8,13 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats, Ints
-from megalopta.scenes.finish import Finish
+from megalopta.core.bounded import check_decoded
+from megalopta.core.pictures import decoded
+from megalopta.scenes.material import Finish
 from megalopta.scenes.meshes.animation import NodeMotion
+from megalopta.scenes.spectra.color import linear_of_srgb
 from megalopta.scenes.spectra.spectrum import Spectrum
 
-_HEADER_BYTES = 4096
-_UNIT = re.compile(rb"(?i)\bunits?\s*[=:]\s*\W?([a-z]{1,20})")
 _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
 _FLATTEST = 1e12
@@ -65,9 +65,6 @@ class Piece:
     """(V, 3): normals of a smooth surface, of any length; None: flat faces."""
     uv: Floats | None = None
     """(V, 2): coordinates of the picture."""
-    colors: Floats | None = None
-    """(V, 3): colors of vertices, or (F, 3, 3) of the corners of faces, in linear sRGB; they
-    multiply those of the paint."""
     motion: NodeMotion | None = None
     """Motion with the object's node; None: at rest."""
 
@@ -88,11 +85,8 @@ class Piece:
         linear = matrix[:3, :3]
         vertices = self.vertices @ linear.T + matrix[:3, 3]
         normals = None if self.normals is None else self.normals @ _cofactors(linear).T
-        faces, colors = self.faces, self.colors
-        if np.linalg.det(linear) < 0:
-            faces = faces[:, ::-1]
-            colors = colors[:, ::-1] if colors is not None and colors.ndim > 2 else colors
-        moved = replace(self, vertices=vertices, faces=faces, normals=normals, colors=colors)
+        faces = self.faces[:, ::-1] if np.linalg.det(linear) < 0 else self.faces
+        moved = replace(self, vertices=vertices, faces=faces, normals=normals)
         return replace(moved, motion=self.motion.moved(matrix)) if self.motion else moved
 
     def sound(self) -> "Piece":
@@ -101,20 +95,10 @@ class Piece:
         facing = cross(b - a, c - a)
         solid = lengths(facing) > 0
         faces, facing = self.faces[solid], facing[solid]
-        colors = self.colors
-        if colors is not None and colors.ndim > 2:
-            colors = colors[solid]
         normals = self.normals
         if normals is not None:
             normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
-        return replace(self, faces=faces, colors=colors, normals=normals)
-
-
-def stated_unit(content: bytes) -> Iterator[Unused]:
-    """Yield the unit that a comment at the beginning of a file states, as exporters write it."""
-    found = _UNIT.search(content[:_HEADER_BYTES])
-    if found:
-        yield "a unit in a comment, for which `scale` stands", found[1].decode()
+        return replace(self, faces=faces, normals=normals)
 
 
 def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
@@ -150,3 +134,61 @@ def _on_the_side(normals: Floats, facing: Floats) -> Floats:
     chosen = np.where((chosen * facing).sum(axis=1)[:, None] < 0, -chosen, chosen)
     size = np.linalg.norm(chosen, axis=1, keepdims=True)
     return np.where(size > 0, chosen / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])
+
+
+_GRAY = "1", "L", "LA"
+TEXEL_BYTES = 40
+"""Memory of a pixel of a picture, decoded and loaded (bytes, measured)."""
+
+
+class Texels:
+    """Pictures of one file or scene, which fit into the budget together."""
+
+    def __init__(self, owner: str) -> None:
+        self._owner, self._count = owner, 0
+        self._pictures: dict[int, NDArray[np.float32]] = {}
+
+    def add(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return a picture, which counts once. Raises TooLargeError."""
+        if id(picture) not in self._pictures:
+            self._pictures[id(picture)] = picture
+            self._count += picture.shape[0] * picture.shape[1]
+            check_decoded(f"{self._owner} with its pictures", (self._count,), TEXEL_BYTES)
+        return picture
+
+
+def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:
+    """Return colors (H, W, 3) in linear sRGB of a material's picture; row 0 is at v = 0, below.
+
+    Raises DamagedFileError.
+    """
+    texels = texels_of(content, material)[::-1]
+    return np.ascontiguousarray(texels if texels.shape[2] > 1 else texels.repeat(3, axis=-1))
+
+
+def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[np.float32]:
+    """Return texels (H, W, 1 or 3) of a material's picture, decoded from sRGB; row 0 is on top.
+
+    Raises DamagedFileError.
+    """
+    name = f"the picture of material {material!r}"
+    with decoded(io.BytesIO(content), name, TEXEL_BYTES) as image:
+        if image.mode.startswith("I;16"):
+            levels, codes = 2**16, np.asarray(image)
+        else:
+            levels = 2**8
+            codes = np.asarray(image.convert("L" if image.mode in _GRAY else "RGB"))
+    values = np.arange(levels) / (levels - 1)
+    table = (linear_of_srgb(values) if is_coded else values).astype(np.float32)
+    return np.asarray(table[codes.reshape(*codes.shape[:2], -1)])
+
+
+MOST_OBJECTS = 10_000
+"""Most objects, materials, nodes or pictures of a file."""
+TRIANGLE_BYTES, TEXT_BYTES = 300, 16
+"""Memory of a triangle, or of two vertices, in a scene, and of a byte of text (measured)."""
+
+
+def check_triangles(name: str, count: int) -> None:
+    """Raise TooLargeError if so many triangles do not fit into the budget."""
+    check_decoded(name, (count,), TRIANGLE_BYTES)

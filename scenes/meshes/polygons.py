@@ -1,8 +1,8 @@
-"""Meshes of STL files, and of PLY, which trimesh reads: one object, colors of vertices or faces."""
+"""Meshes of STL and PLY files, which trimesh reads: one object, without colors."""
 
 import io
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Piece, Unused, stated_unit
+from megalopta.scenes.meshes.pieces import Piece
 from megalopta.scenes.spectra.color import decode_srgb
 
 if TYPE_CHECKING:
@@ -24,33 +24,28 @@ _PLY_BYTES = {
     **dict.fromkeys(("double", "float64"), 8),
 }
 _STL_HEADER = 84
-_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_PROPERTIES = (
-    *("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue"),
-    *("u", "v", "s", "t", "vertex_indices", "vertex_index"),
-)
+_STL_TRIANGLE_BYTES = 50
 
 
 def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
     """Return the piece of a file. Raises any exception if the file is damaged."""
-    name, content = next(iter(contents.items()))
-    path = PurePosixPath(name)
-    if path.suffix.lower() == ".stl":
-        corners = _stl_corners(content)
-        return [Piece(0, path.stem, corners, np.arange(len(corners)).reshape(-1, 3))]
     import trimesh  # slow
 
-    header = content[:_HEADER_BYTES]
-    if b"comment TextureFile" in header:
+    name, content = next(iter(contents.items()))
+    path, header = PurePosixPath(name), content[:_HEADER_BYTES]
+    kind = path.suffix.lower().removeprefix(".")
+    if kind == "ply" and b"comment TextureFile" in header:
         raise DamagedFileError(
             "it names a picture, which PLY has no standard for; export it as GLB"
         )
-    mesh = trimesh.load_mesh(io.BytesIO(content), file_type="ply", process=False)
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    if kind == "stl":
+        return [Piece(0, path.stem, vertices, faces)]
     smooth = re.search(rb"property \w+ nx\s", header)
     normals = np.asarray(mesh.vertex_normals, np.float64) if smooth else None
-    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     uv = getattr(mesh.visual, "uv", None)
-    return [Piece(0, path.stem, vertices, faces, normals=normals, uv=uv, colors=_colors(mesh))]
+    return [Piece(0, path.stem, vertices, faces, normals=normals, uv=uv)]
 
 
 def ply_counts(content: bytes) -> dict[str, int]:
@@ -86,42 +81,13 @@ def ply_counts(content: bytes) -> dict[str, int]:
 def stl_triangles(content: bytes) -> int:
     """Return the number of triangles of an STL file. Raises ValueError if it is cut short."""
     stated = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
-    if len(content) == _STL_HEADER + _STL_TRIANGLE.itemsize * stated:
+    if len(content) == _STL_HEADER + _STL_TRIANGLE_BYTES * stated:
         return stated
     if not content.lstrip()[:5].lower() == b"solid":
         raise ValueError(f"it states {stated} triangles, which do not fit its {len(content)} bytes")
     if not content.rstrip().rpartition(b"\n")[2].lstrip().lower().startswith(b"endsolid"):
         raise ValueError("it ends early, without endsolid")
     return content.lower().count(b"endfacet")
-
-
-def _stl_corners(content: bytes) -> Floats:
-    """Corners (3·F, 3) of the triangles of an STL file, binary or of text."""
-    count = stl_triangles(content)
-    if len(content) == _STL_HEADER + _STL_TRIANGLE.itemsize * count:
-        facets = np.frombuffer(content, _STL_TRIANGLE, count, _STL_HEADER)
-        return np.asarray(facets["corners"].reshape(-1, 3), np.float64)
-    found = re.findall(rb"^\s*vertex\s+(.+)$", content, re.IGNORECASE | re.MULTILINE)
-    if len(found) != 3 * count:
-        raise ValueError(f"it has {len(found)} corners of {count} triangles")
-    return np.array([line.split() for line in found], np.float64).reshape(-1, 3)
-
-
-def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:
-    """Yield what has no effect. Raises any exception if the file is damaged."""
-    name, content = next(iter(contents.items()))
-    yield from stated_unit(content)
-    if name.lower().endswith(".ply"):
-        for line in content[:_HEADER_BYTES].partition(b"end_header")[0].splitlines():
-            key, *words = line.decode("utf-8", "replace").split() or [""]
-            if key == "element" and words[0] not in ("vertex", "face"):
-                yield "elements", words[0]
-            if key == "property" and words[-1] not in _PROPERTIES:
-                yield "properties", words[-1]
-    elif content[:5].lower() != b"solid":
-        facets = np.frombuffer(content[84:], np.uint8)
-        if facets[: len(facets) // 50 * 50].reshape(-1, 50)[:, 48:].any():
-            yield "attributes of facets, such as colors", ""
 
 
 def _colors(mesh: "trimesh.Trimesh") -> Floats | None:

@@ -1,6 +1,5 @@
 """Materials and meshes of a scene from the pieces of a file."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -8,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface, join
-from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.scenes.finish import Finish
-from megalopta.scenes.material import ColorTexture, Emission, Material
-from megalopta.scenes.meshes.pictures import Texels
-from megalopta.scenes.meshes.pieces import Color, Piece
+from megalopta.scenes.material import ColorTexture, Emission, Finish, Material
+from megalopta.scenes.meshes.pieces import Color, Piece, Texels
 from megalopta.scenes.meshes.reflectance import Curve, material_of
 from megalopta.scenes.scene import Asset
 from megalopta.scenes.spectra.color import BLUE, GREEN, KNOWN_NM, RED, reflectance_of_color
@@ -61,8 +57,6 @@ class Surfacing:
 
     def _parts(self, pieces: Sequence[Piece]) -> Iterator[tuple[str, Surface]]:
         """Name of the material and mesh of each piece."""
-        speckled = [piece for piece in pieces if self._is_speckled(piece)]
-        atlas = _Atlas(sum(len(piece.faces) for piece in speckled))
         for piece in pieces:
             if self.shines and piece.paint.dark:
                 raise ValueError(
@@ -84,16 +78,8 @@ class Surfacing:
                 yield self._finished(piece, piece.paint.finish)
             elif piece.paint.picture is not None:
                 yield self._pictured(piece)
-            elif self._is_speckled(piece):
-                yield self._part("colors", _textured(atlas.texels), atlas.painted(piece))
             else:
                 yield self._plain(piece)
-
-    def _is_speckled(self, piece: Piece) -> bool:
-        """True if the colors of its vertices count, and differ."""
-        if piece.colors is None or piece.paint.picture is not None or piece.material in self.given:
-            return False
-        return bool(np.ptp(piece.colors.reshape(-1, 3), axis=0).any())
 
     def _part(self, name: str, material: Material, surface: Surface) -> tuple[str, Surface]:
         name = f"{self.label}: {name}{'' if surface.normals is None else ', smooth'}"
@@ -147,17 +133,15 @@ class Surfacing:
         return self._part(self._numbered(f"{piece.material}, lamp", *kind), lamp, surface)
 
     def _plain(self, piece: Piece) -> tuple[str, Surface]:
-        paint, colors = piece.paint, piece.colors
+        paint = piece.paint
         if of := paint.spectrum:
             ends = (of.wavelengths_nm[0], of.wavelengths_nm[-1]) if len(of.values) > 1 else None
             name = self._numbered(piece.material, of)
             return self._part(name, Material(of, known_nm=ends), _bare(piece))
-        if colors is None and (paint.name is None or not paint.is_described):
+        if paint.name is None or not paint.is_described:
             return self._part("no color", Material(flat(self.colorless)), _bare(piece))
-        shade = np.ones(3) if colors is None else colors.reshape(-1, 3)[0]
-        color = np.array(paint.color) * shade
-        name = self._numbered(piece.material, *color.tolist())
-        return self._part(name, _colored(color), _bare(piece))
+        material = Material(reflectance_of_color(paint.color), known_nm=KNOWN_NM)
+        return self._part(self._numbered(piece.material, *paint.color), material, _bare(piece))
 
 
 def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
@@ -181,10 +165,6 @@ def _reflecting(reflectance: Spectrum) -> Finish | None:
     return Finish("twosided", {"side": side}) if any(reflectance.values) else None
 
 
-def _colored(color: Floats) -> Material:
-    return Material(reflectance_of_color(color), known_nm=KNOWN_NM)
-
-
 def _textured(weight: NDArray[np.float32]) -> Material:
     return Material(flat(0.0), ColorTexture(weight, (RED, GREEN, BLUE)), known_nm=KNOWN_NM)
 
@@ -195,33 +175,3 @@ def _asset(parts: Sequence[tuple[str, Surface]]) -> Asset:
     for name, surface in parts:
         alike.setdefault(name, []).append(surface)
     return Asset({name: join(surfaces).to_mesh() for name, surfaces in alike.items()})
-
-
-class _Atlas:
-    """Picture of the colors of triangles, with two by two texels for each.
-
-    Between the centers of four texels that lie on a plane, bilinear interpolation is linear: each
-    triangle is interpolated exactly.
-    """
-
-    def __init__(self, faces: int) -> None:
-        self._side, self._used = math.isqrt(max(faces - 1, 0)) + 1, 0
-        self.texels = np.zeros((2 * self._side, 2 * self._side, 3), np.float32)
-        """(H, W, 3): colors in linear sRGB; the fourth of a triangle may be beyond 0 to 1."""
-
-    def painted(self, piece: Piece) -> Surface:
-        """Return a piece with coordinates of its colors, each triangle with its own vertices."""
-        assert piece.colors is not None
-        corners = piece.colors if piece.colors.ndim > 2 else piece.colors[piece.faces]
-        first, second, third = np.moveaxis(corners * piece.paint.color, 1, 0)
-        row, column = np.divmod(self._used + np.arange(len(corners)), self._side)
-        self._used += len(corners)
-        four = ((0, 0, first), (0, 1, second), (1, 0, third), (1, 1, second + third - first))
-        for down, right, color in four:
-            self.texels[2 * row + down, 2 * column + right] = color
-        lowest = np.stack([column, row], axis=1)[:, None]
-        uv = (lowest + np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75]])) / self._side
-        place = piece.faces.ravel()
-        normals = None if piece.normals is None else piece.normals[place]
-        faces = np.arange(len(place)).reshape(-1, 3)
-        return Surface(piece.vertices[place], faces, uv.reshape(-1, 2), normals)

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pictures import Texels, linear_picture
-from megalopta.scenes.meshes.pieces import Paint, Piece, Unused, stated_unit
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, linear_picture
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
@@ -166,9 +165,8 @@ def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) 
     uv = file.uv[of_uv, :2] if (of_uv >= 0).all() else None
     normals = file.normals[of_normal] if (of_normal >= 0).all() else None
     positions = file.positions[place]
-    colors = linear_of_srgb(positions[:, 3:6].clip(0, 1)) if positions.shape[1] >= 6 else None
     shaped = faces.reshape(-1, 3)
-    return Piece(*of, positions[:, :3], shaped, paint, normals, uv, colors)
+    return Piece(*of, positions[:, :3], shaped, paint, normals, uv)
 
 
 def _paints(
@@ -206,7 +204,6 @@ def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[U
     yield from (("statements", each.decode()) for each in sorted({*_UNREAD.findall(content)}))
     if b"\nvn " not in content and _SMOOTH.search(content):
         yield "smoothing groups", ""
-    yield from stated_unit(content)
     for file in contents:
         if file.lower().endswith(".mtl"):
             for each in _materials(contents[file]):

@@ -1,13 +1,11 @@
 """Mitsuba's XML as a bounded document: no entities, defaults filled in, references resolved.
 
-Files that it includes become part of it.
-
 Nothing in it is loaded or executed. Names of older versions (toWorld) become those of version 3
 (to_world), as Mitsuba itself does.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,7 +20,6 @@ Element = ElementTree.Element
 _MOST_BYTES = 16 * 10**6
 _MOST_ELEMENTS = 10**6
 _DEEPEST = 40
-_MOST_INCLUDES = 100
 _MOST_FILLED = 16 * 10**6
 _CAPITAL = re.compile(r"(?<=[a-z])([A-Z])")
 _WORD = re.compile(r"\$(\w+)")
@@ -31,19 +28,23 @@ _WORD = re.compile(r"\$(\w+)")
 class Document:
     """Elements of a scene by place and by id."""
 
-    def __init__(self, contents: Mapping[str, bytes]) -> None:
-        """Raise ValueError if the first content is no scene, or more than one."""
-        self._contents, self._includes, self._filled = contents, 0, 0
-        self.root = _scene(next(iter(contents.values())))
-        self.missing: list[str] = []
-        """Names of included files that are not among the contents."""
+    def __init__(self, content: bytes) -> None:
+        """Raise ValueError if the content is no scene."""
+        self.root, self._filled = _scene(content), 0
         self._by_id: dict[str, Element] = {}
         defaults: dict[str, str] = {}
-        for number, element in enumerate(self._walk(self.root, 0)):
+        for number, element in enumerate(_walk(self.root, 0)):
             if number > _MOST_ELEMENTS:
                 raise ValueError(f"it has more than {_MOST_ELEMENTS} elements")
-            self._settle(element, defaults)
-        self.root[:] = _flat(self.root)
+            for key, value in element.attrib.items():
+                if "$" in value:
+                    element.set(key, self._fill(value, defaults))
+            if name := _CAPITAL.sub(lambda found: f"_{found[1].lower()}", element.get("name", "")):
+                element.set("name", name)
+            if element.tag == "default":
+                defaults.setdefault(name, element.get("value", ""))
+            if "id" in element.attrib and element.tag != "ref":
+                self._by_id[element.attrib["id"]] = element
 
     def parts(self, element: Element, tag: str) -> list[Element]:
         """Direct parts of an element with a tag, also those that it names by their id."""
@@ -57,39 +58,6 @@ class Document:
         if wanted not in self._by_id:
             raise ValueError(f"it names {quoted(wanted)!r}, which is not defined")
         return self._by_id[wanted]
-
-    def _walk(self, element: Element, depth: int) -> Iterator[Element]:
-        if depth > _DEEPEST:
-            raise ValueError(f"it is nested in more than {_DEEPEST} levels")
-        yield element
-        if element.tag == "include":
-            self._include(element)
-        for each in element:
-            yield from self._walk(each, depth + 1)
-
-    def _include(self, element: Element) -> None:
-        """Put the elements of another file into the element that includes it."""
-        name = plain(element.get("filename", ""))
-        self._includes += 1
-        if self._includes > _MOST_INCLUDES:
-            raise ValueError(f"it includes more than {_MOST_INCLUDES} files")
-        if not name.lower().endswith(".xml"):
-            raise ValueError(f"it includes {quoted(name)!r}, which is no XML file")
-        if name in self._contents:
-            element[:] = _scene(self._contents[name])
-        else:
-            self.missing.append(name)
-
-    def _settle(self, element: Element, defaults: dict[str, str]) -> None:
-        for key, value in element.attrib.items():
-            if "$" in value:
-                element.set(key, self._fill(value, defaults))
-        if name := _CAPITAL.sub(lambda found: f"_{found[1].lower()}", element.get("name", "")):
-            element.set("name", name)
-        if element.tag == "default":
-            defaults.setdefault(name, element.get("value", ""))
-        if "id" in element.attrib and element.tag != "ref":
-            self._by_id[element.attrib["id"]] = element
 
     def _fill(self, value: str, defaults: dict[str, str]) -> str:
         """Return a text with the defaults that it names, which may double in each of many."""
@@ -121,13 +89,14 @@ def _scene(content: bytes) -> Element:
     return root
 
 
-def _flat(element: Element) -> Iterator[Element]:
-    """Yield the parts of an element and, in their place, those of included files."""
-    for each in element:
-        if each.tag == "include":
-            yield from _flat(each)
-        else:
-            yield each
+def _walk(element: Element, depth: int) -> Iterator[Element]:
+    if depth > _DEEPEST:
+        raise ValueError(f"it is nested in more than {_DEEPEST} levels")
+    if element.tag == "include":
+        raise ValueError("it includes another file, which is not read; put its elements here")
+    yield element
+    for part in element:
+        yield from _walk(part, depth + 1)
 
 
 def value_of(element: Element, tag: str, name: str) -> str:
@@ -173,13 +142,6 @@ def _step(step: Element) -> Floats:
             given = numbers_in(step.get("value", ""))
             side = 4 if given.size == 16 else 3
             matrix[:side, :side] = given.reshape(side, side)
-        case "lookat":
-            names = "origin", "target", "up"
-            origin, target, up = (numbers_in(step.get(name, "0 0 1")) for name in names)
-            ahead = (target - origin) / np.linalg.norm(target - origin)
-            left = np.cross(up, ahead)
-            left /= np.linalg.norm(left)
-            matrix[:3] = np.stack([left, np.cross(ahead, left), ahead, origin], axis=1)
         case other:
             raise ValueError(f"it has an unknown transform {quoted(other)!r}")
     return matrix

@@ -15,7 +15,7 @@ from typing import Literal
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import PictureFile
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Environment, Scene
 from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.trajectories.base import Path

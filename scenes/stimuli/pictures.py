@@ -18,7 +18,7 @@ from megalopta.core.record import Record
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import HashedFile
-from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import (
     LUMINANCE_SHARES,

@@ -1,12 +1,18 @@
-"""Camera on a circle around the point at which it looks."""
+"""Camera on a circle around the point at which it looks, or around a scene, all of which it sees.
+
+Of a scene of files only what a camera looks at counts (`bounds_of`).
+"""
 
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
+from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats
+from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.motion import Vector
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path, looking
 
 
@@ -49,3 +55,107 @@ class Orbit(Path, frozen=True):
             f"circles a point at {self.radius_m:g} m by {abs(self.rate_deg_s):g}° per second, "
             "looking at it"
         )
+
+
+_MARGIN = 0.04
+"""Least distance of the scene from the image's border, over the size of the image"""
+_DISTANCES = np.geomspace(0.6, 1e5, 500)
+"""Distances that are tried, over half the scene's diagonal"""
+_AZIMUTHS = 16
+_DIGITS = 3
+
+
+class Fit(Path, frozen=True):
+    """Circle around the scene's own center, near and far enough to see all of it.
+
+    The configuration replaces it by the `orbit` that it finds.
+    """
+
+    kind: Literal["fit"] = "fit"
+
+    elevation_deg: Annotated[float, Field(ge=-80, le=80)] = 20.0
+    """Height of the camera above the scene's center, seen from there (degrees)."""
+
+    rate_deg_s: float = 10.0
+    """Angular rate (degrees/s); positive is counterclockwise seen from above."""
+
+    start_deg: float = 180.0
+    """Position of the first frame on the circle (degrees from +x toward +y)."""
+
+    def around(self, bounds: Floats, camera: Camera) -> Orbit:
+        """Return the circle around a box, of lowest and highest corner (2, 3), m."""
+        center, half = bounds.mean(axis=0), float(np.linalg.norm(np.diff(bounds, axis=0))) / 2
+        corners = np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        # Numbers of a few digits can be typed.
+        step = 10.0 ** (np.floor(np.log10(half)) - _DIGITS + 1)
+        shared = {name: getattr(self, name) for name in ("frames", "frame_rate_hz", "mount")}
+        x, y, z = (np.round(center / step) * step).round(12).tolist()
+        elevation = np.radians(self.elevation_deg)
+        for distance in _DISTANCES * half:
+            orbit = Orbit(
+                **shared,
+                center_m=(x, y, z),
+                radius_m=float(f"{distance * np.cos(elevation):.{_DIGITS}g}"),
+                height_m=float(f"{distance * np.sin(elevation):.{_DIGITS}g}"),
+                rate_deg_s=self.rate_deg_s,
+                start_deg=self.start_deg,
+            )
+            if _sees(orbit, corners, camera):
+                break
+        return orbit
+
+    def course(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Raise ValueError: there is no path before the scene is known."""
+        raise ValueError("trajectory.kind 'fit': the scene is not known; load the configuration")
+
+    def __str__(self) -> str:
+        """Camera motion."""
+        return "circles the scene, all of which it sees"
+
+
+def _sees(orbit: Orbit, corners: Floats, camera: Camera) -> bool:
+    """True if corners (8, 3) of a box are within the image from all around."""
+    around = orbit.model_copy(update={"rate_deg_s": 360 / _AZIMUTHS, "mount": None})
+    positions, rotations = around.course(np.arange(_AZIMUTHS, dtype=float))
+    places = np.einsum("nij,nki->nkj", rotations, corners - positions[:, None])
+    image = camera.project(places) / [camera.width, camera.height]
+    return bool(((image > _MARGIN) & (image < 1 - _MARGIN)).all())
+
+
+_FAR = 20.0
+"""Extent of a ground or a dome, over that of all that stands on it or in it."""
+
+
+def bounds_of(scene: Scene) -> Floats:
+    """Lowest and highest corner (2, 3), m, of the surfaces of a scene at time 0.
+
+    Without vertices of no surface, without lamps if anything else is there, and without grounds and
+    domes: surfaces around all others and 20 times as large.
+    """
+    boxes, lamps = [], []
+    for placement in scene.placements:
+        for material, mesh in scene.assets[placement.asset].parts.items():
+            a, b, c = np.asarray(mesh.vertices)[np.asarray(mesh.faces).T]
+            solid = np.asarray(mesh.faces)[lengths(cross(b - a, c - a)) > 0]
+            points = mesh.vertices[np.unique(solid)] @ placement.to_world[:3, :3].T
+            points = points + placement.to_world[:3, 3]
+            if placement.motion:
+                points = placement.motion.carry(points, 0.0)
+            if len(points):
+                boxes.append([points.min(axis=0), points.max(axis=0)])
+                lamps.append(bool(scene.materials[material].emission))
+    found, is_lamp = np.array(boxes).reshape(-1, 2, 3), np.array(lamps, bool)
+    if not is_lamp.all():
+        found = found[~is_lamp]
+    found = found[np.argsort(lengths(found[:, 1] - found[:, 0]), kind="stable")]
+    # Bounds of the first k, from the smallest on; and what all others cover together.
+    low, high = np.minimum.accumulate(found[:, 0]), np.maximum.accumulate(found[:, 1])
+    covered_low = np.maximum.accumulate(found[::-1, 0, :2])[::-1]
+    covered_high = np.minimum.accumulate(found[::-1, 1, :2])[::-1]
+    is_around = (covered_low[1:] <= low[:-1, :2]).all(1) & (covered_high[1:] >= high[:-1, :2]).all(
+        1
+    )
+    sizes = lengths(found[:, 1] - found[:, 0])
+    is_around &= sizes[1:] > _FAR * lengths(high - low)[:-1]
+    last = int(np.flatnonzero(is_around)[-1]) if is_around.any() else -1
+    return np.stack([low[last], high[last]])

@@ -1,11 +1,10 @@
 import math
 
-import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.render import RenderSettings, SceneRenderer, read_picture
+from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
@@ -98,42 +97,3 @@ def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypat
 def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, reason):
     with pytest.raises(ValueError, match=reason):
         renderer(picture(values))
-
-
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"no picture", "is no Radiance picture"),
-        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends early"),
-        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "has 0 × 0 pixels"),
-        (
-            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n",
-            "takes 6e\\+04 GB of memory",
-        ),
-    ],
-)
-def test_a_damaged_picture_is_told_why(tmp_path, content, reason):
-    (tmp_path / "sky.hdr").write_bytes(content)
-    with pytest.raises(ValueError, match=rf"sky\.hdr .*{reason}"):
-        read_picture(str(tmp_path / "sky.hdr"))
-
-
-def test_what_a_panorama_states_of_light_and_place_is_used(tmp_path):
-    rng = np.random.default_rng(1)
-    values = rng.random((8, 16, 3)).astype(np.float32)
-    cv2.imwrite(str(tmp_path / "sky.hdr"), values[..., ::-1])
-    plain = read_picture(str(tmp_path / "sky.hdr"))
-    content = (tmp_path / "sky.hdr").read_bytes()
-    stated = content.replace(b"FORMAT", b"EXPOSURE=4\nFORMAT", 1).replace(
-        b"-Y 8 +X 16", b"+Y 8 +X 16"
-    )
-    (tmp_path / "sky.hdr").write_bytes(stated)
-    np.testing.assert_allclose(read_picture(str(tmp_path / "sky.hdr")), plain[::-1] / 4, rtol=1e-6)
-
-
-def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
-    values = np.random.default_rng(0).random((16, 32, 3))
-    values[3, 4, 0], values[5, 6] = -0.0016, -0.001
-    found = read_picture(str(picture(values)))
-    np.testing.assert_array_equal(found, np.maximum(values, 0).astype(np.float32))
-    assert "has values slightly below 0, which are set to 0" in capsys.readouterr().err

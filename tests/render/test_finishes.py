@@ -1,7 +1,5 @@
 """Surfaces of Mitsuba's XML that are not diffuse: light as plain Mitsuba's, truth of the first."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,7 +13,6 @@ from megalopta.render import (
     mi,
 )
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.finish import LAST_NM
 
 from .conftest import plainly, vectorized
 
@@ -201,63 +198,3 @@ def test_truth_is_that_of_glass_and_of_the_whole_of_a_cut_out(room):
     np.testing.assert_allclose(from_center, 0.3, atol=3.3e-4)  # facets, 1.1e-3 of the radius
     assert not renderer.albedo(pose)[names == "marble"].any()
     assert renderer.albedo(pose)[names == "room"].min() > 0.3
-
-
-def changed(path, old, new):
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new))
-    return built(path)
-
-
-def rendered(scene, **more):
-    return SceneRenderer(scene, CAMERA, SETTINGS.model_copy(update=more), INSIDE.poses())
-
-
-def test_baked_light_is_refused(room):
-    with pytest.raises(
-        ValueError, match=r"covers diffuse surfaces and black lamps only, and material '.*cut'"
-    ):
-        rendered(built(room), integrator="baked")
-
-
-def test_bands_beyond_mitsubas_data_are_refused_unless_a_reflectance_is_given(room):
-    infrared = {"bands_nm": ((850.0, 900.0),)}
-    with pytest.raises(ValueError, match=r"gold': its spectrum is known from 360 to 830 nm"):
-        rendered(built(room, "own", materials={"wall": 0.5}), **infrared)
-    given = built(room, materials=dict.fromkeys(("cut", "gold", "lacquer", "paint", "mixed"), 0.5))
-    kept = {name: each for name, each in given.materials.items() if each.finish}
-    known = {name: each.known_nm for name, each in kept.items() if not each.emission}
-    assert set(known.values()) == {None}  # glass, relief and tiles
-    assert len(known) == 4
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('value="Au"', 'value="Unobtainium"', r"gold': Mitsuba .*Unobtainium.* does not exist"),
-        ('<float name="alpha" value="0.1"/>', '<float name="shine" value="1"/>', "shine"),
-        (
-            'name="int_ior" value="bk7"',
-            'name="int_ior" value="ice"',
-            r"glass, smooth': .*IOR value",
-        ),
-        ("0.2, 0.3, 0.7", "2, 0.3, 0.7", r"paint, smooth': .*Invalid RGB"),
-    ],
-)
-def test_what_mitsuba_does_not_accept_is_one_sentence(room, old, new, message):
-    with pytest.raises(ValueError, match=message) as refused:
-        rendered(changed(room, old, new))
-    assert "\n" not in str(refused.value)
-    assert "give its reflectance in `materials`" in str(refused.value)
-
-
-def test_metals_are_known_as_far_as_mitsubas_data_go():
-    for file in (Path(mi.__file__).parent / "data/ior").glob("*.spd"):
-        lines = [line for line in file.read_text().splitlines() if line and line[0] != "#"]
-        first, last = (float(lines[row].split()[0]) for row in (0, -1))
-        metal = file.name.split(".")[0]
-        known = LAST_NM.get(metal, LAST_NM.get(metal.removesuffix("_palik"), 830.0))
-        assert first <= 360
-        assert known <= last
-        assert known == 830 or last < known + 0.2

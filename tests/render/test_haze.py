@@ -15,7 +15,6 @@ from scipy.special import expn
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import EquirectangularCamera, Haze, PerspectiveCamera, Shutter, Trajectory
 from megalopta.scenes.material import Emission, Material
-from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat, luminous
 
@@ -116,17 +115,6 @@ def test_nothing_is_seen_where_droplets_and_surfaces_scatter_all_of_an_even_ligh
     assert image.mean(axis=(0, 1), dtype=np.float64) == pytest.approx(LEVEL, rel=0.012)
 
 
-def test_truth_and_sky_are_those_of_clear_air():
-    moving = RigidMotion((4, 0, 0), Drift(velocity_m_s=(0.2, 0.3, 0.1)))
-    clear = hazy(SPHERE, Material(flat(0.5)), None, motion=moving)
-    foggy = replace(clear, haze=Haze(visibility_m=10))
-    one, other = (renderer(scene, 40, samples=4, width=16) for scene in (clear, foggy))
-    skies = [each.measured(POSES[0], 1, 0.5).sky for each in (one, other)]
-    np.testing.assert_array_equal(*skies)
-    truths = [each.truth(POSES, 0, AHEAD.times_s) for each in (one, other)]
-    assert_equal(*truths)
-
-
 def assert_equal(ours, theirs):
     for field in fields(ours):
         pair = getattr(ours, field.name), getattr(theirs, field.name)
@@ -154,20 +142,3 @@ def test_meter_reads_the_requested_light_above_the_haze_and_what_is_left_of_it_b
         assert survey.unshaded.lux == pytest.approx(lux, rel=1e-3)
         # 102 400 paths: 0.5 % (σ); the meter is 2 cm above the ground.
         assert survey.ground[0].lux == pytest.approx(share * lux, rel=0.03)
-
-
-def test_baked_light_is_refused_in_haze_and_auto_traces_paths():
-    scene = hazy(SPHERE, Material(flat(0.5)), Haze(visibility_m=10))
-    camera = PerspectiveCamera(width=4, height=4)
-    baked = RenderSettings(integrator="baked")
-    with pytest.raises(ValueError, match="integrator 'baked'.*use 'auto' or 'path'"):
-        SceneRenderer(scene, camera, baked, POSES)
-    assert SceneRenderer(scene, camera, RenderSettings(), POSES).integrator.startswith("path")
-
-
-def test_a_camera_outside_of_the_haze_is_refused():
-    rendering = renderer(hazy(SPHERE, Material(flat(0.5)), Haze(visibility_m=10)), width=4)
-    away = POSES[0].copy()
-    away[0, 3] = -10
-    with pytest.raises(ValueError, match="give SceneRenderer all poses"):
-        rendering.radiance(away, 1)

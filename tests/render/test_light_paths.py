@@ -1,20 +1,16 @@
 """Our light paths against Mitsuba's integrator, and how often they are compiled."""
 
-import gc
-
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
-from megalopta.render.loading.layers import Layers
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, mi
+from megalopta.render.film import Film
+from megalopta.render.loading.scene import Layers
 from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
-from megalopta.render.sensors.film import Film
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 PATH = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(10, 0, 1.5))
 SETTINGS = RenderSettings(samples_per_pixel=4, integrator="path")
-KERNEL = 100_000
-"""Characters; what traces paths has ten times as many, all else fewer."""
 
 
 @pytest.fixture(scope="module")
@@ -58,18 +54,3 @@ def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
         for each in (PathIntegrator(depth).render, trace)
     )
     np.testing.assert_array_equal(ours, expected)
-
-
-@pytest.mark.slow
-def test_another_image_size_and_depth_trace_paths_by_the_same_kernels(forest):
-    pose = PATH.poses()[0]
-    renderer(forest, 8, 8).radiance(pose, seed=1)
-    gc.collect()  # code also depends on how many materials there are
-    other = renderer(forest, 11, 5, max_depth=3)
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        dr.kernel_history_clear()
-        other.radiance(pose, seed=1)
-        kernels = [each for each in dr.kernel_history() if "ir" in each]
-    tracing = [each for each in kernels if len(each["ir"].getvalue()) > KERNEL]
-    assert tracing
-    assert all(each["cache_hit"] for each in tracing)

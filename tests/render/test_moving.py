@@ -5,8 +5,8 @@ import pytest
 
 from megalopta.assets_gen.bodies import box
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.loading.layers import MovingScene
 from megalopta.render.loading.meshes import MovingMesh, merge
+from megalopta.render.loading.scene import MovingScene
 from megalopta.render.surface_view import SHARED_PX, lines_of_a_pose
 from megalopta.scenes import MovingObject, PerspectiveCamera, Scene, Shutter, Trajectory
 from megalopta.scenes.material import Material
@@ -92,6 +92,7 @@ def test_rows_share_a_pose_where_nothing_moves_by_more_than_they_may(speed):
     assert rows == CAMERA.height or rows * of_a_row > SHARED_PX / 4
 
 
+@pytest.mark.slow
 def test_rays_of_many_times_meet_what_those_of_one_time_meet(renderer):
     geometry = renderer._tracer._geometry
     rng = np.random.default_rng(4)

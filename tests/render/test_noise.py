@@ -58,15 +58,6 @@ def test_scatter_of_passes_gives_the_known_noise(count, averaged):
     np.testing.assert_allclose(passes(count).mean, exact, rtol=1e-6)
 
 
-def test_a_single_pass_is_unchanged_by_being_measured():
-    plain, nothing = render_once(gaussian_pass, None)
-    image, noise = render_once(gaussian_pass, measured_pass)
-    assert nothing is None
-    assert image.tobytes() == plain.tobytes() == gaussian_pass(0).tobytes()
-    expected = measured_pass(1)
-    assert noise == passes(2).noise(1, expected)
-
-
 def test_passes_stop_at_the_first_that_meets_the_target():
     sigma = SIGMA / MEAN.sum()
     image, noise = render_until(gaussian_pass, measured_pass, sigma / np.sqrt(5.5), 100)

@@ -11,7 +11,6 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import (
     Light,
     Meshes,
-    MovingModel,
     PerspectiveCamera,
     Trajectory,
     build_scene,
@@ -166,48 +165,7 @@ def test_truth_of_an_own_scene_is_that_of_an_independent_ray_caster(yard):
     assert_depth_and_flow(truth, distance, seen, lambda _: points)
 
 
-SPIN, AXIS, VELOCITY = 90.0, np.array([1.0, 2.0, -0.5]), np.array([-1.5, 2.0, 0.8])
-AWAY = np.array([6.0, 0.0, 0.0])
 PLACE, TURN = np.array([-2.0, 0.2, 1.0]), (20.0, -30.0, 60.0)
-
-
-def moved(points, time_s):
-    """Points (..., 3) as placed, at a time: spun about the file's origin, and carried."""
-    axis = AXIS / np.linalg.norm(AXIS)
-    spin = Rotation.from_rotvec(np.radians(SPIN * time_s) * axis).as_matrix()
-    return (points - PLACE) @ spin.T + PLACE + VELOCITY * time_s
-
-
-def test_truth_of_a_moving_file_is_that_of_an_independent_ray_caster(yard):
-    path, triangles, _ = yard
-    scale = 0.3
-    placed = (
-        scale * triangles @ Rotation.from_euler("xyz", TURN, degrees=True).as_matrix().T + PLACE
-    )
-    bird = MovingModel(
-        file=path,
-        name="bird",
-        scale=scale,
-        position_m=tuple(PLACE),
-        turn_deg=TURN,
-        motion={"velocity_m_s": tuple(VELOCITY), "spin_deg_s": SPIN, "spin_axis": tuple(AXIS)},
-    )
-    still = Meshes(files={"file": path, "position_m": tuple(AWAY)})
-    scene = build_scene(still, Light(), CAMERA, VIEW, [bird])
-    assert scene.placements[-1].kind == "bird" and scene.is_moving
-    truth, times = truth_of(scene), VIEW.times_s
-    distance, points, which, _ = cast(np.concatenate([moved(placed, times[1]), triangles + AWAY]))
-    seen, is_bird = which >= 0, (which >= 0) & (which < len(placed))
-    assert is_bird.sum() > 100 and (seen & ~is_bird).sum() > 100
-    np.testing.assert_array_equal(truth.object_id == len(scene.placements), is_bird)
-    shift = moved(np.zeros(3), times[1])
-    as_placed = (points - shift) @ (moved(np.eye(3), times[1]) - shift).T  # a rotation's inverse
-    assert_depth_and_flow(
-        truth,
-        distance,
-        seen,
-        lambda other: np.where(is_bird[..., None], moved(as_placed, times[other]), points),
-    )
 
 
 KEYS_S = np.array([0.0, 0.05, 0.3], np.float32)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant
+from megalopta.render.film import Film
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors.film import Film
 from megalopta.render.split_paths import SplitPaths
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
@@ -61,6 +61,7 @@ def test_every_band_has_the_mean_of_mitsubas_path_tracer(name):
 
 
 @vectorized
+@pytest.mark.slow
 def test_a_band_reads_the_same_beside_others_with_gaps_between():
     def mean(*bands):
         renderer, pose = rendering("starlight", bands_nm=bands), PATH.poses()[0]
@@ -76,6 +77,7 @@ def test_a_band_reads_the_same_beside_others_with_gaps_between():
 
 
 @vectorized
+@pytest.mark.slow
 def test_a_depth_limit_leaves_parts_out():
     sky, once, twice = (
         rendering("daylight", max_depth=depth).measured(PATH.poses()[0], 1) for depth in (1, 2, 3)

@@ -2,7 +2,6 @@ import os
 import platform
 import subprocess
 import sys
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -59,11 +58,6 @@ def libraries_never_tried():
     return [path for path in found if (llvm_version(path) or (0, 0, 0))[0] not in TRIED_LLVM]
 
 
-def test_a_file_that_is_no_library_leaves_the_process_alive(tmp_path):
-    (tmp_path / "libLLVM.so").write_text("no library")
-    assert render_in_a_process_of_its_own(tmp_path / "libLLVM.so").startswith("scalar")
-
-
 @pytest.mark.parametrize("library", libraries_never_tried() or [Path("/nonexistent")])
 @pytest.mark.parametrize("before", ["", "import drjit"], ids=["first", "after Dr.Jit"])
 def test_an_untried_libllvm_is_never_used_by_the_renderer(library, before):
@@ -95,53 +89,6 @@ def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, unbound, version,
     monkeypatch.setattr(variant, "llvm_version", lambda _: version)
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
     assert choose_variant().name == expected
-
-
-@pytest.mark.parametrize(
-    ("version", "clause"),
-    [
-        (None, "cannot be loaded as a library"),
-        ((0, 0, 0), "reports no LLVM version.* would abort the process"),
-        ((16, 0, 6), "is LLVM 16, which would abort the process"),
-        ((99, 1, 0), "is LLVM 99, which is untested"),
-    ],
-)
-def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, unbound, version, clause):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
-    monkeypatch.setattr(variant, "llvm_version", lambda _: version)
-    with pytest.raises(ValueError, match=f"DRJIT_LIBLLVM_PATH: /somewhere/libLLVM.so {clause}"):
-        choose_variant("llvm")
-
-
-def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
-    monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
-    assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in versions.describe().splitlines()
-
-
-@pytest.mark.parametrize(
-    ("versions", "chosen"),
-    [((19, 22), "0"), ((None, 22), "1"), ((99, 22), "1"), ((22,), "0"), ((), "")],
-)
-def test_the_first_library_that_works_is_taken(monkeypatch, unbound, versions, chosen):
-    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
-    monkeypatch.setattr(
-        variant, "llvm_libraries", lambda: map(Path, map(str, range(len(versions))))
-    )
-    monkeypatch.setattr(
-        variant, "llvm_version", lambda path: (n := versions[int(path.name)]) and (n, 1, 0)
-    )
-    assert find_llvm()[0] == chosen
-
-
-def test_libraries_of_the_system_are_found_without_the_package(monkeypatch):
-    def files(_):
-        raise PackageNotFoundError
-
-    monkeypatch.setattr(variant, "files", files)
-    names = {Path("/usr/lib") / f"libLLVM.so.{number}" for number in ("19.1", "22.1", "20.1")}
-    monkeypatch.setattr(variant, "system_libraries", lambda: names)
-    assert [path.name[-4:] for path in variant.llvm_libraries()] == ["22.1", "20.1", "19.1"]
 
 
 @pytest.mark.skipif(

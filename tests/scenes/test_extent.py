@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.scenes.extent import bounds_of
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.orbit import bounds_of
 
 BOX = trimesh.creation.box((1, 2, 3))
 STRAY = trimesh.Trimesh([*BOX.vertices, [9e5, 0, 0]], BOX.faces, process=False)

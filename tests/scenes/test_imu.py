@@ -7,8 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.scenes import Hover, Imu, Mount, Orbit, Spline, Trajectory
-from megalopta.scenes.imu import WanderingNoise
-from megalopta.scenes.trajectories.inertia import GRAVITY_M_S2, inertia
+from megalopta.scenes.imu import GRAVITY_M_S2, WanderingNoise, inertia
 
 RATE_HZ = 400.0
 HOVER = Hover(frames=21, frame_rate_hz=10, jitter_m=0.1, jitter_deg=20, bandwidth_hz=3, seed=4)
@@ -68,20 +67,6 @@ def test_integrated_readings_lead_along_the_path():
     assert np.abs(place - found.positions).max() < 1e-5
 
 
-def test_a_lever_arm_adds_what_rigid_bodies_add():
-    # a' = a + α × r + ω × (ω × r), with α from differences of ω.
-    arm, times = np.array([0.2, -0.1, 0.4]), times_of(HOVER)
-    center, off = inertia(HOVER, times), inertia(HOVER.mounted(Mount(position_m=arm)), times)
-    rate = center.angular_velocities
-    later, earlier = (inertia(HOVER, times + dt).angular_velocities for dt in (1e-4, -1e-4))
-    spin = (later - earlier) / 2e-4
-    expected = np.cross(spin, arm) + np.cross(rate, np.cross(rate, arm))
-    assert np.abs(expected).max() > 1
-    # Differences of order 4 over 1 ms, and of order 2 over 0.1 ms.
-    error = off.specific_forces - center.specific_forces - expected
-    np.testing.assert_allclose(error, 0, atol=1e-5 * np.abs(expected).max())
-
-
 @pytest.mark.parametrize("seconds", [0.05, 1.0, 40.0])
 def test_the_allan_variance_is_that_of_the_model(seconds):
     rate = 100.0
@@ -97,16 +82,3 @@ def test_the_allan_variance_is_that_of_the_model(seconds):
     # A sampled walk has another 1/(2·size²) of its own.
     tolerance += 1 / size**2
     assert abs(found / noise.allan_variance(seconds) - 1) < tolerance
-
-
-def test_readings_are_truth_noise_and_bias():
-    imu = Imu(rate_hz=100, gyroscope_noise_density=0, accelerometer_random_walk=0)
-    read = imu.read(HOVER, np.random.default_rng(0))
-    gyroscope = read.angular_velocities - read.truth.angular_velocities
-    np.testing.assert_allclose(gyroscope, read.gyroscope_biases, atol=1e-12)
-    assert not read.gyroscope_biases[0].any()
-    assert read.gyroscope_biases[1:].all()
-    assert not read.accelerometer_biases.any()
-    noise = (read.specific_forces - read.truth.specific_forces).std()
-    # 603 numbers: five deviations of a standard deviation are 5/√(2·603).
-    assert abs(noise / (2e-3 * 10) - 1) < 5 / np.sqrt(2 * 603)

@@ -4,7 +4,7 @@ import pytest
 
 from megalopta.config.drawing import configuration_of
 from megalopta.config.recipe import Plan
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.levels import LEVELS
 
 LIGHTS = ("twilight", "full_moon", "starlight", "daylight")
 

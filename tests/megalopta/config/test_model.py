@@ -11,7 +11,7 @@ from megalopta.config.recipe import load_plan
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.haze import Haze
+from megalopta.scenes.scene import Haze
 
 
 @pytest.mark.parametrize("name", built_in_names())

@@ -9,16 +9,14 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
+from megalopta.render.baking.cells import views
 from megalopta.render.baking.choice import (
     Scatter,
     cost_reason,
     path_tracing_reason,
-    samples_of_pixel,
 )
-from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.visibility import views
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
@@ -82,6 +80,7 @@ def test_what_lies_below_the_ground_sends_no_light_up():
     assert baked == pytest.approx(path, rel=0.25)
 
 
+@pytest.mark.slow
 @vectorized
 def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
     leaf = square(1.0, 0.3), Material(flat(0.4))
@@ -93,19 +92,6 @@ def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
     np.testing.assert_allclose(above, 0.4e-9, 1e-4)
     # The ground ends a kilometer away, so a millionth of the view is sky.
     assert below.max() < 1e-6 * 0.4e-9
-
-
-@pytest.mark.slow
-@vectorized
-@pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
-def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
-    wall = square(1.0, 50.0)
-    wall.visual = trimesh.visual.TextureVisuals(uv=wall.vertices[:, :2])
-    material = Material(flat(0.5), None, Emission(3e-6, pattern))
-    scene = scene_of(None, (wall, material))
-    above, below = (renderer_of(scene, poses).radiance(poses[0], 1) for poses in (DOWN, UP))
-    np.testing.assert_allclose(above, 3e-6 * (1 if pattern is None else 0.5), 1e-5)
-    assert below.max() == 0
 
 
 def thicket(lighting, *more):
@@ -148,12 +134,13 @@ def compared(tracer, light, seeds, time=0.0):
     return paths, quick, (quick - paths).mean(axis=0) ** 2 - noise
 
 
+@pytest.mark.slow
 @vectorized
 @pytest.mark.parametrize(
     "sun",
     [
         pytest.param(None, id="sky"),
-        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun", marks=pytest.mark.slow),
+        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun"),
     ],
 )
 def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
@@ -222,59 +209,6 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     assert "to the same error of 10.2%" in too_many
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
-
-
-def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground):
-    still = scene_of(Lighting(SKY), ground)
-    few = RenderSettings(samples_per_pixel=25, target_error=0.1)
-    assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few, 80**2) == ""
-    # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
-    for error, samples in ((0.5, 50), (1.0, 125), (9.0, 16 * 25)):
-        assert samples_of_pixel(few, Scatter(error, 9.0)) == samples
-    assert samples_of_pixel(TRACED_25, Scatter(9.0, 9.0)) == 25
-    # 50 samples and baked light reach 7.4 %, for which paths would take 4559 samples:
-    # 1.7 r + 0.7 · 50 = 1.5 · 4559 for each pixel.
-    assert cost_reason(4001, 1, Scatter(0.5, 5.0), few) == ""
-    assert "100% of the work" in cost_reason(4003, 1, Scatter(0.5, 5.0), few)
-    # 4 frames of 2 passes: a look would take more work than tracing them.
-    hurried = RenderSettings(samples_per_pixel=25, target_error=0.1, max_passes=2)
-    assert "too few" in path_tracing_reason(
-        still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried, 640**2
-    )
-
-
-@pytest.mark.slow
-@vectorized
-def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monkeypatch):
-    scene = thicket(Lighting(SKY))
-
-    def frame(folder, **settings):
-        settings = RenderSettings(samples_per_pixel=4, integrator="baked", **settings)
-        renderer = SceneRenderer(scene, CAMERA, settings, ORBIT, 3, folder)
-        return renderer, renderer.radiance(ORBIT[2], 5)
-
-    _, first = frame(tmp_path, bake_error=0.2)
-    (kept,) = tmp_path.glob("*.npz")
-    rays = []
-    leaving = Gatherer.leaving
-    monkeypatch.setattr(
-        Gatherer,
-        "leaving",
-        lambda self, *cells, shares, least: (
-            rays.append(2 * least * shares.sum())
-            or leaving(self, *cells, shares=shares, least=least)
-        ),
-    )
-    _, again = frame(tmp_path, bake_error=0.2)
-    found = sum(rays)
-    assert again.tobytes() == first.tobytes()
-    rays.clear()
-    kept.write_bytes(kept.read_bytes()[:1000])  # damaged: baked again
-    _, mended = frame(tmp_path, bake_error=0.2)
-    assert mended.tobytes() == first.tobytes()
-    assert found < 0.1 * sum(rays)
-    frame(tmp_path, bake_error=0.22)
-    assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
 def least_standing(tracer, light, part, time=0.0):

@@ -1,26 +1,21 @@
 """Cells, clusters, scattering and kept light that baking is made of."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, activate, choose_variant, dr, mi
+from megalopta.render import activate, choose_variant, dr, mi
 from megalopta.render.baking import cells as cells_module
-from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.clusters import smoothed
-from megalopta.render.baking.errors import pilot
+from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, Pages, survey, views
+from megalopta.render.baking.choice import pilot
 from megalopta.render.baking.gathering import Scattering
-from megalopta.render.baking.light import key_of
-from megalopta.render.baking.visibility import VIEWS, Pages, survey, views
-from megalopta.render.loading.meshes import MergedMesh, merge
+from megalopta.render.baking.light import smoothed
+from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
-from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import down, scene_of, square, vectorized
+from ..conftest import vectorized
 
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
 THING = Scene({"thing": Material(flat(0.5))}, {}, ())
@@ -79,14 +74,8 @@ def test_normals_that_turn_cut_a_face_further():
     assert sorted(bent_cells.pieces[:, 0]) == [flat_cells.pieces.min(), 7]
 
 
-def test_too_many_cells_are_refused_with_a_remedy(monkeypatch):
-    monkeypatch.setattr(cells_module, "MOST_CELLS", 10)
-    with pytest.raises(ValueError, match="and 10 fit; use 'path'"):
-        Cells.of([triangle_mesh(random_triangles())], CAMERA, PATH)
-
-
 @vectorized
-@pytest.mark.parametrize("frames", [1, 7, 1000])
+@pytest.mark.parametrize("frames", [7])
 def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     activate(choose_variant())
     floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
@@ -132,16 +121,6 @@ SCATTERING = Scattering(list(MATERIALS.values()), BANDS)
 INDEX = {name: index for index, name in enumerate(MATERIALS)}
 
 
-def test_rays_go_through_where_light_does_and_neither_side_is_starved():
-    through = dict(zip(MATERIALS, SCATTERING.through, strict=True))
-    assert through["opaque"] == through["glows"] == through["black"] == 0
-    assert through["little comes through"] == 0.25
-    # Means over both spectra and both bands.
-    means = [RISING(np.linspace(*band, 1001)).mean() for band in BANDS]
-    back, on = (np.mean([*means, other, other]) for other in (0.4, 0.3))
-    assert through["leaf"] == pytest.approx(on / (back + on), rel=1e-3)
-
-
 @pytest.mark.parametrize("name", MATERIALS)
 def test_what_rays_count_makes_up_for_how_many_there_are(name):
     material, share = MATERIALS[name], SCATTERING.through[INDEX[name]]
@@ -181,32 +160,6 @@ def test_what_is_left_is_the_least_error_of_a_known_contrast(contrast):
     if 0.5 <= contrast <= 3:
         # half differences tell it with what is taken of contrast, whose share is known from 20
         assert 0.65 * left < np.mean(better[:, 1] ** 2) < 1.05 * left
-
-
-TEXTURE = Texture(np.zeros((2, 2), np.float32), flat(0.3), flat(0.2))
-LEAF = Material(flat(0.4), TEXTURE, None, flat(0.1))
-
-
-def key(material):
-    scene = scene_of(Lighting(flat(1e-9)), (square(), material))
-    bare = scene_of(Lighting(flat(1e-9)), (square(), Material(flat(0.4))))
-    camera = PerspectiveCamera(width=4, height=4)
-    return key_of(scene, merge(bare), RenderSettings(), camera, down(), 0)
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        replace(LEAF, reflectance=flat(0.41)),
-        replace(LEAF, transmittance=flat(0.11)),
-        replace(LEAF, transmittance=None),
-        replace(LEAF, texture=replace(TEXTURE, transmittance=flat(0.21))),
-        replace(LEAF, texture=replace(TEXTURE, reflectance=flat(0.31))),
-        replace(LEAF, texture=None),
-    ],
-)
-def test_light_of_another_surface_is_not_taken_for_its(other):
-    assert key(LEAF) == key(replace(LEAF)) != key(other)
 
 
 @vectorized

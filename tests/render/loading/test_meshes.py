@@ -13,7 +13,7 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes import EquirectangularCamera, Forest, Light, build_scene
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Asset, Lighting, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -63,12 +63,6 @@ def test_smooth_normals_turn_with_their_object():
     radial = (mesh.vertices - pose[:3, 3]) / 2.0
     np.testing.assert_allclose(mesh.normals, radial, atol=0.02)  # a subdivided sphere
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, rtol=1e-6)
-
-
-def test_a_textured_material_needs_uv():
-    texture = Texture(np.zeros((2, 2), np.float32), flat(0.5))
-    with pytest.raises(ValueError, match="'wood' is patterned, but its mesh has no uv"):
-        merge(scene(texture))
 
 
 def test_what_moves_comes_last_and_is_where_its_motion_takes_it():

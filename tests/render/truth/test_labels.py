@@ -7,7 +7,7 @@ from trimesh.visual import TextureVisuals
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf
-from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Trajectory
+from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import ColorTexture, Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED
@@ -109,15 +109,6 @@ def test_tracks_between_pixels_are_projections_of_points_on_the_wall():
     for frame, pose in enumerate(PATH.poses()):
         expected = CAMERA.project((points - pose[:3, 3]) @ pose[:3, :3])
         np.testing.assert_allclose(tracks.points[:, frame], expected, atol=1e-6)
-
-
-def test_tracks_cross_the_seam_of_a_panorama():
-    camera = EquirectangularCamera(width=64, height=16)
-    path = PATH.model_copy(update={"velocity_m_s": (0, 0, 0), "rotation_deg_s": 900})
-    tracks = renderer_of(camera).tracks(path.poses(), 0, np.array([[1.5, 8.5], [40.5, 8.5]]))
-    expected = (np.array([[1.5], [40.5]]) + 64 * np.arange(4) / 4) % 64
-    np.testing.assert_allclose(tracks.points[..., 0], expected, atol=1e-5)
-    assert not tracks.occluded.any()
 
 
 def test_leaf_clusters_are_those_of_the_triangles_seen():

@@ -115,22 +115,6 @@ def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
         assert ((hit < 1) == flags)[on_ground].all()
 
 
-def test_flow_between_frames_far_apart_is_analytic_and_agrees_with_neighbors():
-    path, oracle = path_at(np.zeros(3)), Pinhole(CAMERA, path_at(np.zeros(3)))
-    renderer = renderer_on(path, (square(), None))
-    poses = path.poses()
-    flow = renderer.flow(poses, 0, 2)
-    position, directions = oracle.rays(0)
-    distance = ground_hit(position, directions)
-    points = at(position, distance, directions)
-    truth = renderer.truth(poses, 0)
-    on_ground = np.isfinite(distance) & (truth.object_id == 1)
-    assert on_ground.mean() > 0.5
-    error = flow.displacement - oracle.displacement(2, points)
-    assert np.abs(error[on_ground]).max() < 1e-4
-    np.testing.assert_array_equal(renderer.flow(poses, 0, 1).displacement, truth.flow_forward)
-
-
 def swaying_pole():
     """A rough pole of small triangles, as tall as a young tree."""
     pole = trimesh.creation.cylinder(0.25, 6.0, sections=24)
@@ -180,10 +164,3 @@ def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
     times = np.linspace(-0.2, 1.3, 20)
     alone = [motion.carry(point[None], time)[0] for point, time in zip(points, times, strict=True)]
     np.testing.assert_allclose(motion.carry(points, times), alone, atol=1e-12)
-
-
-def test_times_are_asked_for_where_things_move():
-    path = path_at(np.zeros(3))
-    renderer = renderer_on(path, swaying_pole())
-    with pytest.raises(ValueError, match="times_s is missing: objects move"):
-        renderer.truth(path.poses(), 1)

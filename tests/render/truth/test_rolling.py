@@ -168,33 +168,3 @@ def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, trut
     whole = ~found.is_mixed
     assert (image[whole & (truth.object_id == 2)] == 0).all()
     assert image[whole & (truth.object_id != 2)].min() > 1e-10
-
-
-@pytest.mark.parametrize(("side", "opposite"), [("bottom", "top"), ("right", "left")])
-def test_a_shutter_from_the_other_side_sees_what_this_one_sees_in_reversed_time(side, opposite):
-    renderer = renderer_of(CAMERA, square(), trimesh.creation.box((1, 1, 4)))
-    mine = Shutter(readout_s=0.08, exposure_s=0.01, readout_from=side)
-    reverse = {"velocity_m_s": (-2.0, 1.0, -0.7), "rotation_deg_s": -25.0}
-    backward = PATH.model_copy(update=reverse)
-    other = mine.model_copy(update={"readout_from": opposite})
-    found = renderer.shutter_truth(PATH, mine, 0)
-    # At the first frame, time 0, every line has the pose of the line in the reversed path.
-    expected = renderer.shutter_truth(backward, other, 0)
-    assert np.isfinite(found.position).mean() > 0.5
-    np.testing.assert_allclose(found.position, expected.position, atol=1e-6)
-    usual = renderer.shutter_truth(PATH, other, 0)
-    assert np.nanmax(np.abs(usual.position - found.position)) > 0.05
-    # Flow ends where the point is at the time of the line there.
-    there = CAMERA.pixel_centers() + found.flow_forward
-    seen = (found.object_id > 0) & (np.abs(there - CAMERA.pixel_centers()).max(axis=-1) < 20)
-    times = 0.2 - line_time(1, there[seen][:, ACROSS[opposite]], opposite)
-    again = image_of(found.position[seen], times)
-    assert seen.mean() > 0.5
-    # The place is found to 1e-4 px, and lines pass at some px each.
-    np.testing.assert_allclose(there[seen], again, atol=5e-4)
-    # Light differs by noise alone: of instants within the exposure, which are reversed too.
-    light, reversed_light = (
-        renderer.exposed(path, shutter, 0, seed=3).mean()
-        for path, shutter in ((PATH, mine), (backward, other))
-    )
-    assert abs(light / reversed_light - 1) < 0.02

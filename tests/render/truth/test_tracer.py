@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import choose_variant, mi, out_of_view
-from megalopta.render.truth.rays import nearest_hits
+from megalopta.render import out_of_view
 from megalopta.scenes import PerspectiveCamera, Trajectory
 
 from ..conftest import quad, renderer_of
@@ -93,23 +92,3 @@ def test_points_behind_the_other_camera_have_no_flow(ground):
     truth = renderer_of(CAMERA, ground).truth(leap.poses(), 0)
     assert np.isnan(truth.flow_forward[-1]).all()
     assert out_of_view(truth.flow_forward)[-1].all()
-
-
-def test_first_and_last_frame_have_no_flow_beyond_the_sequence(ground):
-    renderer, poses = renderer_of(CAMERA, ground), BOTH.poses()
-    assert np.isnan(renderer.truth(poses, 0).flow_backward).all()
-    assert np.isnan(renderer.truth(poses, 2).flow_forward).all()
-
-
-def test_a_ray_that_hits_nothing_tells_of_nothing_else():
-    mi.set_variant(choose_variant().name)
-    rng = np.random.default_rng(1)
-    directions = rng.normal(size=(5000, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    # Memory that is not a number, given back for the next launch to take.
-    for _ in range(20):
-        mi.TensorXf(np.full((2, 5000), np.nan, np.float32))
-    hits = nearest_hits(mi.load_dict({"type": "scene"}), np.zeros(3), directions)
-    assert np.all(np.isinf(hits.distance))
-    for rest in (hits.mesh, hits.triangle):
-        np.testing.assert_array_equal(rest, 0)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
-from megalopta.scenes import AnyCamera, OpenCVCamera
+from megalopta.scenes import OpenCVCamera
 
 from .by_opencv import opencv_points, undistortion_map
 
@@ -73,18 +73,6 @@ def test_points_from_where_the_lens_turns_back_have_no_image():
     assert 0 < opencv_points(camera, points)[2, 0] < camera.width
 
 
-def test_outside_of_the_image_there_may_be_no_direction():
-    camera = camera_of({"distortion": BARREL})
-    seen = camera.toward(np.array([[10.0, 10], [1e6, 10], [np.nan, 0]]))
-    assert np.isnan(seen).all(axis=1).tolist() == [False, True, True]
-
-
-def test_only_a_lens_without_distortion_has_a_matrix():
-    matrix = [[50, 0, 30.7], [0, 52, 26.2], [0, 0, 1]]
-    np.testing.assert_array_equal(camera_of({}).intrinsics, matrix)
-    assert camera_of({"distortion": BARREL}).intrinsics is None
-
-
 @EVERY_LENS
 def test_a_finer_camera_and_one_of_fewer_rows_look_along_the_same_directions(lens):
     camera = camera_of(lens)
@@ -117,9 +105,3 @@ def test_the_steepest_tangent_is_the_largest_in_a_level_view(lens):
 def test_a_lens_without_an_inverse_is_refused(given, reason):
     with pytest.raises(ValidationError, match=reason):
         camera_of(given)
-
-
-@EVERY_LENS
-def test_a_camera_is_read_from_its_record(lens):
-    camera = camera_of(lens)
-    assert TypeAdapter(AnyCamera).validate_json(camera.model_dump_json()) == camera

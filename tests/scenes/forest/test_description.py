@@ -11,10 +11,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
 from megalopta.scenes.forest.description import Forest, build_forest, foreseen
-from megalopta.scenes.forest.flora import TREES
-from megalopta.scenes.forest.planting import REGULARITY, THICKET, tree_positions
-from megalopta.scenes.forest.plants import PRESETS
-from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
+from megalopta.scenes.forest.flora import PRESETS, TREES
+from megalopta.scenes.forest.planting import REGULARITY, THICKET
 
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
@@ -22,7 +20,6 @@ EYE_M = 1.5
 TINY = Forest(
     trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
 )
-SMALL = Forest(trees=40, density_per_ha=900)
 
 
 @pytest.fixture(scope="module")
@@ -72,17 +69,6 @@ def test_same_seed_gives_the_same_bytes_in_another_process():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
     assert other.stdout.strip() == digest(build_forest(TINY, PATH))
-
-
-def test_another_seed_gives_other_places_trees_and_bark():
-    path = cKDTree(dense(PATH))
-    places = [tree_positions(seed, 40, 900, 1.2, path)[0] for seed in (0, 1)]
-    assert not np.isin(*places).any()
-    grown = [plant_assets(seed, grow_specimens(seed, ["birch 0 far"])) for seed in (0, 1)]
-    shapes = [assets["birch 0 far"].parts["birch bark"].vertices for assets in grown]
-    assert not np.array_equal(*shapes)
-    barks = [materials(s, a)["birch bark"].texture.weight for s, a in enumerate(grown)]
-    assert not np.array_equal(*barks)
 
 
 def test_trees_keep_their_distance_from_each_other_and_from_the_path(trunks):
@@ -183,20 +169,3 @@ def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_
 def test_impossible_forests_are_refused(field, value, message):
     with pytest.raises(ValidationError, match=message):
         Forest.model_validate({field: value})
-
-
-def test_report_tells_of_the_haze():
-    hazy = Forest.model_validate({"haze": {"visibility_m": 250}})
-    assert hazy.describe().endswith("per hectare, in haze with a visibility of 250 m.")
-    assert "haze" not in Forest().describe()
-
-
-@pytest.mark.parametrize("path", [np.zeros((3, 3)), np.zeros((0, 2)), [[0, np.nan]], [1.0, 2.0]])
-def test_a_path_that_is_none_is_refused(path):
-    with pytest.raises(ValueError, match="path_xy: "):
-        build_forest(SMALL, path)
-
-
-def test_too_few_trees_for_a_long_path_are_refused():
-    with pytest.raises(ValueError, match="trees: 40 trees at 900 per hectare reach only"):
-        build_forest(SMALL, [[0.0, 0.0], [200.0, 0.0]])

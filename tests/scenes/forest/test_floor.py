@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
@@ -141,23 +140,6 @@ def test_the_ground_is_one_object_whose_parts_meet(scene, ground):
     assert normals[:, 2].min() > 0
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"moss_share": 1.0}, "less than or equal to 0.95"),
-        ({"moss_share": 0.3, "ground": "moss"}, r"moss_share 0.3 adds patches .* set ground to"),
-        ({"path_width_m": 3.0}, r"path_width_m 3 is wider than the 2.4 m .* raise clearance_m"),
-        ({"path_width_m": 0.01}, "path_width_m 0.01 is no path; give 0.2 or more, or 0 for none"),
-        ({"path_width_m": -1.0}, "greater than or equal to 0"),
-        ({"floor_relief_m": 1.0}, "less than or equal to 0.2"),
-        ({"bark_relief": 9.0}, "less than or equal to 3"),
-    ],
-)
-def test_impossible_floors_are_refused(values, message):
-    with pytest.raises(ValidationError, match=message):
-        Forest.model_validate(values)
-
-
 def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     trail, trees = trail_of(ROUGH, WAY.data, np.array([1.0, 0])), np.zeros((1, 2))
@@ -176,12 +158,3 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
     assert list(made.covers) == list(again.covers)
     for cover, chosen in made.covers.items():
         np.testing.assert_array_equal(chosen, again.covers[cover], strict=True)
-
-
-def test_floors_that_differ_are_kept_apart(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    land = make_land(ROUGH.seed, WAY, ROUGH.relief_m, 12.0)
-    changes = {}, {"seed": 6}, {"detail": 0.3}, {"moss_share": 0.2}, {"ground": "meadow"}
-    for change in changes:
-        kept_floor(ROUGH.model_copy(update=change), land, None, np.zeros((1, 2)), 12.0)
-    assert len(list((tmp_path / "megalopta" / "plants").iterdir())) == len(changes)

@@ -7,7 +7,6 @@ import pytest
 
 from megalopta.config.model import Configuration, load, parse
 from megalopta.core.errors import UserError
-from megalopta.scenes import Forest
 from megalopta.scenes.forest.description import build_forest
 from megalopta.scenes.forest.flora import ENTRIES, TREES
 from megalopta.scenes.forest.own_species import OwnSpecies, flora_of, size_of
@@ -108,8 +107,3 @@ def test_the_program_s_own_species_are_within_all_bounds():
 def test_species_that_cannot_grow_are_refused(species, message):
     with pytest.raises(UserError, match=message):
         parse(json.dumps({"scene": {"kind": "forest", "species": species}}), "test")
-
-
-def test_unknown_names_in_a_mix_list_own_species_too():
-    with pytest.raises(ValueError, match=r"unknown species \['elm'\]; choose from .*rowan"):
-        Forest(species={"rowan": {"like": "birch"}}, mix={"elm": 1})

@@ -5,15 +5,11 @@ import pytest
 
 from megalopta.scenes.forest import specimens as nursery
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.flora import BUSHES, COVERS, PLANTS, TREES
-from megalopta.scenes.forest.plants import LODS
+from megalopta.scenes.forest.flora import BUSHES, COVERS, LODS, PLANTS, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
-WAVELENGTHS_NM = np.arange(380, 1701)
 WOODY = [*TREES.values(), *BUSHES.values()]
 BARK = [plant.coats["bark"].spectra for plant in WOODY]
-COATS = [coat for plant in PLANTS.values() for coat in plant.coats.values()]
-PAIRS = [coat.spectra for coat in (*COATS, *COVERS.values())]
 LEAVES = [
     plant.coats["leaf"]
     for plant in PLANTS.values()
@@ -79,23 +75,6 @@ def test_a_kept_plant_is_the_grown_one(kind, cache, monkeypatch):
     equal(nursery.grown(3, plant, 1, levels), grown)
 
 
-def test_plants_that_differ_are_kept_apart(cache):
-    fern = PLANTS["fern"]
-    for case in ((3, fern, 1, LODS[:2]), (4, fern, 1, LODS[:2]), (3, fern, 2, LODS[:2])):
-        nursery.grown(*case)
-    nursery.grown(3, fern, 1, LODS[1:2])
-    nursery.grown(3, PLANTS["rock"], 1, LODS[:2])
-    assert len(list(cache.iterdir())) == 5
-
-
-def test_a_kept_texture_is_the_painted_one(cache):
-    painted = nursery.texture(3, "needles")
-    nursery.texture.cache_clear()
-    np.testing.assert_array_equal(nursery.texture(3, "needles"), painted, strict=True)
-    assert len(list(cache.iterdir())) == 1
-    assert not painted.flags.writeable
-
-
 STAND = Forest(
     trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
 )
@@ -141,10 +120,3 @@ def test_trees_and_bushes_sway_each_in_its_own_way_and_nothing_else_does(windy):
         assert abs(product - 1) <= FREQUENCY_SPREAD
     tallest = max(placement.motion.height_m for placement in moving)
     assert 12 < tallest < 40
-
-
-def test_wind_changes_nothing_but_the_motion(windy):
-    calm = build_forest(STAND, PATH)
-    assert [each.asset for each in calm.placements] == [each.asset for each in windy.placements]
-    assert not calm.is_moving
-    assert windy.is_moving

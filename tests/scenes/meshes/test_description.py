@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import pictures
+from megalopta.scenes.meshes import pieces
 from megalopta.scenes.moving_objects import AnyObject
 from megalopta.scenes.spectra.reflectance import reflectance_of
 
@@ -41,31 +41,11 @@ def corners(scene, number):
     return np.array([placed.min(axis=0), placed.max(axis=0)])
 
 
-def test_nodes_are_objects_of_kinds_by_name_without_control_characters(files):
-    scene = built(files=files)
-    assert [each.kind for each in scene.placements] == ["table", r"chair\x1b[31m", "stone"]
-    assert scene.triangle_count == 12 + 12 + 80 == Meshes(files=files).expected_triangles(9.0)
-    assert scene.lighting == Light().lighting()
-
-
 def test_a_file_is_placed_by_scale_turn_and_position(files):
     placed = {"scale": 2.0, "turn_deg": [0, 0, 90], "position_m": [10, 20, 30]}
     scene = built(files=[{"file": files[0], **placed}])
     # y of the file is up, and x becomes y.
     np.testing.assert_allclose(corners(scene, 0), [[7, 21, 28], [13, 23, 32]], atol=1e-6)
-
-
-@pytest.mark.parametrize("alone", [0, 1])
-def test_one_file_may_be_given_alone(files, alone):
-    given = files[1] if alone else {"file": files[1], "scale": 1.0}
-    assert Meshes(files=given) == Meshes(files=[files[1]])
-
-
-def test_the_same_file_may_be_placed_again(files):
-    both = [files[0], {"file": files[0], "position_m": [9, 9, 9]}]
-    scene = built(files=both)
-    assert len(scene.placements) == 4 and len(scene.materials) == 1
-    np.testing.assert_allclose(corners(scene, 2) - corners(scene, 0), 9)
 
 
 def test_the_ground_lies_just_below_everything(files):
@@ -93,25 +73,6 @@ def test_bands_beyond_what_a_color_says_are_refused_by_the_name_of_the_material(
     built(files=files, materials={"wood": 0.4}).check_bands(bands)
 
 
-def test_no_file_and_unknown_files_are_refused(files, tmp_path):
-    with pytest.raises(ValidationError, match="at least 1 item"):
-        Meshes(files=[])
-    with pytest.raises(ValidationError, match=r"none\.glb cannot be read"):
-        Meshes(files=str(tmp_path / "none.glb"))
-
-
-def test_the_report_names_files_and_what_has_no_effect(files):
-    told = Meshes(files=files).describe()
-    assert "room.glb, stone.stl" in told and "emission" in told
-    assert "mirrors" not in told
-
-
-def test_the_report_says_whose_motion_a_mirror_has(tmp_path):
-    (tmp_path / "room.xml").write_text('<scene version="3.0.0"/>')
-    told = Meshes(files=str(tmp_path / "room.xml")).describe()
-    assert "that of the first surface, also of glass and mirrors." in told and "opaque" not in told
-
-
 def pictured(path, *colors):
     """Squares with a picture of 8 × 4 pixels each, in a color."""
     squares = trimesh.Scene()
@@ -131,23 +92,14 @@ def pictured(path, *colors):
 WHITE = [255, 255, 255, 255]
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".obj"])
-def test_pictures_of_a_file_have_a_bounded_size_in_all(tmp_path, monkeypatch, suffix):
-    two = pictured(tmp_path / f"two{suffix}", WHITE, WHITE)
-    assert len(built(files=two).materials) == 2
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 63)
-    with pytest.raises(ValueError, match="two.* with its pictures takes .*64 values"):
-        built(files=two)
-
-
 def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):
     one, other, third = (pictured(tmp_path / f"{n}.glb", WHITE) for n in range(3))
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 95)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 95)
     assert len(built(files=[one, other]).materials) == 2
     with pytest.raises(ValueError, match="the scene with its pictures takes .*96 values"):
         built(files=[one, other, third])
     tinted = pictured(tmp_path / "tinted.glb", [99, 255, 255, 255])
-    monkeypatch.setattr(pictures, "TEXEL_BYTES", 2e9 / 63)
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)
     # That of an object is with those of the scene.
     scene, bird = Meshes(files=one), TypeAdapter(AnyObject).validate_python({"file": tinted})
     with pytest.raises(ValueError, match="object 0 .*tinted.glb with its pictures takes"):

@@ -1,9 +1,12 @@
+""""""
+
 import numpy as np
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from megalopta.scenes.material import ColorTexture
 from megalopta.scenes.meshes.pieces import Paint, Piece
-from megalopta.scenes.meshes.reflectance import Curve
+from megalopta.scenes.meshes.reflectance import Curve, Reflectance, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing
 from megalopta.scenes.spectra.color import reflectance_of_color
 from megalopta.scenes.spectra.reflectance import reflectance_of
@@ -21,52 +24,12 @@ def piece(number=0, faces=5, **more):
     )
 
 
-def bilinear(texels, uv):
-    """Values of a picture (H, W, 3), row 0 at v = 0, between the centers of its texels."""
-    place = uv * texels.shape[1::-1] - 0.5
-    low = np.floor(place).astype(int)
-    x, y = (place - low).T[..., None]
-    (left, below), (right, above) = low.T, low.T + 1
-    lower = (1 - x) * texels[below, left] + x * texels[below, right]
-    return (1 - y) * lower + y * ((1 - x) * texels[above, left] + x * texels[above, right])
-
-
-@pytest.mark.parametrize("of", ["vertices", "corners"])
-def test_colors_are_interpolated_over_each_triangle(of):
-    given = [piece(faces=7), piece(number=1, faces=4, paint=RED)]
-    shapes = [(len(p.vertices), 3) if of == "vertices" else (len(p.faces), 3, 3) for p in given]
-    given = [
-        Piece(**{**vars(p), "colors": RNG.random(shape)})
-        for p, shape in zip(given, shapes, strict=True)
-    ]
-    surfacing = Surfacing("a.ply")
-    for p, (_, asset) in zip(given, surfacing.objects(given), strict=True):
-        ((name, mesh),) = asset.parts.items()
-        texels = surfacing.materials[name].texture.weight
-        shares = RNG.dirichlet([1, 1, 1], len(p.faces))
-        corners = p.colors if of == "corners" else p.colors[p.faces]
-        expected = np.einsum("fc,fcx->fx", shares, corners) * p.paint.color
-        uv = np.einsum("fc,fcx->fx", shares, mesh.visual.uv[mesh.faces])
-        np.testing.assert_allclose(bilinear(texels, uv), expected, atol=1e-5)
-        points = np.einsum("fc,fcx->fx", shares, mesh.vertices[mesh.faces])
-        there = np.einsum("fc,fcx->fx", shares, p.vertices[p.faces])
-        np.testing.assert_allclose(points, there)
-
-
 def test_a_color_is_a_reflectance_and_knows_where_it_ends():
     surfacing = Surfacing("a.obj")
     surfacing.objects([piece(paint=RED)])
     (material,) = surfacing.materials.values()
     np.testing.assert_allclose(material.reflectance(GRID), reflectance_of_color(RED.color)(GRID))
     assert material.known_nm == (360, 830)
-
-
-def test_one_color_of_all_vertices_needs_no_picture():
-    surfacing = Surfacing("a.obj")
-    surfacing.objects([piece(colors=np.full((10, 3), 0.5), paint=RED)])
-    (material,) = surfacing.materials.values()
-    expected = reflectance_of_color(np.multiply(0.5, RED.color))
-    np.testing.assert_allclose(material.reflectance(GRID), expected(GRID))
 
 
 def test_a_picture_is_three_weights_and_needs_coordinates():
@@ -86,8 +49,7 @@ def test_given_reflectances_replace_colors_by_the_name_of_the_material_or_object
     curve = Curve(wavelengths_nm=(400, 900), values=(0.1, 0.6))
     given = {"red": curve, "thing 1": 0.25, "thing 2": "soil"}
     surfacing = Surfacing("a.ply", given)
-    colored = {"colors": RNG.random((10, 3))}
-    surfacing.objects([piece(paint=RED), piece(1, **colored), piece(2, **colored)])
+    surfacing.objects([piece(paint=RED), piece(1), piece(2)])
     first, second, third = surfacing.materials.values()
     assert first.reflectance(650.0) == pytest.approx(0.35) and first.known_nm == (400, 900)
     assert second.reflectance == flat(0.25) and second.known_nm is None
@@ -127,3 +89,35 @@ def test_pieces_of_an_object_and_a_material_are_one_mesh_and_smooth_ones_apart()
     assert len(second.parts["a: red"].faces) == 5
     whole = Surfacing("a").whole(given)
     assert len(whole.parts["a: red"].faces) == 15
+
+
+READ = TypeAdapter(Reflectance).validate_python
+
+
+def test_a_curve_is_read_once_and_its_numbers_stay(tmp_path):
+    path = tmp_path / "leaf.csv"
+    path.write_text("# a leaf\nwavelength_nm,reflectance\n400, 0.05 # blue\n700,0.1\n1000,0.5\n")
+    given = READ(str(path))
+    path.unlink()
+    assert given == Curve(wavelengths_nm=(400, 700, 1000), values=(0.05, 0.1, 0.5))
+    assert READ(given.model_dump(mode="json")) == given
+    assert material_of(given).known_nm == (400, 1000)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "has 0 points"),
+        ("400,0.5\n", "has 1 points"),
+        ("400,0.5\n700,1.5\n", "line 2: reflectance 1.5 is not from 0 to 1"),
+        ("700,0.5\n400,0.5\n", "400 nm follows 700"),
+        ("400,0.5,1\n", "not wavelength_nm,reflectance"),
+        ("400;0.5\n", "not wavelength_nm,reflectance"),
+        ("400,nan\n700,1\n", "nan is not from 0 to 1"),
+    ],
+)
+def test_what_is_no_curve_is_refused(tmp_path, text, reason):
+    path = tmp_path / "leaf.csv"
+    path.write_text(text)
+    with pytest.raises(ValidationError, match=reason):
+        READ(str(path))

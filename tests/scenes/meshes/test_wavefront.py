@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.scenes.meshes.wavefront import names_in, pieces_of
+from megalopta.scenes.meshes.wavefront import pieces_of
 
 from .files import png
 
@@ -77,16 +77,6 @@ def test_without_its_library_a_material_is_a_name_without_color():
     assert plain.paint.name is None and plain.paint.is_described
 
 
-def test_marks_of_byte_order_and_comments_on_lines_are_passed_over():
-    marked = b"\xef\xbb\xbfmtllib colors.mtl\n"
-    assert names_in("a.obj", marked) == ["colors.mtl"]
-    text = f"{CORNERS}usemtl tin #2\nf 1 2 3 # first\nf 1 2 4\n"
-    library = b"\xef\xbb\xbfnewmtl tin #2\nKd 0 0 1\n"
-    (piece,) = pieces_of({"a.obj": marked + text.encode(), "colors.mtl": library})
-    assert len(piece.faces) == 2
-    assert piece.paint.name == "tin #2" and piece.paint.color == (0, 0, 1)
-
-
 def test_coordinates_and_normals_are_used_where_all_corners_have_them():
     text = CORNERS + "vt 0.25 0.5\nvt 1 0\nvn 0 0 1\ng wall\nf 1/1/1 2/2/1 3/1/1\n"
     (piece,) = read(text)
@@ -98,25 +88,12 @@ def test_coordinates_and_normals_are_used_where_all_corners_have_them():
     assert partly == [None, None]
 
 
-def test_colors_after_positions_are_those_of_vertices():
-    (piece,) = read("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n")
-    assert piece.name == "yard"
-    np.testing.assert_allclose(piece.colors, np.diag([1, 1, ((0.5 + 0.055) / 1.055) ** 2.4]))
-
-
 def test_trimesh_reads_the_same_surface():
     shape = trimesh.creation.annulus(0.5, 1, 2, sections=17)
     (piece,) = read(shape.export(file_type="obj"))
     ours = trimesh.Trimesh(piece.vertices, piece.faces)
     assert ours.volume == pytest.approx(shape.volume, rel=1e-6)
     np.testing.assert_allclose(ours.bounds, shape.bounds, atol=1e-6)
-
-
-def test_libraries_and_pictures_are_named_from_the_folder_of_the_file():
-    assert names_in("a.obj", b"mtllib sub/my colors.mtl\nv 0 0 0\n") == ["sub/my colors.mtl"]
-    assert names_in("sub/x.mtl", b"newmtl a\n  map_Kd ..\\b.png\n") == ["sub/../b.png"]
-    with pytest.raises(ValueError, match="options are not supported"):
-        names_in("x.mtl", b"newmtl a\nmap_Kd -s 1 1 1 b.png\n")
 
 
 MISSING = "vertices, coordinates or normals that are not there"
@@ -133,14 +110,3 @@ MISSING = "vertices, coordinates or normals that are not there"
 def test_corners_that_are_not_there_or_no_numbers_are_refused(face, told):
     with pytest.raises(ValueError, match=told):
         read(f"{CORNERS}{face}\n")
-
-
-@pytest.mark.parametrize("more", ["", " 1 2", " 1 # gray"])
-def test_positions_are_read_to_the_last_digit_whatever_comes_after_them(more):
-    rng = np.random.default_rng(5)
-    values = rng.standard_normal((1500, 3)) * 10.0 ** rng.integers(-30, 30, (1500, 3))
-    lines = ["v " + " ".join(map(repr, row)) for row in values.tolist()]
-    lines[7] += more  # not as long as the others
-    faces = [f"f {n} {n + 1} {n + 2}" for n in range(1, 1499, 3)]
-    (piece,) = pieces_of({"a.obj": "\n".join(lines + faces).encode()})
-    np.testing.assert_array_equal(piece.vertices, values)

@@ -1,20 +1,34 @@
-"""Spectra, the colors that they have, and reflectances."""
+"""Spectra, the colors that they have, and reflectances.
+
+Bands beyond the range of a spectrum are refused, with its name and range.
+"""
 
 import math
 
+import mitsuba
 import numpy as np
 import pytest
 from scipy.constants import sigma
+from scipy.optimize import nnls
 
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
 from megalopta.core import strict_yaml
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.core.errors import UserError
+from megalopta.scenes.levels import LEVELS
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import (
+    BLUE,
+    GREEN,
+    KNOWN_NM,
     LUMINANCE_SHARES,
-    decode_srgb,
+    RED,
     encode_srgb,
     linear_srgb,
     matching_functions,
     primaries,
+    reflectance_of_color,
 )
 from megalopta.scenes.spectra.reflectance import (
     LEAVES,
@@ -25,6 +39,7 @@ from megalopta.scenes.spectra.reflectance import (
     reflectance_of,
 )
 from megalopta.scenes.spectra.spectrum import (
+    SPECTRA,
     Spectrum,
     flat,
     luminous,
@@ -97,11 +112,6 @@ def test_srgb_curve_ends_at_black_and_white_and_is_monotonic():
     assert encode_srgb(np.array(0.2140)) == 127  # sRGB's middle gray
 
 
-def test_decoded_srgb_is_coded_to_the_same_bytes():
-    coded = np.arange(256, dtype=np.uint8)
-    np.testing.assert_array_equal(encode_srgb(decode_srgb(coded)), coded)
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_primaries_add_up_to_the_light_and_share_its_luminance_as_srgb_does(level):
     light = LEVELS[level].spectrum()
@@ -126,29 +136,6 @@ def test_reflectances_lie_between_zero_and_one(name):
     assert spectrum(WAVELENGTHS_NM).min() > 0 and spectrum(WAVELENGTHS_NM).max() < 1
 
 
-def test_dry_litter_shows_the_band_of_water_less_than_moist_soil():
-    soil, litter = (s(1450) / s(1300) for s in map(reflectance_of, ("soil", "litter")))
-    assert soil < 0.85 < litter < 1
-
-
-LEAVES_WAVELENGTHS_NM = np.arange(380, 2501)
-ENTRIES = strict_yaml.load(TABLE.read_text("utf-8"))
-
-
-@pytest.mark.parametrize("name", LEAVES)
-def test_leaves_send_out_less_light_than_they_get(name):
-    reflected, through = (spectrum(LEAVES_WAVELENGTHS_NM) for spectrum in leaf_of(name))
-    assert reflected.min() > 0.02 and through.min() >= 0
-    assert (reflected + through).max() < 0.98
-
-
-def test_a_darker_leaf_is_darker_on_both_sides():
-    for whole, half in zip(leaf_of("moss"), leaf_of("moss * 0.5"), strict=True):
-        np.testing.assert_allclose(
-            half(LEAVES_WAVELENGTHS_NM), whole(LEAVES_WAVELENGTHS_NM) / 2, 1e-12
-        )
-
-
 def test_leaves_absorb_as_green_dry_and_young_ones_do():
     absorbed = {
         name: 1 - sum(spectrum([550, 670, 900]) for spectrum in leaf_of(name)) for name in LEAVES
@@ -160,6 +147,97 @@ def test_leaves_absorb_as_green_dry_and_young_ones_do():
     assert absorbed["dry leaf"][1] < 0.3  # no chlorophyll
 
 
+GRID = np.arange(KNOWN_NM[0], KNOWN_NM[1] + 1, 1.0)
+D65 = SPECTRA["D65"](GRID)
+XYZ_OF_SRGB = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def observer():
+    """CIE 1931 standard observer (wavelengths, 3), from Mitsuba's tables."""
+    mitsuba.set_variant("scalar_spectral")
+    return np.array([np.ravel(mitsuba.cie1931_xyz(float(each))) for each in GRID], np.float64)
+
+
+def seen(reflectance, observer):
+    """Color (..., 3) of a reflectance (..., wavelengths) in D65, in linear sRGB; of white, 1."""
+    xyz = (reflectance * D65) @ observer / (D65 @ observer) * XYZ_OF_SRGB.sum(axis=1)
+    return xyz @ np.linalg.inv(XYZ_OF_SRGB).T
+
+
+@pytest.mark.parametrize("color", [*np.eye(3), *np.random.default_rng(1).random((20, 3))])
+def test_a_color_has_a_reflectance_that_looks_like_it_in_daylight(color, observer):
+    reflectance = reflectance_of_color(color)(GRID)
+    assert reflectance.min() >= 0 and reflectance.max() <= 1 + 1e-9
+    # Tables have four digits; the inverse of the matrix multiplies their rounding by up to 3.
+    np.testing.assert_allclose(seen(reflectance, observer), color, atol=3e-4)
+
+
+def test_red_green_and_blue_add_up_to_a_perfect_white():
+    np.testing.assert_allclose(RED(GRID) + GREEN(GRID) + BLUE(GRID), 1, atol=1e-9)
+
+
+def test_the_primaries_are_the_smoothest_with_their_colors(observer):
+    knots = np.linspace(*KNOWN_NM, 48)
+    n = len(knots)
+    tents = np.array([np.interp(GRID, knots, row) for row in np.eye(n)])
+    colors = seen(tents, observer)
+    heavy = 1e4  # of conditions, in the least squares of the steps
+    rows = np.concatenate(
+        [
+            np.kron(np.eye(3), np.diff(np.eye(n), axis=0)),
+            heavy * np.kron(np.eye(3), colors.T),
+            heavy * np.tile(np.eye(n), 3),
+        ]
+    )
+    wanted = np.concatenate([np.zeros(3 * (n - 1)), heavy * np.eye(3).ravel(), np.full(n, heavy)])
+    best = nnls(rows, wanted, maxiter=10_000)[0].reshape(3, n)
+    for found, expected in zip((RED, GREEN, BLUE), best, strict=True):
+        np.testing.assert_allclose(found(knots), expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("band", [(300, 320), (359, 420), (1780, 1801), (3000, 4000)])
+def test_bands_in_which_the_light_is_unknown(level, band):
+    fields = {
+        "light": {"level": level},
+        "render": {"bands_nm": [band]},
+        "scene": {"kind": "forest"},
+    }
+    with pytest.raises(UserError, match=rf"light '{level}': .* known from 360 to 1800 nm"):
+        validated(Configuration, fields, "a.yaml", {})
+
+
+SOIL, BLADE = reflectance_of("soil * 1.6"), leaf_of("dry leaf")
+
+
+@pytest.mark.parametrize(
+    ("material", "band", "said"),
+    [
+        (Material(SOIL), (370, 400), "380 to 1700"),
+        (Material(SOIL), (1600, 1750), "380 to 1700"),
+        (Material(BLADE.reflectance, transmittance=BLADE.transmittance), (380, 420), "400 to 2500"),
+        (Material(flat(0.1), Texture(np.ones((2, 2), "f4"), SOIL)), (1600, 1750), "380 to 1700"),
+        (Material(flat(0.0), emission=Emission(Spectrum((500, 600), (1, 2)))), (590, 610), "500 to 600"),
+        (Material(flat(0.3), known_nm=(500, 600)), (590, 610), "500 to 600"),
+    ],
+)  # fmt: skip
+def test_bands_in_which_a_surface_is_unknown(material, band, said):
+    scene = Scene({"it": material}, {}, ())
+    with pytest.raises(
+        ValueError, match=f"material 'it': .* known from {said} nm, and bands_nm has"
+    ):
+        scene.check_bands([(550, 560), band])
+    scene.check_bands([(550, 560)])
+
+
+ENTRIES = strict_yaml.load(TABLE.read_text("utf-8"))
 TOLERANCE = 0.004
 """Largest error of a straight line between two wavelengths of a leaf's table."""
 

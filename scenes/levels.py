@@ -58,10 +58,9 @@ class Component:
         """Return the light multiplied by a factor."""
         return replace(self, irradiance=self.irradiance.scaled(factor))
 
-    def giving(self, illuminance_lux: float, shape: Spectrum | None = None) -> "Component":
-        """Return the light scaled to an illuminance, with another spectrum if one is given."""
-        found = shape or self.irradiance
-        return replace(self, irradiance=found.scaled(illuminance_lux / luminous(found)))
+    def giving(self, illuminance_lux: float) -> "Component":
+        """Return the light scaled to an illuminance."""
+        return self.scaled(illuminance_lux / self.illuminance_lux)
 
 
 AIRGLOW_SKY = Component("airglow", outdoors.AIRGLOW.scaled(math.pi))

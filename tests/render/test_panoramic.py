@@ -5,11 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
-from scipy.spatial.transform import Rotation
 
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.opencv import OpenCVCamera
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
@@ -17,8 +15,8 @@ from megalopta.scenes.scene import Lighting, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import glowing_room, scene_of, sphere_cap
-from ..truth.oracle import BOTH, eye, plane_hit, sphere_hit
+from .conftest import glowing_room, scene_of, sphere_cap
+from .truth.oracle import BOTH, eye, plane_hit, sphere_hit
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)
@@ -48,6 +46,7 @@ def pinhole_view():
     return renderer_of(PINHOLE, glowing_room(), 256).radiance(ROOM.poses()[0], 2)[..., 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "camera",
     [
@@ -80,47 +79,6 @@ def test_a_panorama_resampled_is_the_perspective_view(camera):
     assert np.quantile(difference, 0.95) < 0.02
     assert np.median(np.abs(resampled[:, ::-1] - view) / view.std()) > 0.3
     assert np.median(np.abs(resampled[::-1] - view) / view.std()) > 0.3
-
-
-@pytest.mark.parametrize("camera", [SPHERE, CYLINDER], ids=["sphere", "cylinder"])
-def test_turning_by_whole_columns_rolls_the_panorama_without_a_seam(camera):
-    columns = 37
-    turn = np.eye(4)
-    turn[:3, :3] = Rotation.from_euler("z", 360 * columns / camera.width, degrees=True).as_matrix()
-    pose = ROOM.model_copy(update={"look_at_m": (3, 1, 0.4)}).poses()[0]  # level
-    turned = pose.copy()
-    turned[:3, :3] = turn[:3, :3] @ pose[:3, :3]
-    room = renderer_of(camera, glowing_room(), 64)
-    first, second, after = (
-        room.radiance(p, seed)[..., 0] for seed, p in enumerate((pose, pose, turned))
-    )
-    rolled = np.roll(first, columns, axis=1)
-    noise = np.abs(second - first)
-    # Medians of 8000 pixels of equal distribution differ by 3 %; the limits are 6 times that.
-    assert 0.8 < np.median(np.abs(after - rolled)) / np.median(noise) < 1.25
-    # The columns beside the seam, which now lie inside the image, and those that became the seam.
-    for column in (0, camera.width - 1, columns, columns - 1):
-        error = np.abs(after - rolled)[:, column]
-        assert np.median(error) < 3 * np.median(noise)
-    assert np.median(np.abs(after - first)) > 30 * np.median(noise)
-
-
-@pytest.mark.parametrize("camera", [SPHERE, CYLINDER], ids=["sphere", "cylinder"])
-def test_turning_by_whole_columns_is_an_integer_flow_everywhere(camera):
-    turning = BOTH.model_copy(
-        update={
-            "velocity_m_s": (0.0, 0.0, 0.0),
-            "look_at_m": (8.0, 2.0, 2.0),
-            "rotation_deg_s": 5 * 360 / camera.width * BOTH.frame_rate_hz,
-        }
-    )
-    truth = renderer_of(camera, glowing_room(), 1).truth(turning.poses(), 1)
-    np.testing.assert_allclose(truth.flow_forward[..., 0], 5, atol=1e-6)  # left turn: to the right
-    np.testing.assert_allclose(truth.flow_backward[..., 0], -5, atol=1e-6)
-    np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-6)
-    assert not truth.occluded_forward.any()
-    assert not out_of_view(truth.flow_forward, wraps=True).any()
-    assert out_of_view(truth.flow_forward)[:, -5:].all()
 
 
 def rays(camera, axes):

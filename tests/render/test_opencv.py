@@ -6,8 +6,8 @@ import pytest
 from megalopta.scenes.cameras.opencv import OpenCVCamera
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ...scenes.cameras.by_opencv import opencv_points
-from ..conftest import quad, renderer_of
+from ..scenes.cameras.by_opencv import opencv_points
+from .conftest import quad, renderer_of
 
 SIZE = {"width": 80, "height": 60, "fx_px": 60.0, "fy_px": 58.0, "cx_px": 36.3, "cy_px": 31.8}
 CAMERAS = {

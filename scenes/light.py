@@ -26,7 +26,7 @@ from scipy.interpolate import RegularGridInterpolator
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.scenes.hashed_file import PictureFile
-from megalopta.scenes.lighting.levels import (
+from megalopta.scenes.levels import (
     BRIGHTEST_LUX,
     DIMMEST_LUX,
     LEVELS,
@@ -42,7 +42,7 @@ from megalopta.scenes.lighting.levels import (
 from megalopta.scenes.scene import Environment, Lighting, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.spectra.outdoors import overcast_share
-from megalopta.scenes.spectra.spectrum import flat, planckian, total
+from megalopta.scenes.spectra.spectrum import flat, total
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 
@@ -56,10 +56,6 @@ class Light(Record, frozen=True):
     illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
     """Illuminance of an unshaded horizontal plane (lux), to which all lights of the level are
     scaled; null: that of the level, reduced by clouds."""
-
-    color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
-    """Color temperature of a Planckian spectrum (K) for all lights of the level, each at its
-    illuminance; null: their own spectra. Not for airglow."""
 
     disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the light of sun or moon that comes from the disc instead of the sky that it lights;
@@ -101,11 +97,6 @@ class Light(Record, frozen=True):
 
     @model_validator(mode="after")
     def _fits_the_level(self) -> "Light":
-        if self.level == "airglow" and self.color_temperature_k is not None:
-            raise ValueError(
-                f"color_temperature_k {self.color_temperature_k:g}: level 'airglow' has its own "
-                "spectrum; omit it, or choose another level"
-            )
         if self.disc_fraction and not LEVELS[self.level].disc:
             names = ", ".join(name for name, level in LEVELS.items() if level.disc)
             raise ValueError(
@@ -126,10 +117,6 @@ class Light(Record, frozen=True):
             level = _with_disc(level, self.disc_fraction)
         if self.cloud_cover:
             level = _clouded(level, self.cloud_cover)
-        if self.color_temperature_k is not None:
-            color = planckian(self.color_temperature_k)
-            parts = tuple(each.giving(each.illuminance_lux, color) for each in level.components)
-            level = Illumination(level.illuminance_lux, parts)
         if self.illuminance_lux is not None:
             level = scaled(self.illuminance_lux, level.components)
         return level

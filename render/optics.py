@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
@@ -27,7 +26,10 @@ def plugin(camera: Camera, on_side: bool = False) -> dict[str, Any]:
     if isinstance(camera, PerspectiveCamera) and not on_side:
         clip = {"near_clip": 1e-3, "far_clip": 1e5}
         return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
-    directions = _directions(camera)
+    parts = math.isqrt(_MOST_DIRECTIONS // (camera.width * camera.height))
+    parts = min(max(parts, 1), _MOST_PARTS)
+    columns, rows = (np.arange(size * parts + 1) / parts for size in (camera.width, camera.height))
+    directions = camera.toward(np.stack(np.meshgrid(columns, rows), axis=-1)).astype(np.float32)
     table = np.ascontiguousarray(directions.swapaxes(0, 1)) if on_side else directions
     return {"type": registered(Directions), "directions": mi.TensorXf(table)}
 
@@ -38,14 +40,6 @@ def cut_strip(parameters: Any, height: int, first_row: int, rows: int) -> None:
         parameters["strip"] = mi.Point2f(first_row / height, rows / height)
     else:
         parameters["principal_point_offset_y"] = 0.5 - (height / 2 - first_row) / rows
-
-
-def _directions(camera: Camera) -> NDArray[np.float32]:
-    """Directions through the corners of pixels, or of equal parts of them, (h, w, 3)."""
-    parts = math.isqrt(_MOST_DIRECTIONS // (camera.width * camera.height))
-    parts = min(max(parts, 1), _MOST_PARTS)
-    columns, rows = (np.arange(size * parts + 1) / parts for size in (camera.width, camera.height))
-    return camera.toward(np.stack(np.meshgrid(columns, rows), axis=-1)).astype(np.float32)
 
 
 def sensor_transform(pose: Floats) -> Floats:

@@ -1,0 +1,395 @@
+"""Films read with PyAV: frames at their times, upright, as light.
+
+The suffix fixes the demuxer, which reads an opened file, so that nothing in the file can refer to
+another one. Number and times of frames come from the packets, without decoding; every decoded frame
+is checked against them.
+
+libswscale converts to RGB: for 8 bits with full chroma and correct rounding, for more bits without
+full chroma, which gives wrong colors there (libswscale 9); white is then the code `_DEEP_WHITE`.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core import bounded
+from megalopta.core.arrays import Floats, Ints
+from megalopta.core.errors import DamagedFileError
+from megalopta.core.pictures import PIXEL_BYTES
+from megalopta.core.progress import working
+from megalopta.render.footage import frames, transfer
+
+DEMUXERS: Mapping[str, str] = {
+    **dict.fromkeys((".mp4", ".mov", ".m4v"), "mov"),
+    **dict.fromkeys((".webm", ".mkv"), "matroska"),
+    ".avi": "avi",
+}
+"""Demuxer by the suffix of the file."""
+
+_REMEDY = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
+_MOST_FRAMES, _MOST_BYTES = 1_000_000, 2 * 10**11
+_DECODED_ON = 50
+"""Frames that are decoded one after the other rather than jumped over."""
+_LIMITED, _FULL = 1, 2
+_DEEP_WHITE = 65283
+"""Code of white in the 16-bit RGB that libswscale makes of limited range."""
+_BT709, _BT601, _BT2020 = 1, 5, 9
+_MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}
+"""libswscale's number of a color matrix, by that in the file (ITU-T H.273)."""
+_HD_ROWS = 720
+"""Rows from which a film without a stated matrix uses that of BT.709, not of BT.601."""
+_TOLD = (
+    *("STEREO3D", "SPHERICAL", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"),
+    "ICC_PROFILE",
+)
+"""Data of a frame on place and light without effect."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Film(frames.Footage):
+    """Frames of a film, decoded on request."""
+
+    decoder: "_Decoder"
+    first: Any = field(repr=False)
+    """Decoded frame, which all others are like."""
+    reformatter: Any = field(repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.decoder.stamps)
+
+    def close(self) -> None:
+        """Free the decoder, close the file."""
+        super().close()
+        self.decoder.close()
+
+    def _numbers(self, index: int) -> NDArray[Any]:
+        frame = self.decoder.frame(index)
+        if _kind(frame) != _kind(self.first):
+            raise DamagedFileError(
+                f"{self.path}: frame {index} differs from the first in size or format; cut it there"
+            )
+        return _codes(self.path, frame, self.first, self.reformatter)
+
+
+def open_film(path: Path) -> Film:
+    """Return a film as footage. Raises DamagedFileError; ModuleNotFoundError without PyAV."""
+    from av.video.reformatter import VideoReformatter
+
+    decoder = _Decoder(path)
+    try:
+        first = decoder.frame(0)
+        coding = _coding(path, first)
+        notes = (*_notes(path, first, coding), *decoder.notes())
+        shape = (first.width, first.height) if _turn(first)[0] else (first.height, first.width)
+        return Film(
+            path=path,
+            files=(path,),
+            shape=shape,
+            coding=coding,
+            times_s=decoder.times_s,
+            notes=notes,
+            decoder=decoder,
+            first=first,
+            reformatter=VideoReformatter(),
+        )
+    except BaseException:
+        decoder.close()
+        raise
+
+
+class _Decoder:
+    """Decoder: `stamps` are the times of all frames, in units of the stream, increasing."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._is_avi = DEMUXERS[path.suffix.lower()] == "avi"
+        self._open()
+        try:
+            with working(f"frames of {path}"), _told(path):
+                self._survey()
+            self._rewind()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Free the decoder, close the file."""
+        self._container.close()
+        self._file.close()
+
+    def _open(self) -> None:
+        import av
+
+        bounded.check_file(self._path, _MOST_BYTES)
+        self._file = self._path.open("rb")
+        try:
+            with _told(self._path):
+                self._container: Any = av.open(
+                    self._file,
+                    "r",
+                    format=DEMUXERS[self._path.suffix.lower()],
+                    buffer_size=2**20,
+                    metadata_errors="replace",  # titles may be in any encoding
+                )
+                film = self._container.streams.best("video")
+            if film is None or "attached_pic" in str(film.disposition):
+                raise DamagedFileError(f"{self._path} has only sound; give a video")
+            codec = film.codec_context
+            if codec is None:
+                raise DamagedFileError(f"{self._path} has an unknown codec; {_REMEDY}")
+            frames.check_size(self._path, (codec.height, codec.width))
+            most = int(min(bounded.budget_bytes() / PIXEL_BYTES, 2**31 - 1))
+            codec.options = {"max_pixels": str(most)}
+            film.thread_type = "AUTO"
+            self._stream: Any = film
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _survey(self) -> None:
+        """Find the stamps of all frames, from packets alone."""
+        known: list[int | None] = []
+        keys: list[int] = []
+        packets = 0
+        for packet in self._container.demux(self._stream):
+            if packet.has_sidedata("encryption_info") or packet.has_sidedata(
+                "encryption_init_info"
+            ):
+                raise DamagedFileError(f"{self._path} is encrypted; give a copy without protection")
+            if packet.is_corrupt:
+                raise DamagedFileError(f"{self._path} ends too early or is damaged; {_REMEDY}")
+            is_hidden = packet.is_discard
+            if packet.size and packet.stream.codec_context.name == "vp8":
+                is_hidden |= not bytes(packet)[0] & 0x10  # a frame used only to predict others
+            packets += 1
+            if packet.size and not is_hidden:
+                # AVI has no times for pictures that are decoded in another order than shown.
+                known.append(packet.dts if self._is_avi else packet.pts)
+                if packet.is_keyframe and packet.pts is not None:
+                    keys.append(packet.pts)
+            bounded.check_count(self._path, "frames", len(known), _MOST_FRAMES)
+        if not known:
+            raise DamagedFileError(f"{self._path} has no frame that can be read; {_REMEDY}")
+        stated = 0 if self._is_avi else self._stream.frames  # AVI counts omitted frames, too
+        packets -= 1  # the last one ends the film
+        if packets < stated:
+            raise DamagedFileError(
+                f"{self._path} ends too early, with {packets} of {stated} frames; {_REMEDY}"
+            )
+        stamps = [stamp for stamp in known if stamp is not None]
+        self._counts = self._is_avi or len(stamps) < len(known)
+        self.stamps: Ints = np.unique(stamps)
+        if len(stamps) < len(known):
+            rate, base = self._stream.average_rate, self._stream.time_base
+            if not rate or not base:
+                raise DamagedFileError(f"{self._path} has no times of its frames; {_REMEDY}")
+            self.stamps = np.array([round(k / rate / base) for k in range(len(known))], np.int64)
+        # A cut separates frames from the picture that predicts them.
+        self._parted = 0
+        if keys and not self._counts:
+            self._parted = int(np.searchsorted(self.stamps, min(keys)))
+            self.stamps = self.stamps[self._parted :]
+
+    @property
+    def times_s(self) -> Floats:
+        """Times of all frames (s); the first is 0."""
+        return np.asarray((self.stamps - self.stamps[0]) * float(self._stream.time_base))
+
+    def notes(self) -> Iterator[str]:
+        """Yield notes on the frames for the user."""
+        if (streams := len(self._container.streams.video)) > 1:
+            yield f"{self._path} holds {streams} films or pictures; one is read"
+        if self._stream.sample_aspect_ratio:
+            yield from frames.not_square(self._path, float(self._stream.sample_aspect_ratio))
+        if self._parted:
+            yield (
+                f"{self._path} is cut within a group of frames: the first {self._parted} cannot be "
+                "decoded and are omitted"
+            )
+        ends_s, times_s = (self._container.duration or 0) / 1e6, self.times_s
+        if ends_s > times_s[-1] + 1 + 2 * np.diff(times_s, prepend=0).max():
+            yield (
+                f"{self._path} promises {ends_s:.1f} s, but its frames end at {times_s[-1]:.1f} s: "
+                "it may be truncated, or only its sound continues"
+            )
+
+    def frame(self, index: int) -> Any:
+        """Return a decoded frame. Raises DamagedFileError if it is damaged or missing."""
+        ways = [self._rewind]
+        if self._next <= index <= self._next + _DECODED_ON:
+            ways = [lambda: None, self._rewind]
+        elif not self._counts:
+            ways = [lambda: self._jump(index), self._rewind]
+        for go in ways:
+            go()
+            frame = self._decoded_to(index)
+            if frame is not None and not frame.is_corrupt:
+                return frame
+        raise DamagedFileError(f"{self._path}: frame {index} cannot be decoded; {_REMEDY}")
+
+    def _rewind(self) -> None:
+        self.close()
+        self._open()
+        self._next, self._frames = 0, self._container.decode(self._stream)
+
+    def _jump(self, index: int) -> None:
+        """Go to the picture from which a frame is predicted."""
+        with _quiet():
+            self._container.seek(int(self.stamps[index]), stream=self._stream)
+        self._frames = self._container.decode(self._stream)
+
+    def _decoded_to(self, index: int) -> Any:
+        """Return a frame further on; None if it is damaged or not there."""
+        with _quiet():
+            for frame in self._frames:
+                number = self._next
+                if not self._counts:
+                    stamp = self.stamps[0] - 1 if frame.pts is None else frame.pts
+                    number = int(np.searchsorted(self.stamps, stamp))
+                    if number == len(self.stamps) or self.stamps[number] != stamp:
+                        continue
+                self._next = number + 1
+                if number >= index:
+                    return frame if number == index else None
+        return None
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    from av.error import FFmpegError
+
+    try:
+        yield
+    except FFmpegError as problem:
+        raise DamagedFileError(
+            f"{path} cannot be read as a video ({problem.strerror}); {_REMEDY}"
+        ) from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    from av.error import FFmpegError
+
+    try:
+        yield
+    except FFmpegError:
+        return
+
+
+def _kind(frame: Any) -> tuple[int, int, str]:
+    return frame.width, frame.height, frame.format.name
+
+
+def _is_deep(frame: Any) -> bool:
+    return any(component.bits > 8 for component in frame.format.components)
+
+
+def _is_gray(frame: Any) -> bool:
+    return len(frame.format.components) == 1 and not frame.format.has_palette
+
+
+def _is_full(frame: Any) -> bool:
+    return bool(frame.color_range == _FULL or frame.format.name.startswith("yuvj"))
+
+
+def _codes(path: Path, frame: Any, first: Any, reformatter: Any) -> NDArray[Any]:
+    """Return codes (H, W, 3), of 8 or 16 bits, upright, converted as the first frame states."""
+    from av.video.reformatter import Interpolation
+
+    is_rgb, is_deep = first.format.is_rgb, _is_deep(first)
+    matrix = None if is_rgb else _matrix(path, first)
+    way = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
+    converted = reformatter.reformat(
+        frame,
+        format="rgb48le" if is_deep else "rgb24",
+        src_colorspace=matrix,
+        dst_colorspace=matrix,
+        interpolation=way if is_deep else way | Interpolation.FULL_CHR_H_INT,
+        src_color_range=_FULL if _is_full(first) or is_rgb else _LIMITED,
+        dst_color_range=_FULL,
+    )
+    return frames.turned(converted.to_ndarray(), *_turn(first))
+
+
+def _coding(path: Path, first: Any) -> frames.Coding:
+    """Return how codes become light, from black and white in libswscale's RGB on."""
+    name = transfer.TRANSFERS.get(first.color_trc)
+    if name is None:
+        raise DamagedFileError(
+            f"{path} has the transfer function {first.color_trc} of H.273, which is not "
+            "supported; convert it to BT.709"
+        )
+    _matrix(path, first)
+    bits, is_deep = max(each.bits for each in first.format.components), _is_deep(first)
+    black, white = 0, (2**bits - 1) << (16 - bits) if is_deep else 255
+    if first.format.is_rgb:
+        white = 65535 if is_deep else 255
+    elif _is_gray(first):  # treated as full range, whatever is stated
+        if first.color_range == _LIMITED:
+            black, white = (16 * 256, 235 * 256) if is_deep else (16, 235)
+    elif is_deep and not _is_full(first):
+        white = _DEEP_WHITE
+    coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
+    primaries = transfer.PRIMARIES
+    _, xy = primaries.get(first.color_primaries, primaries[1])
+    return replace(coding, matrix=transfer.to_bt709(xy))
+
+
+def _matrix(path: Path, frame: Any) -> int:
+    """Number in libswscale of the matrix between Y'CbCr and RGB. Raises DamagedFileError."""
+    stated = frame.colorspace
+    if stated in _MATRICES or frame.format.is_rgb or _is_gray(frame):
+        return _MATRICES.get(stated, _BT709)
+    if stated != transfer.UNSTATED:
+        raise DamagedFileError(
+            f"{path} has the color matrix {stated} of H.273, which is not supported; "
+            "convert it to BT.709"
+        )
+    if frame.color_primaries == _BT2020:
+        return _BT2020
+    return _BT709 if min(frame.width, frame.height) >= _HD_ROWS else _BT601
+
+
+def _notes(path: Path, first: Any, coding: frames.Coding) -> Iterator[str]:
+    """Yield notes on assumptions and changes."""
+    primaries = first.color_primaries
+    if first.color_trc == transfer.UNSTATED:
+        yield f"{path} does not state its transfer function; that of BT.709 is used"
+    if coding.name in transfer.HDR_NOTES:
+        yield transfer.HDR_NOTES[coding.name]
+    if coding.matrix is not None:
+        name, _ = transfer.PRIMARIES[primaries]
+        yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
+    if primaries not in (transfer.UNSTATED, *transfer.PRIMARIES):
+        yield (
+            f"{path} has the primaries {primaries} of H.273, which are unknown; those of BT.709 "
+            "are used"
+        )
+    if any(_turn(first)):
+        yield f"frames are turned as stated by {path}, by {first.rotation % 360}° to the left"
+    if any(component.is_alpha for component in first.format.components):
+        yield f"the transparency of {path} is ignored"
+    names = [data.type.name for data in first.side_data]
+    yield from frames.unused(path, {name: "" for name in names if name in _TOLD})
+    if first.interlaced_frame:
+        yield f"{path} is interlaced: each frame holds two moments; deinterlace it first"
+
+
+def _turn(frame: Any) -> tuple[bool, bool, bool]:
+    """Return the arguments of `turned` that follow a frame's display matrix."""
+    from av.sidedata.sidedata import Type
+
+    matrix = frame.side_data.get(Type.DISPLAYMATRIX)
+    if matrix is None:
+        return False, False, False
+    a, b, _, c, d = struct.unpack_from("=5i", bytes(matrix))
+    if abs(a) + abs(d) >= abs(b) + abs(c):
+        return False, a < 0, d < 0
+    return True, c < 0, b < 0

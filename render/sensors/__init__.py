@@ -1,1 +1,0 @@
-"""Pixels of a loaded scene: films, passes and custom cameras."""

@@ -1,1 +1,0 @@
-"""Light by name or in lux."""
