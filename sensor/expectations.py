@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
-from megalopta.sensor.ctia.array import (
+from megalopta.sensor.ctia.model import (
+    CtiaSensor,
     electron_moments,
     photocurrent,
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.effects.base import AvalancheMaps, FrameRates
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate

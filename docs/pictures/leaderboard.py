@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.flow import METHODS, fisher_information
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
 from megalopta.flow.metrics import translation_bound as bound

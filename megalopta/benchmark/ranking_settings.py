@@ -10,7 +10,7 @@ from megalopta.config.model import LightLevel, LightLevels
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
-from megalopta.flow.stimuli.resizing import resize
+from megalopta.flow.stimuli.photons import resize
 from megalopta.scenes.lighting.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]

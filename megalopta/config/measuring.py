@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import BenchmarkSettings, each_once
+from megalopta.flow.benchmark import BenchmarkSettings, each_once
 from megalopta.flow.stimuli.photons import Normalization
 from megalopta.scenes import Camera
 

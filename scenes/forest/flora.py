@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from megalopta.assets_gen import Surface
+from megalopta.assets_gen.bodies import grow_rock
 from megalopta.assets_gen.plants import undergrowth
 from megalopta.assets_gen.plants.detail import merged_leaves
 from megalopta.assets_gen.plants.species import Species
-from megalopta.assets_gen.rocks import grow_rock
 from megalopta.core import strict_yaml
 from megalopta.scenes.forest.plants import (
     Coat,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
+from megalopta.assets_gen.plants.bark import Furrows
 from megalopta.assets_gen.plants.detail import Detail, coarsened
-from megalopta.assets_gen.plants.furrows import Furrows
 from megalopta.assets_gen.plants.growth import grow_plant
 from megalopta.assets_gen.plants.species import Species, aged
 from megalopta.core import strict_yaml

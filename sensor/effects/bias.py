@@ -1,4 +1,4 @@
-"""Excess bias and its mismatch: efficiency, dark counts, afterpulsing and crosstalk move together.
+"""Excess bias, its mismatch, and temperature: what moves together with them.
 
 A pixel whose breakdown voltage is δ above nominal, at a temperature that shifts it by Δ, has V =
 excess_v − δ − Δ. Relative to the values at reference_v,
@@ -28,20 +28,88 @@ reference bias to this one at the pixel's own δ, which is 1 at the reference bi
 
 Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of None disables that
 dependence.
+
+**Surface** PDP(λ, V), the photon detection probability: it is tabulated and bilinear between
+points. At a bias V it is thus the sum of its curves, each times the share of its bias in V.
+
+**Temperature**: thermal dark counts double every few kelvin; the breakdown voltage rises.
+
+    DCR(T) = DCR(T_ref)·2^((T − T_ref)/ΔT)
+
+Thermal generation through traps only; tunneling, which sets the floor in deep sub-micron processes,
+hardly depends on temperature. The breakdown voltage rises linearly, as hot carriers lose more
+energy to the lattice, by 0.02 to 0.06 V/K in silicon diodes that break down at 15 to 40 V. So the
+excess bias falls at a constant bias (`bias`). Cooling by 30 to 40 K lowers the rate by one to two
+decades (dissertation §2.3.1), that is ΔT of 6 to 9 K; 8 to 10 K is usual for silicon.
 """
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, ClassVar, Self
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
 from megalopta.sensor.sampling.streams import pixel_normals
+
+
+class EfficiencySurface(Record, frozen=True):
+    """Photon detection probability over wavelength and excess bias."""
+
+    wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
+    """Wavelengths of the points, increasing (nm)."""
+    excess_v: Annotated[tuple[Annotated[float, Field(ge=0)], ...], Field(min_length=2)]
+    """Excess biases of the points, increasing (V)."""
+    values: tuple[tuple[Annotated[float, Field(ge=0, le=1)], ...], ...]
+    """PDP at each point, a row for each bias."""
+
+    @model_validator(mode="after")
+    def _check_grid(self) -> Self:
+        sizes = len(self.excess_v), len(self.wavelengths_nm)
+        if len(self.values) != sizes[0] or any(len(row) != sizes[1] for row in self.values):
+            raise ValueError(
+                f"efficiency_surface.values: give {sizes[0]} rows, one for each bias excess_v, of "
+                f"{sizes[1]} values, one for each of wavelengths_nm"
+            )
+        for name in ("excess_v", "wavelengths_nm"):
+            if any(after <= before for before, after in pairwise(getattr(self, name))):
+                raise ValueError(f"efficiency_surface.{name}: must increase; sort the points")
+        return self
+
+    def curve_at(self, excess_v: float) -> dict[str, Any]:
+        """Return the fields of the curve at a bias (V); ValueError if that is outside."""
+        self.check(excess_v)
+        values = self.shares(excess_v) @ np.array(self.values)
+        return {"wavelengths_nm": self.wavelengths_nm, "values": tuple(values.tolist())}
+
+    def shares(self, excess_v: ArrayLike) -> Floats:
+        """Return the shares of the curves at biases (…), (curves, …)."""
+        curves = np.eye(len(self.values))
+        return np.array([np.interp(np.asarray(excess_v), self.excess_v, one) for one in curves])
+
+    def in_flat_light(self, excess_v: ArrayLike) -> Floats:
+        """Mean PDP over the photons of a flat spectrum over all its wavelengths, at biases (…)."""
+        nm, values = np.array(self.wavelengths_nm), np.array(self.values)
+        # Simpson's rule is exact for the parabolas λ·PDP(λ)
+        middle = (nm[1:] + nm[:-1]) * (values[:, 1:] + values[:, :-1])
+        parts = np.diff(nm) * (nm[:-1] * values[:, :-1] + middle + nm[1:] * values[:, 1:]) / 6
+        means = 2 * parts.sum(1) / (nm[-1] ** 2 - nm[0] ** 2)
+        return np.asarray(np.interp(np.asarray(excess_v), self.excess_v, means))
+
+    def check(self, excess_v: ArrayLike) -> None:
+        """Raise ValueError if a bias (V) is outside the surface."""
+        lowest, highest = float(np.min(excess_v)), float(np.max(excess_v))
+        if lowest < self.excess_v[0] or highest > self.excess_v[-1]:
+            raise ValueError(
+                f"bias.efficiency_surface: covers {self.excess_v[0]:g} to {self.excess_v[-1]:g} V, "
+                f"pixels need {lowest:.4g} to {highest:.4g} V; extend the file, or change "
+                "bias.excess_v or bias.breakdown_sigma_v"
+            )
 
 
 class Bias(Effect, frozen=True):
@@ -201,3 +269,32 @@ def best_excess_bias(bias: Bias) -> float:
             "bias needs both"
         )
     return bias.onset_v + scale * float(np.log1p(efold / scale))
+
+
+class Temperature(Effect, frozen=True):
+    """Temperature of the chip; by default that at which the dark counts hold."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "temperature scales the dark counts and moves the breakdown voltage"
+
+    celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
+    """Temperature of the chip (°C)."""
+    reference_celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
+    """Temperature at which the dark count rates hold (°C)."""
+    dcr_doubling_k: Annotated[float, Field(gt=0)] = 9.0
+    """Rise in temperature that doubles the dark count rate (K)."""
+    breakdown_v_per_k: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Rise of the breakdown voltage per kelvin (V/K), by which the excess bias falls."""
+
+    @property
+    def is_on(self) -> bool:
+        """True if it differs from the temperature at which the dark counts hold."""
+        return self.celsius != self.reference_celsius
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Scale the dark counts and shift the breakdown voltage."""
+        rise = self.celsius - self.reference_celsius
+        rates.breakdown_shift_v += self.breakdown_v_per_k * rise
+        # `draw_fixed_pattern` rejects values that are not finite
+        with np.errstate(over="ignore", invalid="ignore"):
+            rates.dark_counts_hz *= float(np.exp2(rise / self.dcr_doubling_k))

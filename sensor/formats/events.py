@@ -31,7 +31,7 @@ from megalopta.core.bounded import check_decoded, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.hdf5 import numbers_in, opened_hdf5
-from megalopta.sensor.event_stream import Events
+from megalopta.sensor.quantities import Events
 
 Column: TypeAlias = NDArray[np.integer[Any]]
 

@@ -11,8 +11,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
-from megalopta.sensor.optics.filters import ColorFilters
 from megalopta.sensor.optics.lens import (
+    ColorFilters,
     Lens,
     blurred,
     check_bands,

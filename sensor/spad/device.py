@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
+from megalopta.sensor.effects.bias import EfficiencySurface
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
 from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels

@@ -13,15 +13,12 @@ from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.base import Effect
-from megalopta.sensor.effects.bias import Bias
+from megalopta.sensor.effects.bias import Bias, Temperature
 from megalopta.sensor.effects.crosstalk import Crosstalk
-from megalopta.sensor.effects.dark_counts import DarkCounts
+from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
-from megalopta.sensor.effects.jitter import Jitter
-from megalopta.sensor.effects.tcspc import Tcspc
-from megalopta.sensor.effects.telegraph import Telegraph
-from megalopta.sensor.effects.temperature import Temperature
+from megalopta.sensor.effects.timing import Jitter, Tcspc
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter, without_bits
 from megalopta.sensor.spad.measured import MeasuredMaps

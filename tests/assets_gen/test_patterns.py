@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves, paint_leaf
 from megalopta.assets_gen.grating import bars, random_dots
 from megalopta.assets_gen.scatter import poisson_disk
+from megalopta.assets_gen.surface_textures import dead_leaves, paint_leaf
 from megalopta.assets_gen.tileable_noise import Marks, plane_waves, strew, tileable_noise
 
 LOW, HIGH = np.array([-10.0, 5.0]), np.array([30.0, 25.0])

@@ -5,9 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.bodies import ball, box
+from megalopta.assets_gen.bodies import ball, box, grow_rock
 from megalopta.assets_gen.plants.undergrowth import grow_log
-from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.terrain import cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves

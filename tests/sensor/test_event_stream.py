@@ -1,7 +1,7 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
-from megalopta.sensor.event_stream import histogram
+from megalopta.sensor.quantities import histogram
 from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.spad.simulation import simulate_frame
 

@@ -31,11 +31,11 @@ from megalopta.sensor import (
     reading_moments,
     volt_moments,
 )
-from megalopta.sensor.ctia import model as ctia_model, noise as ctia_noise
+from megalopta.sensor.ctia import model as ctia_model
 from megalopta.sensor.effects import bias
 from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
-from megalopta.sensor.sampling.bits import unpack
+from megalopta.sensor.sampling.poisson import unpack
 
 from .plainest import (
     brute_force_events,
@@ -294,8 +294,8 @@ WRONG = [
      "bias and breakdown, drawn"),
     (exposure, "open_fraction", lambda gate, exposure_s: 3 / 7, "binary frames, gate"),
     (ctia_model, "gain_from_db", lambda decibels: 10 ** (decibels / 10), "CTIA, poor amplifiers"),
-    (ctia_noise, "poisson_charge", lambda rng, charge: 0 * charge, "CTIA, electrons"),
-    (ctia_noise, "reset_variance", lambda noise, pixel: 0.0, "CTIA, reset and readout"),
+    (ctia_model, "poisson_charge", lambda rng, charge: 0 * charge, "CTIA, electrons"),
+    (ctia_model, "reset_variance", lambda noise, pixel: 0.0, "CTIA, reset and readout"),
     (ctia_model, "drift_rate", lambda bias: 0.0, "CTIA, offsets and a leaking gate"),
 ]  # fmt: skip
 

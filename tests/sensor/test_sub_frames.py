@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import DeadTime, changed, expose_events, expose_rate, preset, sub_frames
-from megalopta.sensor.event_stream import histogram
+from megalopta.sensor.quantities import histogram
 
 IDEAL = changed(preset("ideal"), exposure_s=1.0)
 

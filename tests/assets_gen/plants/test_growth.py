@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen import TEXTURES, join
-from megalopta.assets_gen.plants.bark import TILE_M
+from megalopta.assets_gen.plants.bark import CARVED_M, TILE_M, Furrows
 from megalopta.assets_gen.plants.foliage import blades, place_leaves
-from megalopta.assets_gen.plants.furrows import CARVED_M, Furrows
 from megalopta.assets_gen.plants.growth import grow_axes, grow_plant
-from megalopta.assets_gen.plants.skeleton import axes, pipe_areas, pipe_radii
-from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, swept_tube
+from megalopta.assets_gen.plants.skeleton import (
+    axes,
+    pipe_areas,
+    pipe_radii,
+    rotation_minimizing_frames,
+    swept_tube,
+)
 from megalopta.assets_gen.plants.undergrowth import (
     grow_bilberry,
     grow_fern,

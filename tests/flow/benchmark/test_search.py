@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_benchmark
-from megalopta.flow.benchmark.search import next_index, phase_shifts, photon_search
+from megalopta.flow.benchmark_search import next_index, phase_shifts, photon_search
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 
 ALL = tuple(METHODS[name] for name in ("BM", "IIA", "EMD", "NDM", "NDS", "IM"))

@@ -7,8 +7,7 @@ import pytest
 import zarr
 from pydantic import ValidationError
 
-from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
-from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.benchmark import BenchmarkSettings, Bookkeeping, photon_benchmark
 from megalopta.flow.detectors.base import milliseconds_per_frame
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.burst_alignment import BurstAlignment
 from megalopta.flow.detectors.poisson_matching import (

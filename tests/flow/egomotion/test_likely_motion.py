@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.egomotion.camera_motion import camera_motion_with_error, likely_camera_motion
+from megalopta.flow.camera_motion import camera_motion_with_error, likely_camera_motion
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera
 
 from .corner import CORNER, beside_a_trunk, flight

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.flow import METHODS
-from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
-from megalopta.flow.egomotion.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
+from megalopta.flow.camera_motion import motion_of_flow
+from megalopta.flow.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
 from megalopta.scenes import Trajectory
 
 

@@ -5,8 +5,12 @@ import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slopes
-from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
+from megalopta.flow.metrics.translation_bound import (
+    blurred_by_motion,
+    cramer_rao_covariance,
+    fisher_information,
+    reading_slopes,
+)
 from megalopta.sensor import changed, expose_rate, preset, reading_moments
 
 SIDE, PAIRS = 32, 1500

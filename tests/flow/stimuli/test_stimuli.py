@@ -5,8 +5,14 @@ import pytest
 
 from megalopta.flow import triangular_pool
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred, sum_frames
-from megalopta.flow.stimuli.photons import BlackFrameError, divisors, draw_counts, frame_light
-from megalopta.flow.stimuli.resizing import resize, resized_shape
+from megalopta.flow.stimuli.photons import (
+    BlackFrameError,
+    divisors,
+    draw_counts,
+    frame_light,
+    resize,
+    resized_shape,
+)
 
 
 def template(rows=31, columns=70):

@@ -15,7 +15,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import open_sequence
-from megalopta.flow.benchmark import sequence as benchmark
+from megalopta.flow import benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth

@@ -3,15 +3,18 @@ import pytest
 
 from megalopta.scenes.spectra.outdoors import MOONLESS_ZENITH
 from megalopta.sensor import expose
-from megalopta.sensor.ctia.array import (
+from megalopta.sensor.ctia.bias import FixedBias
+from megalopta.sensor.ctia.model import (
+    PHOTODIODES,
+    CtiaNoise,
+    CtiaSensor,
+    ctia_preset,
     electron_moments,
     expose_photocurrent,
     photocurrent,
+    pixels,
     volt_moments,
 )
-from megalopta.sensor.ctia.bias import FixedBias
-from megalopta.sensor.ctia.model import PHOTODIODES, CtiaSensor, ctia_preset, pixels
-from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens

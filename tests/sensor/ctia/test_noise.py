@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.ctia.integration import Pixel
-from megalopta.sensor.ctia.noise import CtiaNoise, draw_noise, noise_variance
+from megalopta.sensor.ctia.model import CtiaNoise, draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import Photodiode
 from megalopta.sensor.sampling.streams import generator
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import exponnorm, kstest, norm
 
 from megalopta.sensor import Jitter
-from megalopta.sensor.effects.jitter import stamp
+from megalopta.sensor.effects.timing import stamp
 
 SIGMA_S, SHARE, TAIL_S, EVENTS = 50e-12, 0.2, 300e-12, 200_000
 JITTER = Jitter(sigma_s=SIGMA_S, tail_share=SHARE, tail_s=TAIL_S)

@@ -12,7 +12,7 @@ from megalopta.sensor import (
     mean_histograms,
     preset,
 )
-from megalopta.sensor.effects.tcspc import sorted_in_time
+from megalopta.sensor.effects.timing import sorted_in_time
 from megalopta.sensor.histograms import periods
 
 LASER = {"bins": 100, "period_s": 20e-9, "pulse_sigma_s": 0.1e-9, "decay_s": 3e-9, "delay_s": 2e-9}

@@ -13,7 +13,7 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.effects.base import Frame, FrameRates
-from megalopta.sensor.effects.telegraph import active_traps
+from megalopta.sensor.effects.dark_counts import active_traps
 
 DARK = changed(preset("ideal"), dark_counts=DarkCounts(bulk_mean_hz_um2=1.0))
 SLOW = Telegraph(share=0.5, step=1.0, traps=2, active_share=0.3, fastest_s=1.0, slowest_s=1.0)

@@ -1,11 +1,14 @@
+import numpy as np
 import pytest
 
-from megalopta.sensor.effects.temperature import Temperature, dark_count_factor
+from megalopta.sensor.effects.base import PixelRates
+from megalopta.sensor.effects.bias import Temperature
 
 
 def test_dark_counts_double_every_doubling_interval():
-    assert dark_count_factor(Temperature()) == 1
-    assert dark_count_factor(Temperature(celsius=38, dcr_doubling_k=9)) == pytest.approx(4)
+    rates = PixelRates((1, 1), 0, 1e-12, np.ones((1, 1)), np.full((1, 1), 3.0))
+    Temperature(celsius=38, dcr_doubling_k=9).act_on_rates(rates)
+    assert rates.dark_counts_hz[0, 0] == pytest.approx(12)
 
 
 @pytest.mark.parametrize("celsius", [-300, 1e5])

@@ -5,7 +5,7 @@ import pytest
 import tifffile
 
 from megalopta.sensor.formats.reading import read_frames
-from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.formats.recorded_frames import tiff_writer
 
 from .scene import bits as draw
 

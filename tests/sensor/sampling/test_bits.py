@@ -11,14 +11,13 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.sampling.bits import (
+from megalopta.sensor.sampling.poisson import (
     CHANCE_ERROR,
     chance,
     fill_bits,
     unpack,
 )
-from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.sampling.words import word_streams
+from megalopta.sensor.sampling.streams import generator, word_streams
 from megalopta.sensor.spad.counters import DigitalCounter
 
 IDEAL = preset("ideal")

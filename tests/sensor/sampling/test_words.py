@@ -2,8 +2,14 @@ import numpy as np
 from numba import njit
 from scipy.stats import chisquare, norm
 
-from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.sampling.words import EDGES, LANES, fill_normals, fill_words, word_streams
+from megalopta.sensor.sampling.streams import (
+    EDGES,
+    LANES,
+    fill_normals,
+    fill_words,
+    generator,
+    word_streams,
+)
 
 
 def test_every_lane_is_numpys_generator_of_the_same_state():

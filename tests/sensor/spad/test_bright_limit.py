@@ -12,9 +12,9 @@ from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
 from megalopta.sensor.exposure import expose_binary, expose_events, expose_rate
 from megalopta.sensor.histograms import expose_histograms
-from megalopta.sensor.spad.bright_limit import bright_moments, is_limit
 from megalopta.sensor.spad.counts import draw_frame
 from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor.spad.moments import bright_moments, is_limit
 from megalopta.sensor.spad.presets import PRESETS
 from tests.sensor.spad.event_by_event import simulate
 
