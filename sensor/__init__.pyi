@@ -21,11 +21,7 @@ from .ctia.model import (
 from .ctia.photodiode import Photodiode as Photodiode
 from .effects.afterpulsing import Afterpulsing as Afterpulsing
 from .effects.base import Effect as Effect
-from .effects.bias import (
-    Bias as Bias,
-    EfficiencySurface as EfficiencySurface,
-    Temperature as Temperature,
-)
+from .effects.bias import Bias as Bias, Temperature as Temperature
 from .effects.crosstalk import Crosstalk as Crosstalk
 from .effects.dark_counts import DarkCounts as DarkCounts, Telegraph as Telegraph
 from .effects.dead_time import DeadTime as DeadTime

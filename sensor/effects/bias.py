@@ -19,18 +19,11 @@ the dissertation's signal-to-noise ratio, is largest at
 
 at any flux, and below every bias at which efficiency is largest. δ is normal.
 
-A measured surface PDP(λ, V) replaces f: pixels differ in their curves, not by a factor alone.
-`efficiency` is its curve at the reference bias. Where no spectrum is known, the factor is that of a
-spectrum flat over the surface.
-
 A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
 reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
 
 Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of None disables that
 dependence.
-
-**Surface** PDP(λ, V), the photon detection probability: it is tabulated and bilinear between
-points. At a bias V it is thus the sum of its curves, each times the share of its bias in V.
 
 **Temperature**: thermal dark counts double every few kelvin; the breakdown voltage rises.
 
@@ -45,71 +38,15 @@ decades (dissertation §2.3.1), that is ΔT of 6 to 9 K; 8 to 10 K is usual for 
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.core.record import Record
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling.streams import pixel_normals
-
-
-class EfficiencySurface(Record, frozen=True):
-    """Photon detection probability over wavelength and excess bias."""
-
-    wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
-    """Wavelengths of the points, increasing (nm)."""
-    excess_v: Annotated[tuple[Annotated[float, Field(ge=0)], ...], Field(min_length=2)]
-    """Excess biases of the points, increasing (V)."""
-    values: tuple[tuple[Annotated[float, Field(ge=0, le=1)], ...], ...]
-    """PDP at each point, a row for each bias."""
-
-    @model_validator(mode="after")
-    def _check_grid(self) -> Self:
-        sizes = len(self.excess_v), len(self.wavelengths_nm)
-        if len(self.values) != sizes[0] or any(len(row) != sizes[1] for row in self.values):
-            raise ValueError(
-                f"efficiency_surface.values: give {sizes[0]} rows, one for each bias excess_v, of "
-                f"{sizes[1]} values, one for each of wavelengths_nm"
-            )
-        for name in ("excess_v", "wavelengths_nm"):
-            if any(after <= before for before, after in pairwise(getattr(self, name))):
-                raise ValueError(f"efficiency_surface.{name}: must increase; sort the points")
-        return self
-
-    def curve_at(self, excess_v: float) -> dict[str, Any]:
-        """Return the fields of the curve at a bias (V); ValueError if that is outside."""
-        self.check(excess_v)
-        values = self.shares(excess_v) @ np.array(self.values)
-        return {"wavelengths_nm": self.wavelengths_nm, "values": tuple(values.tolist())}
-
-    def shares(self, excess_v: ArrayLike) -> Floats:
-        """Return the shares of the curves at biases (…), (curves, …)."""
-        curves = np.eye(len(self.values))
-        return np.array([np.interp(np.asarray(excess_v), self.excess_v, one) for one in curves])
-
-    def in_flat_light(self, excess_v: ArrayLike) -> Floats:
-        """Mean PDP over the photons of a flat spectrum over all its wavelengths, at biases (…)."""
-        nm, values = np.array(self.wavelengths_nm), np.array(self.values)
-        # Simpson's rule is exact for the parabolas λ·PDP(λ)
-        middle = (nm[1:] + nm[:-1]) * (values[:, 1:] + values[:, :-1])
-        parts = np.diff(nm) * (nm[:-1] * values[:, :-1] + middle + nm[1:] * values[:, 1:]) / 6
-        means = 2 * parts.sum(1) / (nm[-1] ** 2 - nm[0] ** 2)
-        return np.asarray(np.interp(np.asarray(excess_v), self.excess_v, means))
-
-    def check(self, excess_v: ArrayLike) -> None:
-        """Raise ValueError if a bias (V) is outside the surface."""
-        lowest, highest = float(np.min(excess_v)), float(np.max(excess_v))
-        if lowest < self.excess_v[0] or highest > self.excess_v[-1]:
-            raise ValueError(
-                f"bias.efficiency_surface: covers {self.excess_v[0]:g} to {self.excess_v[-1]:g} V, "
-                f"pixels need {lowest:.4g} to {highest:.4g} V; extend the file, or change "
-                "bias.excess_v or bias.breakdown_sigma_v"
-            )
 
 
 class Bias(Effect, frozen=True):
@@ -128,10 +65,6 @@ class Bias(Effect, frozen=True):
     """Excess bias below which nothing is counted (V)."""
     efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
     """Voltage scale of the saturation of the efficiency (V); null: independent of bias."""
-    efficiency_surface: Annotated[
-        EfficiencySurface | None, Field(exclude_if=lambda surface: surface is None)
-    ] = None
-    """Measured PDP over wavelength and bias, in place of efficiency_scale_v; null: none."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
     """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
@@ -148,17 +81,11 @@ class Bias(Effect, frozen=True):
                 f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
                 "where the efficiency curve holds; lower it"
             )
-        if self.efficiency_surface and self.efficiency_scale_v:
-            raise ValueError(
-                f"bias.efficiency_scale_v: {self.efficiency_scale_v:g}, and an efficiency_surface; "
-                "both say how efficiency depends on bias: set one of them to null"
-            )
         if self.is_on and not self.matters:
             raise ValueError(
                 f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
                 f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
-                "efficiency_scale_v, efficiency_surface, dark_efold_v, onset_v, "
-                "afterpulsing_slope or crosstalk_slope"
+                "efficiency_scale_v, dark_efold_v, onset_v, afterpulsing_slope or crosstalk_slope"
             )
         return self
 
@@ -170,13 +97,13 @@ class Bias(Effect, frozen=True):
     @property
     def matters(self) -> bool:
         """True if anything depends on the excess bias."""
-        scales = self.efficiency_scale_v, self.efficiency_surface, self.dark_efold_v
+        scales = self.efficiency_scale_v, self.dark_efold_v
         slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
-        return scales != (None, None, None) or any(slopes)
+        return scales != (None, None) or any(slopes)
 
     def without_efficiency(self) -> "Bias":
         """Return the bias without influence on efficiency, except for the onset."""
-        without = self.model_copy(update={"efficiency_scale_v": None, "efficiency_surface": None})
+        without = self.model_copy(update={"efficiency_scale_v": None})
         return without if without.matters else Bias()
 
     def act_on_rates(self, rates: PixelRates) -> None:
@@ -186,10 +113,6 @@ class Bias(Effect, frozen=True):
             offset = breakdown_offset(self, rates.shape, rates.device_seed)
 
         now = self.model_copy(update={"excess_v": self.excess_v - rates.breakdown_shift_v})
-
-        if self.efficiency_surface:
-            rates.excess_v = now.excess_v - offset
-            self.efficiency_surface.check(rates.excess_v)
 
         def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
             is_measured = name in rates.measured
@@ -216,9 +139,6 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Efficiency relative to that at the reference bias."""
     excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
     is_sensitive = excess > bias.onset_v
-    if bias.efficiency_surface is not None:
-        mean = bias.efficiency_surface.in_flat_light
-        return np.where(is_sensitive, mean(excess) / mean(bias.reference_v), 0.0)
     if bias.efficiency_scale_v is None:
         return np.asarray(is_sensitive, np.float64)
     trigger, at_reference = (

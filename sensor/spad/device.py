@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
-from megalopta.sensor.effects.bias import EfficiencySurface
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
@@ -146,29 +144,10 @@ def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
     """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
     _check_sensor(sensor)
-    surface = sensor.bias.efficiency_surface
-    parts = partial(_by_bias, sensor, surface) if surface else None
-    rate = detected_rate(radiance, bands_nm, sensor, parts)
+    rate = detected_rate(radiance, bands_nm, sensor)
     _, rows, columns = rate.shape
     rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
     return check_brightness(rate, sensor.exposure_s)
-
-
-def _by_bias(
-    sensor: Sensor, surface: EfficiencySurface, shape: tuple[int, int]
-) -> list[tuple[Efficiency, Floats]]:
-    """Curves of the surface with their share in every pixel, relative to its efficiency factor."""
-    volts = draw_fixed_pattern(sensor, shape).excess_v
-    assert volts is not None
-    flat = surface.in_flat_light(volts)
-    whole = np.divide(
-        surface.in_flat_light(sensor.bias.reference_v), flat, np.zeros(flat.shape), where=flat > 0
-    )
-    pairs = zip(surface.values, surface.shares(volts) * whole, strict=True)
-    return [
-        (Efficiency(wavelengths_nm=surface.wavelengths_nm, values=curve), share)
-        for curve, share in pairs
-    ]
 
 
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:

@@ -7,7 +7,6 @@ counts. Effects on avalanches interact in time and are simulated together if mor
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from megalopta.sensor.change import changed
@@ -116,19 +115,6 @@ class Sensor(PixelOptics, frozen=True):
                 f"temperature.breakdown_v_per_k: {per_k:g}, but nothing depends on bias; give "
                 "bias.efficiency_scale_v, dark_efold_v, afterpulsing_slope or crosstalk_slope"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_surface(self) -> Self:
-        surface = self.bias.efficiency_surface
-        if surface is not None:
-            curve = surface.curve_at(self.bias.reference_v)
-            own = self.efficiency(np.array(surface.wavelengths_nm))
-            if not np.allclose(own, curve["values"], rtol=0, atol=1e-6):
-                raise ValueError(
-                    "efficiency: is not that of bias.efficiency_surface at bias.reference_v "
-                    f"{self.bias.reference_v:g}; give that curve, or in a file none"
-                )
         return self
 
     @model_validator(mode="after")

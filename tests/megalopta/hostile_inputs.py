@@ -94,10 +94,10 @@ READ: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
     "path.csv": (PATH,),
-    **dict.fromkeys(("curve.yaml", "surface.yaml"), (SENSOR, DESIGN)),
+    "curve.yaml": (SENSOR, DESIGN),
     "map.yaml": (SENSOR,),
     **{f"{name}": (SENSOR.replace("{file}", of),) for name, of in (
-        ("curve.csv", "curve.yaml"), ("surface.csv", "surface.yaml"), ("map.npy", "map.yaml"))},
+        ("curve.csv", "curve.yaml"), ("map.npy", "map.yaml"))},
     "reflectance.csv": (MATERIAL,),
     "species.yaml": (SPECIES.replace("{file}", "woods.yaml"),),
     "woods.yaml": (SPECIES,),
@@ -308,9 +308,6 @@ def _texts(here):
     curve = "".join(f"{nm},{share}\n" for nm, share in points)
     (here / "curve.csv").write_text("wavelength_nm,efficiency\n" + curve)
     (here / "reflectance.csv").write_text(curve)
-    (here / "surface.csv").write_text(
-        "".join(f"{nm},{bias},{share}\n" for nm, share in points for bias in (1, 3))
-    )
     np.save(here / "map.npy", np.ones((12, 16)))
     small = yaml.safe_load(to_yaml(load("grating")))
     small["camera"] = {"width": 16, "height": 12}
@@ -322,9 +319,6 @@ def _texts(here):
     texts = {
         "good": {"preset": "spadcam", "name": "mine"},
         "curve": {"preset": "ideal", "name": "mine", "efficiency": {"path": "curve.csv"}},
-        "surface": {
-            "preset": "ideal", "name": "mine", "bias": {"excess_v": 2.0, "reference_v": 2.0, "efficiency_surface": {"path": "surface.csv"}},
-        },
         "map": {"preset": "ideal", "name": "mine", "measured": {"dark_counts": {"path": "map.npy"}}},
         "species": {"rowan": {"like": "birch", "shape": {"height_m": 6}}},
         "woods": woods,
@@ -820,7 +814,6 @@ CLAIMS: dict[tuple[str, str], Callable[[], bytes]] = {
     ("t.xml", "deep"): lambda: xml("<a>" * 300_000 + "</a>" * 300_000),
     ("curve.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
     ("curve.csv", "20000 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 20_001)),
-    ("surface.csv", "10^6 rows"): lambda: b"".join(b"%d,%d,0.5\n" % (k, k) for k in range(1, 1_000_001)),
     ("reflectance.csv", "10^6 rows"): lambda: b"".join(b"%d,0.5\n" % k for k in range(1, 1_000_001)),
     ("path.csv", "10^6 rows"): lambda: b"".join(b"%d,0,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(1_000_000)),
     ("path.csv", "far"): lambda: b"".join(b"%d,1e300,0,1.5,0,0.7071068,0,0.7071068\n" % k for k in range(9)),
