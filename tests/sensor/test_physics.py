@@ -253,7 +253,7 @@ CASES = (
          counter={"kind": "analog", "step_v": 0.05, "swing_v": 2.0, "leak_v_s": 2.0,
                   "adc_bits": 6}),
     case("binary frames", (0.01, 0.3, 3.0), bits),
-    case("binary frames, gate", read=bits, gate=GATE),
+    case("binary frames, gate", read=bits, gate=GATE, quick=True),
     case("event times, gate, jitter, afterpulsing", (1.0, 60.0), times, gate=SHUT,
          jitter={"sigma_s": 4e-3}, afterpulsing=TRAPS, dead_time=ACTIVE),
     case("event times, gate, jitter with a tail", (1.0, 60.0), times, gate=SHUT,

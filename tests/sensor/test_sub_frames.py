@@ -39,12 +39,6 @@ def test_what_is_hidden_in_the_next_frame_is_looked_up_in_the_one_before():
     np.testing.assert_array_equal(found[:, 4:], 5)
 
 
-def test_undefined_flow_leaves_the_light_where_it_is():
-    frames = np.stack((wave((0, 0)), wave((0, 0))))
-    found = sub_frames(frames, np.full((1, 48, 64, 2), np.nan), 2)
-    np.testing.assert_allclose(found[0, 1], frames[0], rtol=1e-12)
-
-
 @pytest.mark.parametrize("flow", [(1, 48, 64), (2, 48, 64, 2), (1, 48, 60, 2)])
 def test_shapes_that_do_not_match_are_refused(flow):
     with pytest.raises(ValueError, match="give \\(T, H, W\\)"):

@@ -20,7 +20,7 @@ def coarse(plant, detail=COARSE):
     return coarsened(plant, detail, np.random.default_rng(5))
 
 
-def shadow(surfaces, height_m, azimuth, texels=500):
+def shadow(surfaces, height_m, azimuth, texels=250):
     """Which texels of a picture from the side surfaces cover; a texel is a point, not a box."""
     across = np.array([np.cos(azimuth), np.sin(azimuth), 0])
     image = np.zeros((texels, texels), dtype=bool)
@@ -53,12 +53,6 @@ def test_merged_twigs_have_the_surface_of_all_twigs(plant):
     wood, _ = coarse(plant, Detail(leaf_m2=0.02, merged=4, thinnest_m=1e9, chord_m=0.0))
     # a wider twig may get more sides: 3 have 0.5 % more area at its pointed end than 4 of one width
     assert wood.area == pytest.approx(plant.wood.area, rel=0.04)
-
-
-@pytest.mark.parametrize("leaf_m2", [0.0, 0.009, 0.026, 0.07, 0.16])
-def test_every_level_of_detail_has_the_area_of_all_leaves(plant, leaf_m2):
-    _, leaves = coarse(plant, Detail(leaf_m2, 1, 0.0, 0.0))
-    assert leaves.area == pytest.approx(plant.leaves.area, rel=1e-9)
 
 
 def test_some_leaves_have_their_share_of_the_area_and_are_whole(plant):
