@@ -98,12 +98,12 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
             f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
             "measured.efficiency or bias.excess_v so that it is at most 1"
         )
-    largest = float(rates.dark_counts_hz.max(initial=0))
-    if not largest * sensor.exposure_s <= MOST_ARRIVALS:
+    largest, most_hz = float(rates.dark_counts_hz.max(initial=0)), MOST_ARRIVALS / sensor.exposure_s
+    if not largest <= most_hz:
         raise ValueError(
             f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
             f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
-            f"lower these, at most {MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
+            f"lower these, at most {most_hz:g} Hz can be drawn"
         )
     for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
         factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
@@ -114,31 +114,22 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
-    _check_stuck(sensor, rates.stuck)
-    _check_telegraph(sensor, rates)
-
-
-def _check_telegraph(sensor: Sensor, rates: PixelRates) -> None:
-    if sensor.telegraph.is_on:
-        steps = sensor.telegraph.traps * sensor.telegraph.step
-        factor = rates.factors.get("telegraph", np.ones(1))
-        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
-        if not largest * sensor.exposure_s <= MOST_ARRIVALS:
-            raise ValueError(
-                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
-                "are active; lower it or measured.telegraph, at most "
-                f"{MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
-            )
-
-
-def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
-    capacity = sensor.counter.capacity
+    capacity, stuck = sensor.counter.capacity, rates.stuck
     wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
     if len(wrong):
         raise ValueError(
             f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
             f"0 to counter.capacity {capacity}, or -1 for pixels that work"
         )
+    if sensor.telegraph.is_on:
+        steps = sensor.telegraph.traps * sensor.telegraph.step
+        factor = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
+        if not largest <= most_hz:
+            raise ValueError(
+                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
+                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
+            )
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:

@@ -30,8 +30,7 @@ from megalopta.sensor.spad.counter_moments import (
     tabulated_moments,
 )
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels
-from megalopta.sensor.spad.counts import count_moments
-from megalopta.sensor.spad.matched import fill_matched, reach_of_events
+from megalopta.sensor.spad.counts import count_moments, fill_matched, reach_of_events
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import lagrange
 
