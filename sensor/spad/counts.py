@@ -8,9 +8,10 @@
 
 Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
 
-Distributions with a given mean and variance are of Panjer's family, P(n)/P(n−1) = α + β/n with 1 − α = mean/variance: negative binomial if
-the variance exceeds the mean. Otherwise they are mixtures of two binomials, or of a binomial and
-the two integers next to the mean, with exactly this mean and variance.
+Distributions with a given mean and variance are of Panjer's family, P(n)/P(n−1) = α + β/n with 1 −
+α = mean/variance: negative binomial if the variance exceeds the mean. Otherwise they are mixtures
+of two binomials, or of a binomial and the two integers next to the mean, with exactly this mean and
+variance.
 """
 
 import numpy as np

@@ -203,7 +203,7 @@ def event_law(
         non-paralyzable dead time          exact (`effects.nonparalyzable`)
         paralyzable dead time              exact (`_paralyzable`), to 3e-5 in exposures of half a
                                            dead time, 1e-9 from three on
-        anything else                      matched in mean and variance (`matched`)
+        anything else                      matched in mean and variance (`counts.fill_matched`)
 
     Parameters
     ----------

@@ -70,6 +70,7 @@ def test_a_turn_across_the_seam_of_a_panorama():
     np.testing.assert_allclose(found.rotation_deg, (0, 1.7, 0), atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_trunk_that_crosses_every_strip_is_within_the_stated_error():
     """From estimates without strips alone, a heading 120° off is stated to 10°."""
     turn_deg, step_m = (0.5, 0.5, -0.6), (-0.05, 0.0, -0.03)

@@ -38,6 +38,7 @@ def test_an_edge_of_the_motion_stays_where_it_is():
     assert np.median(flow[8:-8, 48:-8, 0]) == pytest.approx(-1.5, abs=0.1)
 
 
+@pytest.mark.slow
 def test_variance_of_one_velocity_for_all_is_near_the_bound():
     """Stiff as a board, the flow is one velocity of all pixels; two noisy frames: var ≥ 2/J."""
     clean, flux = light((1.2, 0.4), shape=(32, 32)), 20
