@@ -123,8 +123,8 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
         )
     if sensor.telegraph.is_on:
         steps = sensor.telegraph.traps * sensor.telegraph.step
-        factor = rates.factors.get("telegraph", np.ones(1))
-        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
+        relative = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * relative)).max(initial=0))
         if not largest <= most_hz:
             raise ValueError(
                 f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "

@@ -70,7 +70,13 @@ def estimates(counts, means, weights, lattice):
     return np.stack([xy * gy - yy * gx, xy * gx - xx * gy], axis=1) / determinant[:, np.newaxis]
 
 
-@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name == "crosstalk"), id=name)
+        for name in SETTINGS
+    ],
+)
 def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     """Weighted least squares with the true mean of every displacement, on two frames.
 

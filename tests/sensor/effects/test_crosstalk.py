@@ -4,6 +4,8 @@ import pytest
 from megalopta.sensor import load_sensor
 from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhoods, variance
 
+from ..plainest import chances
+
 KERNELS = [
     {},
     {"diagonal": 1.0},
@@ -12,42 +14,9 @@ KERNELS = [
 ]
 
 
-def matrix_of(talk, shape, strength=None):
-    """C_ij, written out by distance, or pixel by pixel."""
-    y, x = np.indices(shape).reshape(2, -1)
-    if talk.kernel:
-        return matrix_of_kernel(talk, y, x, strength)
-    down, right = np.abs(y[:, None] - y), np.abs(x[:, None] - x)
-    shares = {
-        (0, 1): 1,
-        (1, 1): talk.diagonal,
-        (0, 2): talk.distance_two,
-        (0, 3): talk.distance_three,
-    }
-    matrix = sum(
-        share * ((np.minimum(down, right) == near) & (np.maximum(down, right) == far))
-        for (near, far), share in shares.items()
-    )
-    matrix = matrix * talk.mean_fired_neighbors / (4 * sum(shares.values()))
-    return matrix if strength is None else matrix * strength.ravel()
-
-
-def matrix_of_kernel(talk, y, x, strength):
-    weights = np.array(talk.kernel)
-    matrix = np.zeros((y.size, y.size))
-    for by in range(y.size):
-        around = weights[y[by] % weights.shape[0], x[by] % weights.shape[1]]
-        for (down, right), weight in np.ndenumerate(around):
-            to = (y == y[by] + down - around.shape[0] // 2) & (
-                x == x[by] + right - around.shape[1] // 2
-            )
-            matrix[to, by] = weight
-    matrix *= talk.mean_fired_neighbors / weights.sum(axis=(2, 3)).mean()
-    return matrix if strength is None else matrix * strength.ravel()
-
-
 def exact_moments(light, talk, strength=None):
-    matrix = matrix_of(talk, light.shape, strength)
+    matrix = chances(talk, *light.shape).T
+    matrix = matrix if strength is None else matrix * strength.ravel()
     response = np.linalg.inv(np.eye(light.size) - matrix)
     counts = response @ light.ravel()
     noise = light.ravel() + (matrix * (1 - matrix)) @ counts

@@ -12,7 +12,6 @@ from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
 from megalopta.sensor.exposure import expose_binary, expose_events, expose_rate
 from megalopta.sensor.histograms import expose_histograms
-from megalopta.sensor.spad.counts import draw_frame
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import bright_moments, is_limit
 from megalopta.sensor.spad.presets import PRESETS
@@ -128,28 +127,3 @@ def test_histograms_of_too_many_bins_are_refused():
     sensor = changed(PRESETS["ideal"], tcspc=tcspc)
     with pytest.raises(ValueError, match="numbers per frame"):
         expose_histograms(np.ones((1, 240, 320)), sensor, seed=1, stream="a")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("pair", ["twilight", "afterpulses", "crosstalk"])
-def test_bits_and_saturation_are_as_probable_as_among_single_events(pair):
-    effects = AvalancheEffects(
-        dead_time=DeadTime(
-            kind="nonparalyzable", dead_time_s=TAU_S, twilight_s=0.3 * TAU_S * (pair == "twilight")
-        ),
-        afterpulsing=Afterpulsing(mean_carriers=0.3 * (pair == "afterpulses"), delay_s=2 * TAU_S),
-        crosstalk={"mean_fired_neighbors": 0.4 * (pair == "crosstalk")},
-    )
-    side, frames, exposure_s = (5, 4000, 6.3e-6) if pair == "crosstalk" else (1, 40_000, 6.3e-6)
-    rates = np.full((side, side), 0.5 / TAU_S)
-    arrivals_hz = np.full((frames, 1, side**2), 0.5 / TAU_S)
-    plain = brute_force_events(
-        np.random.default_rng(1), arrivals_hz, exposure_s, effects, layout=(side, side)
-    )
-    single = plain.reshape(frames, side, side)
-    rng = np.random.default_rng(2)
-    drawn = np.array([draw_frame(rng, rates, exposure_s, effects) for _ in range(frames)])
-    for least in (1, 2, 4, 6):
-        ours, theirs = ((part >= least).mean(axis=(1, 2)) for part in (drawn, single))
-        spread = (ours.var() + theirs.var()) / frames
-        assert abs(ours.mean() - theirs.mean()) < 5.5 * spread**0.5 + 1e-9  # false alarm 4e-8
