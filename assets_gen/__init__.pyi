@@ -1,4 +1,4 @@
-from .seeding import generator as generator
+from .scatter import generator as generator
 from .surface import (
     FloatArray as FloatArray,
     Surface as Surface,

@@ -1,8 +1,16 @@
-"""Boxes and balls, with texture coordinates proportional to their surface."""
+"""Boxes and balls, with texture coordinates proportional to their surface.
+
+Boulders: solids cut by random planes, weathered, half sunk into the ground.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, grid_corners, join
+from megalopta.assets_gen import FloatArray, Surface, cross, grid_corners, join, unit
+from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, outward
+from megalopta.assets_gen.plants.skeleton import tube_faces
+from megalopta.assets_gen.tileable_noise import plane_waves
 
 _RINGS = 48
 
@@ -52,3 +60,66 @@ def checkerboard(texels: int = 64) -> FloatArray:
     """Return a texture (texels, texels) of two by two squares, 0 and 1."""
     half = np.arange(texels) < texels // 2
     return np.asarray(half[:, None] ^ half, dtype=float)
+
+
+STONE_TILE_M = 1.2
+"""Size of one tile of the stone's texture around the boulder (m)."""
+ROUNDNESS = 9.0
+"""Exponent of the soft minimum over the cutting planes; larger gives sharper edges."""
+
+
+def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
+    """Return a boulder about 1 m wide, its widest part at the ground; scale it to any size.
+
+    In each direction its radius is the soft minimum over a dozen planes, plus weathering; the
+    surface is a grid of `sides` meridians, closed at the top, and open only to the ground.
+    """
+    rings = max(sides // 2, 3)
+    elevation = np.linspace(-0.7, np.pi / 2, rings + 1)[:-1]
+    azimuth = 2 * np.pi * np.arange(sides + 1) / sides
+    grid = _directions(azimuth[None, :], elevation[:, None])
+    top = np.array([[[0.0, 0.0, 1.0]]])
+    radius_m = _cut(rng)
+    squash = np.array([1.0, rng.uniform(0.65, 1.0), rng.uniform(0.45, 0.85)])
+    body, apex = (squash * radius_m(d)[..., None] * d for d in (grid, top))
+    body[:, -1] = body[:, 0]
+    u = azimuth / (2 * np.pi) * round(np.pi / STONE_TILE_M)
+    uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * STONE_TILE_M)), axis=-1)
+    return Surface(
+        np.concatenate([body.reshape(-1, 3), apex.reshape(-1, 3)]),
+        tube_faces(rings, sides),
+        np.concatenate([uv.reshape(-1, 2), [[u[-1] / 2, np.pi / 4 / STONE_TILE_M]]]),
+        np.concatenate([_normals(body), top.reshape(-1, 3)]),
+    )
+
+
+def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
+    level = np.cos(elevation)
+    up = np.sin(elevation) * np.ones_like(azimuth)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+
+
+def _cut(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
+    """Return the radius (...) in directions (..., 3) of a solid cut by planes, with dents (m)."""
+    # Evenly spread normals with random deviations: purely random ones would leave some sides uncut.
+    level = 1 - (2 * np.arange(14) + 1) / 14
+    level_out = np.sqrt(1 - level**2)[:, None] * outward(GOLDEN_ANGLE * np.arange(14))
+    even = level_out + np.outer(level, UP)
+    planes = unit(even + 0.35 * rng.standard_normal(even.shape))
+    dents = [plane_waves((0.25, 1.2), 0.022, 12, rng) for _ in range(3)]
+    distances_m = rng.uniform(0.4, 0.58, 14)
+
+    def radius(direction: FloatArray) -> FloatArray:
+        toward = np.maximum(direction @ planes.T, 1e-3) / distances_m
+        smooth = np.sum(toward**ROUNDNESS, axis=-1) ** (-1 / ROUNDNESS)
+        pairs = zip(dents, ([0, 1], [1, 2], [2, 0]), strict=True)
+        return np.asarray(smooth + sum(dent(direction[..., pair]) for dent, pair in pairs))
+
+    return radius
+
+
+def _normals(body: FloatArray) -> FloatArray:
+    """Return outward vertex normals of a grid whose last column repeats the first."""
+    around = np.concatenate([body[:, -2:-1], body, body[:, 1:2]], axis=1)
+    along = np.gradient(body, axis=0)
+    return unit(cross(around[:, 2:] - around[:, :-2], along)).reshape(-1, 3)

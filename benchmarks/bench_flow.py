@@ -24,11 +24,11 @@ from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.trial import Trial, measure_trial, template_pixels
 from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark import search
+from megalopta.flow import benchmark_search
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
 from megalopta.reproduction.chapter4_curves import SWEEPS
-from megalopta.sensor.sampling.words import EDGES, LANES, fill_normals, word_streams
+from megalopta.sensor.sampling.streams import EDGES, LANES, fill_normals, word_streams
 
 FRAMES = 16
 
@@ -112,7 +112,7 @@ def chapter(every: int = 16) -> None:
         return draw_in_one(light, *arguments, **more)
 
     profile = cProfile.Profile(time.process_time)
-    with patch.object(search, "draw_in_one", counted), profile:
+    with patch.object(benchmark_search, "draw_in_one", counted), profile:
         for each in some:
             measure_trial(each, pixels[each.template], "benchmark")
     spent: Counter[str] = Counter()

@@ -43,9 +43,8 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
-from megalopta.sensor.sampling.bits import fill_bits
-from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.sampling.words import word_streams
+from megalopta.sensor.sampling.poisson import fill_bits
+from megalopta.sensor.sampling.streams import generator, word_streams
 
 PLAINEST = Path(__file__).parents[1] / "tests/sensor/plainest.py"
 brute_force_events = runpy.run_path(str(PLAINEST))["brute_force_events"]

@@ -1,13 +1,17 @@
-from .benchmark.search import photon_search as photon_search
-from .benchmark.sequence import (
+from .benchmark import (
     BenchmarkResult as BenchmarkResult,
+    BenchmarkSettings as BenchmarkSettings,
     Bookkeeping as Bookkeeping,
     Clip as Clip,
+    SearchSettings as SearchSettings,
     photon_benchmark as photon_benchmark,
 )
-from .benchmark.settings import (
-    BenchmarkSettings as BenchmarkSettings,
-    SearchSettings as SearchSettings,
+from .benchmark_search import photon_search as photon_search
+from .camera_motion import (
+    CameraMotion as CameraMotion,
+    CameraMotionError as CameraMotionError,
+    camera_motion_with_error as camera_motion_with_error,
+    likely_camera_motion as likely_camera_motion,
 )
 from .color_wheel import flow_to_rgb as flow_to_rgb, wheel_legend as wheel_legend
 from .detectors.base import Detector as Detector
@@ -40,13 +44,6 @@ from .detectors.poisson_matching import (
     PooledMatching as PooledMatching,
 )
 from .detectors.registry import METHODS as METHODS, Method as Method, method as method
-from .egomotion.camera_motion import (
-    CameraMotionError as CameraMotionError,
-    camera_motion_with_error as camera_motion_with_error,
-    likely_camera_motion as likely_camera_motion,
-)
-from .egomotion.motion_of_flow import CameraMotion as CameraMotion
-from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
 from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.endpoint_error import (
     DenseErrors as DenseErrors,
@@ -70,9 +67,11 @@ from .metrics.translation_bound import (
 from .one_call import optical_flow as optical_flow
 from .stimuli.known_flow import Layer as Layer, MovingLayers as MovingLayers
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
-from .stimuli.photons import Normalization as Normalization, draw_counts as draw_counts
-from .stimuli.resizing import (
+from .stimuli.photons import (
+    Normalization as Normalization,
     ResizeKind as ResizeKind,
+    draw_counts as draw_counts,
     resize as resize,
     triangular_pool as triangular_pool,
 )
+from .wide_field import WideField as WideField, fit_wide_field as fit_wide_field

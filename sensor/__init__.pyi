@@ -1,13 +1,6 @@
 from .change import (
     changed as changed,
 )
-from .ctia.array import (
-    CtiaExposure as CtiaExposure,
-    expose_photocurrent as expose_photocurrent,
-    photocurrent as photocurrent,
-    reading_electrons as reading_electrons,
-    volt_moments as volt_moments,
-)
 from .ctia.bias import (
     DacBias as DacBias,
     FixedBias as FixedBias,
@@ -16,26 +9,24 @@ from .ctia.bias import (
 from .ctia.model import (
     CTIA_PRESETS as CTIA_PRESETS,
     PHOTODIODES as PHOTODIODES,
+    CtiaExposure as CtiaExposure,
+    CtiaNoise as CtiaNoise,
     CtiaSensor as CtiaSensor,
     ctia_preset as ctia_preset,
+    expose_photocurrent as expose_photocurrent,
+    photocurrent as photocurrent,
+    reading_electrons as reading_electrons,
+    volt_moments as volt_moments,
 )
-from .ctia.noise import CtiaNoise as CtiaNoise
 from .ctia.photodiode import Photodiode as Photodiode
 from .effects.afterpulsing import Afterpulsing as Afterpulsing
 from .effects.base import Effect as Effect
-from .effects.bias import Bias as Bias
+from .effects.bias import Bias as Bias, Temperature as Temperature
 from .effects.crosstalk import Crosstalk as Crosstalk
-from .effects.dark_counts import DarkCounts as DarkCounts
+from .effects.dark_counts import DarkCounts as DarkCounts, Telegraph as Telegraph
 from .effects.dead_time import DeadTime as DeadTime
-from .effects.efficiency_surface import EfficiencySurface as EfficiencySurface
 from .effects.gating import Gate as Gate
-from .effects.jitter import Jitter as Jitter
-from .effects.tcspc import Tcspc as Tcspc
-from .effects.telegraph import Telegraph as Telegraph
-from .effects.temperature import Temperature as Temperature
-from .event_stream import (
-    Events as Events,
-)
+from .effects.timing import Jitter as Jitter, Tcspc as Tcspc
 from .expectations import (
     event_moments as event_moments,
     expectation as expectation,
@@ -76,17 +67,19 @@ from .image_sensors import (
     detected_photons as detected_photons,
 )
 from .optics.efficiency import Efficiency as Efficiency
-from .optics.filters import (
+from .optics.lens import (
     ColorFilters as ColorFilters,
+    Lens as Lens,
     demosaiced as demosaiced,
 )
-from .optics.lens import Lens as Lens
 from .optics.pixels import photon_rate as photon_rate
 from .quantities import (
+    Events as Events,
     Expectation as Expectation,
     Exposure as Exposure,
 )
 from .sampling.streams import generator as generator
+from .shot import sub_frames as sub_frames
 from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
 from .spad.device import detection_rate as detection_rate
 from .spad.measured import (
@@ -103,4 +96,3 @@ from .spad.presets import (
     load_sensor as load_sensor,
     preset as preset,
 )
-from .sub_frames import sub_frames as sub_frames

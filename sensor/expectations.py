@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
-from megalopta.sensor.ctia.array import (
+from megalopta.sensor.ctia.model import (
+    CtiaSensor,
     electron_moments,
     photocurrent,
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.effects.base import AvalancheMaps, FrameRates
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate
@@ -79,7 +79,14 @@ def expectation(
     that change from frame to frame are averaged over time.
     """
     if isinstance(sensor, CtiaSensor):
-        return _ctia_expectation(radiance, bands_nm, sensor, first_frame, frame_period_s)
+        light = photocurrent(radiance, bands_nm, sensor)
+        mean_v, variance_v2 = volt_moments(light, sensor, first_frame, frame_period_s)
+        return Expectation(
+            photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s,
+            *electron_moments(light, sensor, first_frame, frame_period_s),
+            reading_electrons(mean_v, sensor),
+            variance_v2 * float(reading_electrons(1.0, sensor)) ** 2,
+        )
     if detections_hz is None:
         detections_hz = detection_rate(radiance, bands_nm, sensor)
     photons = photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
@@ -150,20 +157,3 @@ def _mixed(chances: Sequence[float], moments: Sequence[Floats]) -> Floats:
     mean = np.tensordot(chances, means, 1)
     variance = np.tensordot(chances, variances + (means - mean) ** 2, 1)
     return np.stack((mean, variance), axis=1).reshape(4, *mean.shape[1:])
-
-
-def _ctia_expectation(
-    radiance: ArrayLike,
-    bands_nm: ArrayLike,
-    sensor: CtiaSensor,
-    first_frame: int,
-    frame_period_s: float | None,
-) -> Expectation:
-    light = photocurrent(radiance, bands_nm, sensor)
-    mean_v, variance_v2 = volt_moments(light, sensor, first_frame, frame_period_s)
-    return Expectation(
-        photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s,
-        *electron_moments(light, sensor, first_frame, frame_period_s),
-        reading_electrons(mean_v, sensor),
-        variance_v2 * float(reading_electrons(1.0, sensor)) ** 2,
-    )

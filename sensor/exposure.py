@@ -28,20 +28,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
-from megalopta.sensor.ctia.model import CtiaSensor
+from megalopta.sensor.ctia.model import (
+    CtiaSensor,
+    expose_photocurrent,
+    photocurrent,
+    reading_electrons,
+)
 from megalopta.sensor.effects.base import AvalancheMaps, Frame
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.gating import open_fraction
-from megalopta.sensor.effects.jitter import stamp
-from megalopta.sensor.event_stream import Events, in_order_of_time, joined
+from megalopta.sensor.effects.timing import stamp
 from megalopta.sensor.expectations import expectation as expectation_of
 from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.quantities import Exposure
-from megalopta.sensor.sampling.bits import fill_bits
-from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
-from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
-from megalopta.sensor.sampling.words import word_streams
+from megalopta.sensor.quantities import Events, Exposure, in_order_of_time, joined
+from megalopta.sensor.sampling.poisson import draw_poisson, fill_bits, fill_poisson, poisson_streams
+from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream, word_streams
 from megalopta.sensor.spad.counters import (
     AnalogCounter,
     AnalogPixels,

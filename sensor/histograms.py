@@ -1,10 +1,10 @@
-"""Histograms of photons by their time after a pulse, per pixel and frame (`effects.tcspc`)."""
+"""Histograms of photons by their time after a pulse, per pixel and frame (`effects.timing`)."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects.tcspc import first_photon_shares
+from megalopta.sensor.effects.timing import first_photon_shares
 from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.spad.device import checked_rate, over_frames
 from megalopta.sensor.spad.model import Sensor

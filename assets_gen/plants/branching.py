@@ -72,7 +72,10 @@ def colonize(
     """
     distance, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
     while len(buds) and len(points):
-        _attach(points, distance, nearest, skeleton.positions, buds)
+        new_distance, which = cKDTree(skeleton.positions[buds]).query(points)
+        closer = np.asarray(new_distance) < distance
+        distance[closer] = np.asarray(new_distance)[closer]
+        nearest[closer] = buds[np.asarray(which)[closer]]
         unreached = distance > KILL_STEPS * step_m
         points, distance, nearest = points[unreached], distance[unreached], nearest[unreached]
         growing, pull = _pulls(points, nearest, skeleton)
@@ -81,20 +84,6 @@ def colonize(
         buds = len(skeleton.positions) + np.arange(len(growing))
         skeleton = skeleton.extended(tips, growing)
     return skeleton
-
-
-def _attach(
-    points: FloatArray,
-    distance: FloatArray,
-    nearest: IndexArray,
-    positions: FloatArray,
-    buds: IndexArray,
-) -> None:
-    """Reassign points, in place, to new buds that are closer than their nearest node."""
-    new_distance, which = cKDTree(positions[buds]).query(points)
-    closer = np.asarray(new_distance) < distance
-    distance[closer] = np.asarray(new_distance)[closer]
-    nearest[closer] = buds[np.asarray(which)[closer]]
 
 
 def _pulls(
@@ -164,32 +153,21 @@ def grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator
     buds: list[IndexArray] = []
     for stem in range(species.stems):
         azimuth = first_azimuth + stem * GOLDEN_ANGLE
-        skeleton, stem_nodes = _with_stem(skeleton, species, growth, azimuth, rng)
+        several = species.stems > 1
+        top = LEADER * species.height_m * (rng.uniform(0.6, 1) if several else 1)
+        axis = stem_axis(top, species.wander, growth.step_m, rng)
+        if several:
+            level = np.clip(axis[:, 2:] / species.height_m, 0, 1)
+            reach = 0.08 + 0.6 * species.crown.radius_m * level**1.3
+            axis += reach * (np.cos(azimuth), np.sin(azimuth), 0)
+        nodes = len(skeleton.positions) + np.arange(len(axis))
+        parents = np.where(np.arange(len(axis)) > 0, nodes - 1, -1)
+        skeleton, stem_nodes = skeleton.extended(axis, parents), nodes
         skeleton, ends = _with_scaffold(skeleton, stem_nodes, species, growth, rng)
         buds.append(ends)
     points = crown_points(species.crown, species.height_m, growth.points, rng)
     grown = colonize(skeleton, np.concatenate(buds), points, growth.step_m, growth.tropism, rng)
     return _with_shoots(relaxed(grown, 2), growth, rng)
-
-
-def _with_stem(
-    skeleton: Skeleton,
-    species: Species,
-    growth: Colonized,
-    azimuth: float,
-    rng: np.random.Generator,
-) -> tuple[Skeleton, IndexArray]:
-    """Add a stem and return its nodes too; one of several is splayed toward `azimuth`."""
-    several = species.stems > 1
-    top = LEADER * species.height_m * (rng.uniform(0.6, 1) if several else 1)
-    axis = stem_axis(top, species.wander, growth.step_m, rng)
-    if several:
-        level = np.clip(axis[:, 2:] / species.height_m, 0, 1)
-        reach = 0.08 + 0.6 * species.crown.radius_m * level**1.3
-        axis += reach * (np.cos(azimuth), np.sin(azimuth), 0)
-    nodes = len(skeleton.positions) + np.arange(len(axis))
-    parents = np.where(np.arange(len(axis)) > 0, nodes - 1, -1)
-    return skeleton.extended(axis, parents), nodes
 
 
 def _with_scaffold(

@@ -14,7 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, join, lengths, unit
-from megalopta.assets_gen.plants.bark import TILE_M
+from megalopta.assets_gen.plants.bark import (
+    BUTTRESSED_SIDES,
+    TILE_M,
+    Furrows,
+    buttress_flare,
+    root_flare,
+)
 from megalopta.assets_gen.plants.branching import (
     BURIED_M,
     GOLDEN_ANGLE,
@@ -27,15 +33,8 @@ from megalopta.assets_gen.plants.branching import (
     stem_axis,
 )
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
-from megalopta.assets_gen.plants.furrows import (
-    BUTTRESSED_SIDES,
-    Furrows,
-    buttress_flare,
-    root_flare,
-)
-from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
+from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
-from megalopta.assets_gen.plants.tube import swept_tube
 
 BREAST_HEIGHT_M = 1.3
 STEM_FINENESS = 0.3

@@ -9,7 +9,7 @@ from megalopta.assets_gen import FloatArray, Surface, cross, join, unit
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import UP, outward
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES, Blade, blades
-from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, swept_tube
+from megalopta.assets_gen.plants.skeleton import rotation_minimizing_frames, swept_tube
 
 PINNA = Blade(length_m=0.2, width_m=0.055, widest=0.3, fold_deg=8)
 HERB_LEAF = Blade(0.14, 0.065, 0.6, 8)

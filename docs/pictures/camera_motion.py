@@ -14,8 +14,8 @@ import numpy as np
 from forest_flight import CAMERA, FRAMES, flight
 
 from megalopta.flow import METHODS, draw_counts, fit_wide_field, likely_camera_motion
+from megalopta.flow.camera_motion import motion_of_flow
 from megalopta.flow.detectors.registry import velocity_method
-from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
 from megalopta.flow.metrics.endpoint_error import angles_deg
 
 FLUXES, WARM_UP, HALF = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0), 16, 47

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
+from megalopta.flow.wide_field import yaw_rates_deg_s
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Recorded, build_scene
 

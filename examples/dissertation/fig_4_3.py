@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, ROWS, natural_templates
 from megalopta.flow.stimuli.statistics import image_statistics, power_spectrum
 from megalopta.scenes import ToneCurve

@@ -6,12 +6,19 @@ variation (TV-L1), Lucas–Kanade at each pixel (ILK) and phase correlation (PC)
 OpenCV is imported on first use, and runs on one thread: its parallel loops cut a frame by the
 number of threads, and some estimators propagate results within such a part, so only one thread
 gives the same numbers on every machine. Sequences are spread over processes anyway.
+
+**OpenCV's contributed modules**, where these are installed. RLOF: robust local optical flow, dense
+by interpolation (Senst et al. 2012, Geistert et al. 2016). PCAFlow: sparse matches in a basis of
+learned flow fields (Wulff and Black 2015). DeepFlow: the variational part of DeepFlow, coarse to
+fine, without its matches (Weinzaepfel et al. 2013). They are in `opencv-contrib-python-headless`,
+which replaces `opencv-python-headless`, and in no default list: an environment without them gives
+the same tables.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,3 +246,42 @@ class PhaseCorrelation(GrayDetector, frozen=True):
             first, second, upsample_factor=self.steps_per_px, normalization=normalization
         )
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
+
+
+Algorithm = Literal["RLOF", "PCAFlow", "DeepFlow"]
+_REMEDY = "pip uninstall -y opencv-python-headless; pip install opencv-contrib-python-headless"
+
+
+class ContribFlow(DenseDetector, frozen=True):
+    """Dense flow of a contributed estimator with OpenCV's settings, averaged over blocks."""
+
+    algorithm: Algorithm
+    """Name of the estimator"""
+
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
+        optflow = vars(cv2)["optflow"]  # unknown to the types of OpenCV without it
+        first, second = eight_bits(pair)
+        start = np.zeros((*pair.shape[1:], 2), np.float32)
+        with one_thread():
+            if self.algorithm == "RLOF":  # which takes colors
+                colors = [cv2.cvtColor(each, cv2.COLOR_GRAY2BGR) for each in (first, second)]
+                return np.asarray(optflow.calcOpticalFlowDenseRLOF(*colors, start))
+            create = getattr(optflow, f"createOptFlow_{self.algorithm}")
+            return np.asarray(create().calc(first, second, start))
+
+
+def contrib_detector(name: str) -> ContribFlow | None:
+    """Return an estimator by name, upper or lower case; None for any other name.
+
+    Raises ValueError if OpenCV comes without it.
+    """
+    known = {each.casefold(): each for each in get_args(Algorithm)}
+    if (found := known.get(name.casefold())) is None:
+        return None
+    import cv2
+
+    if not hasattr(cv2, "optflow"):
+        raise ValueError(f"{found} needs OpenCV's contributed modules; run: {_REMEDY}")
+    return ContribFlow(name=found, label=f"{found}, OpenCV contrib", algorithm=found)

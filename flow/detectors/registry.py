@@ -19,8 +19,8 @@ from megalopta.core.bounded import quoted
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.detectors.contrib import contrib_detector
 from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
+from megalopta.flow.detectors.libraries import contrib_detector
 from megalopta.flow.detectors.onnx_detector import onnx_detector
 
 Method: TypeAlias = str | Detector | DenseFlow

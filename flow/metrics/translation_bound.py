@@ -12,32 +12,43 @@ with J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block fav
 an unknown texture only the power spectrum is known, and motion brings in no new texture. Both
 bounds: `docs/explanation/poisson-bound.md`.
 
-**Methods against the bound**, block by block. A method that smooths its flow over the frame, uses a
-pyramid or one velocity for all blocks uses more photons than those of a block. So every method gets
-each block as a separate frame: the block and a margin as wide as the search around it, cut from the
-counts.
+**Readings of a sensor**: a displacement d of the light changes the mean readings m. Estimates that
+know how mean and variance of a reading depend on the light (quasi-likelihood) have the information
+
+    J = Σ ∇m·∇mᵀ/v
+
+on d. With photons and dark counts alone it is the Fisher information, since then v = m. Otherwise
+the Fisher information is at least J, whatever the distribution of the readings (Cauchy and
+Schwarz). A saturated pixel has ∇m = 0 and tells nothing.
+
+Crosstalk correlates neighbors. Where each avalanche fires p others, the total of the avalanches
+that one photon causes has the mean 1/(1 − p) and, with photons of Poisson number, the variance
+1/(1 − p)³ per photon: that of a sum over many pixels is 1/(1 − p)² times the sum of the variances
+(Borel's distribution). Variances are taken times this, which holds for textures coarser than the
+reach of crosstalk.
+
+Assumptions: those above, and a calibrated device, whose fixed pattern is known and
+at rest.
 """
 
 import math
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import brentq
-from scipy.special import stdtrit
 
-from megalopta.core.arrays import Floats, Mask
-from megalopta.flow.detectors.base import Frames
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_sums
-from megalopta.flow.metrics.photon_threshold import first_crossing
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.blocks import BlockGrid, block_sums
+from megalopta.sensor import Sensor, reading_moments
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 _ANGLES = (np.arange(64) + 0.5) * (np.pi / 64)
 _SINGULAR = 1e-9
 """Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
-_CONFIDENCE = 0.95
 
 
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
@@ -170,107 +181,62 @@ def unknown_texture_photons(
     return math.exp(brentq(excess, *_LOG_FLUXES))
 
 
-class MedianPhotons(NamedTuple):
-    """Photons per frame that a method needs, and their 95 % interval; 0 to infinity if unknown."""
+_STEP = 0.01
+"""Share of the light by which slopes are found"""
+_CONSTANT = 1e-10
+"""Variance over squared mean below which a reading is constant, and its slope rounding"""
+_PARTS_PER_PX = 2
 
-    photons: float
-    low: float
-    high: float
+
+class ReadingSlopes(NamedTuple):
+    """Change of the readings with the displacement of the light, and their noise."""
+
+    gradient: Floats
+    """Gradient (2, H, W) of the mean readings along x and y, per px"""
+    variance: Floats
+    """Variance (H, W) of the readings; 0 where they are constant"""
+
+    def of_blocks(self, grid: BlockGrid) -> Floats:
+        """Return J of each block, (rows, columns, 2, 2), px⁻²."""
+        return information_of(self.gradient, self.variance, grid)
+
+    def of_turn(self, flow: Floats) -> float:
+        """Return the information on one number that moves pixels by a flow (H, W, 2) per unit."""
+        along = np.einsum("ayx,yxa->yx", self.gradient, flow)
+        known = self.variance > 0
+        return float(np.sum(along[known] ** 2 / self.variance[known]))
 
 
-def confined_velocities(
-    detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
-) -> Floats:
-    """Return the newest velocity of each inner block, from its support alone.
+def reading_slopes(light_hz: Floats, sensor: Sensor) -> ReadingSlopes:
+    """Return how a sensor's readings change with the displacement of the light.
 
-    `detector`: any that gives velocities; its parameters for blocks and search are replaced;
-    `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
-    the frames; those at the border are skipped; `margin_px`: from 1 to the side of a block.
-    Returns (rows − 2, columns − 2, 2), px per frame.
-
-    Raises ValueError if the margin is out of range.
+    `light_hz` (H, W): photons per second that identical pixels detect (`detected_rate`); the
+    differences of the sensor's pixels are added.
     """
-    if not 1 <= margin_px <= grid.block_px:
-        raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
-    # frames of one block and its margin, all of which are searched
-    changes = {"block_px": grid.block_px, "fewest_blocks": 1}
-    if "radius_px" in type(detector).model_fields:
-        changes["radius_px"] = margin_px
-    alone = detector.model_copy(update=changes)
-    side = grid.block_px + 2 * margin_px
-    newest = frames[-1 - detector.memory_frames :]
-    velocities = np.empty((grid.rows - 2, grid.columns - 2, 2))
-    for row, column in np.ndindex(velocities.shape[:2]):
-        top = grid.top + (row + 1) * grid.block_px - margin_px
-        left = grid.left + (column + 1) * grid.block_px - margin_px
-        cut = newest[:, top : top + side, left : left + side]
-        velocities[row, column] = alone.respond(cut)[-1, 0, 0]
-    return velocities
+    rows, columns = light_hz.shape
+    rates = light_hz * draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    mean, variance = reading_moments(np.stack(((1 - _STEP) * rates, (1 + _STEP) * rates)), sensor)
+    steepness = np.zeros((2, rows, columns))
+    np.divide(spline_gradient(light_hz), light_hz, out=steepness, where=light_hz > 0)
+    noise = variance.mean(axis=0) / (1 - sensor.crosstalk.mean_fired_neighbors) ** 2
+    varies = noise > _CONSTANT * mean.mean(axis=0) ** 2
+    gradient = steepness * (mean[1] - mean[0]) / (2 * _STEP)
+    return ReadingSlopes(gradient, np.where(varies, noise, 0.0))
 
 
-def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> Mask:
-    """Return whether |v − truth| < level·|truth| for velocities (..., 2); never where undefined."""
-    error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0))
-    return np.asarray(error < level * np.hypot(*truth))
+def blurred_by_motion(light: Floats, way: Floats) -> Floats:
+    """Return the mean of light (H, W) that moves along a straight way (H, W, 2), px.
 
-
-def photons_for_half(is_good: Callable[[float], Mask], fluxes: Sequence[float]) -> MedianPhotons:
-    """Return the flux at which half of the blocks are good: the median error is at its level.
-
-    The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
-    of good blocks, which also grows smoothly where a method answers in whole pixels and its median
-    error falls in steps, is interpolated linearly over log flux: about its half a share is
-    straight. The interval has the fluxes at which the share, by its standard error over groups and
-    Student's quantiles, may be a half.
-
-    `is_good`: flux to one truth value per block, (groups, ...); the same blocks at each flux.
-    Groups are independent of each other, the blocks of one need not be. `fluxes`: growing; two or
-    more. Returns infinite when no more than half are good at the largest flux; 0 when more than
-    half are at the smallest.
+    The way is centered on each pixel, and the light is the cubic spline through the pixels.
     """
-    tried: dict[int, Floats] = {}
-
-    def more_than_half(index: int) -> bool:
-        good = is_good(fluxes[index])
-        tried[index] = good.reshape(len(good), -1).mean(axis=1)
-        return bool(tried[index].mean() > 0.5)
-
-    low, high = 0, len(fluxes) - 1
-    if more_than_half(high):
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if more_than_half(middle) else (middle, high)
-    if low not in tried:
-        more_than_half(low)
-    while True:
-        at = np.array([fluxes[index] for index in sorted(tried)])
-        good = np.array([tried[index] for index in sorted(tried)])
-        share, unsure = good.mean(axis=1), _uncertainty(good)
-        ends = (float(_half(at, each)) for each in (share, share + unsure, share - unsure))
-        needed, lowest = MedianPhotons(*ends), min(tried)
-        if needed.low > 0 or lowest == 0 or np.isinf(unsure).any():
-            return needed
-        more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
-
-
-def _uncertainty(shares: Floats) -> Floats:
-    """Return half of the interval of the mean over groups of shares (n, groups), (n,)."""
-    groups = shares.shape[1]
-    if groups < 2:
-        return np.full(len(shares), np.inf)
-    steps = stdtrit(groups - 1, (1 + _CONFIDENCE) / 2)
-    return np.asarray(steps * shares.std(axis=1, ddof=1) / math.sqrt(groups))
-
-
-def _half(fluxes: Floats, shares: Floats) -> Floats:
-    # first_crossing is linear in the log of an error: this one's log is the share of bad blocks.
-    return first_crossing(fluxes, np.exp(1 - shares), np.exp(0.5))
-
-
-def bound_photons(covariances: Floats, speed: float, level: float) -> float:
-    """Return the flux at which errors at the bound have a median of `level` of the speed.
-
-    `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux
-    without dark counts; `speed`: px per frame.
-    """
-    return (median_endpoint_error(covariances) / (level * speed)) ** 2
+    parts = math.ceil(_PARTS_PER_PX * float(np.hypot(*np.moveaxis(way, -1, 0)).max()))
+    if not parts:
+        return light
+    coefficients, centers = spline_filter(light, mode="nearest"), np.indices(light.shape)
+    times = (np.arange(parts + 1) + 0.5) / (parts + 1) - 0.5
+    way_yx = np.moveaxis(way[..., ::-1], -1, 0)
+    moved = [
+        map_coordinates(coefficients, centers - time * way_yx, prefilter=False, mode="nearest")
+        for time in times
+    ]
+    return np.asarray(np.mean(moved, axis=0)).clip(0)

@@ -13,8 +13,13 @@ from scipy.ndimage import correlate1d
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.stimuli.photons import Normalization, divisors
-from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
+from megalopta.flow.stimuli.photons import (
+    Normalization,
+    ResizeKind,
+    divisors,
+    resize,
+    resized_shape,
+)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers

@@ -28,7 +28,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
@@ -41,8 +41,11 @@ from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import BlockGrid, block_grid
-from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slopes
-from megalopta.flow.metrics.translation_bound import cramer_rao_covariance
+from megalopta.flow.metrics.translation_bound import (
+    blurred_by_motion,
+    cramer_rao_covariance,
+    reading_slopes,
+)
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of

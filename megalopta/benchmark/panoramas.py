@@ -24,7 +24,7 @@ from megalopta.core.folders import cache_folder, locked
 from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
-from megalopta.flow.stimuli.resizing import resize
+from megalopta.flow.stimuli.photons import resize
 from megalopta.render import read_attributes, read_radiance, write_radiance
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cloudy_sky import under_clouds

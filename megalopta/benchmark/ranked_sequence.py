@@ -22,9 +22,9 @@ from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest, digest
 from megalopta.dataset.frames import read_radiance_frames
 from megalopta.dataset.store import Dataset, file_hash
+from megalopta.flow.camera_motion import likely_camera_motion, tell_motion
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.camera_motion import likely_camera_motion, tell_motion
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.scenes.cameras.base import Camera

@@ -10,7 +10,7 @@ from megalopta.config.scene import ONCE
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
-from megalopta.flow.stimuli.resizing import resize
+from megalopta.flow.stimuli.photons import resize
 from megalopta.scenes.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]

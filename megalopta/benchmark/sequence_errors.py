@@ -21,11 +21,11 @@ from megalopta.benchmark.ranking_settings import NO_POOLING
 from megalopta.benchmark.table import Case, Sums
 from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.settings import default_warm_up
+from megalopta.flow.benchmark import default_warm_up
+from megalopta.flow.camera_motion import motion_of_flow
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
-from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import angles_deg
+from megalopta.flow.wide_field import YawRateTest, yaw_rates_deg_s
 from megalopta.scenes.cameras.base import Camera
 
 ERROR = "epe_px"

@@ -36,13 +36,13 @@ from megalopta.core.bounded import Typed, folder_of, named_path
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
-from megalopta.flow.benchmark.search import photon_search
-from megalopta.flow.benchmark.settings import SearchSettings, each_once
+from megalopta.flow.benchmark import SearchSettings, each_once
+from megalopta.flow.benchmark_search import photon_search
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred
-from megalopta.flow.stimuli.resizing import ResizeKind
+from megalopta.flow.stimuli.photons import ResizeKind
 from megalopta.scenes.spectra.color import encode_srgb
 
 

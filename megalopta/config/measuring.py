@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 from megalopta.config.scene import ONCE
 from megalopta.config.sensing import SensingSettings
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.benchmark import BenchmarkSettings
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 
 Reference = Literal["self", "perfect"]

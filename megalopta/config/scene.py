@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
-from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.benchmark import each_once
 from megalopta.scenes import AnyObject, AnyScene
 from megalopta.scenes.build import AnyCamera, CameraPath
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

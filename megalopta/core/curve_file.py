@@ -6,14 +6,10 @@ Comments after # and one line of column names are skipped:
     wavelength_nm,efficiency
     400,0.021
     450,0.034
-
-A surface over wavelength and excess bias has lines wavelength_nm,excess_v,value, one for each pair.
 """
 
 import math
 from collections.abc import Iterator
-from itertools import product
-from typing import Any
 
 from megalopta.core.bounded import check_count
 
@@ -34,29 +30,6 @@ def curve_of(content: bytes, place: str, quantity: str) -> dict[str, tuple[float
     return {"wavelengths_nm": wavelengths, "values": values}
 
 
-def surface_of(content: bytes, place: str, quantity: str) -> dict[str, Any]:
-    """Return wavelengths_nm, excess_v and values (biases, wavelengths) of a surface's file.
-
-    Raises ValueError as `curve_of`, or if a pair of wavelength and bias is missing or given twice.
-    """
-    values: dict[Point, float] = {}
-    for at, line in _lines(content, place):
-        here = f"{place}, line {at}"
-        wavelength, bias, value = _numbers(line, here, ("wavelength_nm", "excess_v", quantity))
-        if (bias, wavelength) in values:
-            raise ValueError(f"{here}: {wavelength:g} nm at {bias:g} V is given twice; keep one")
-        values[bias, wavelength] = value
-    biases, wavelengths = (tuple(sorted({pair[axis] for pair in values})) for axis in (0, 1))
-    for bias, wavelength in product(biases, wavelengths):
-        if (bias, wavelength) not in values:
-            raise ValueError(
-                f"{place}: {wavelength:g} nm at {bias:g} V is missing; give every wavelength at "
-                "every bias"
-            )
-    rows = tuple(tuple(values[bias, each] for each in wavelengths) for bias in biases)
-    return {"wavelengths_nm": wavelengths, "excess_v": biases, "values": rows}
-
-
 def _lines(content: bytes, place: str) -> list[tuple[int, str]]:
     """Return the lines that hold numbers, and their places in the file."""
     try:
@@ -75,8 +48,7 @@ def _lines(content: bytes, place: str) -> list[tuple[int, str]]:
 def _points(content: bytes, place: str, quantity: str) -> Iterator[Point]:
     last = 0.0
     for at, line in _lines(content, place):
-        names = "wavelength_nm", quantity
-        wavelength, value = _numbers(line, f"{place}, line {at}", names)
+        wavelength, value = _numbers(line, f"{place}, line {at}", ("wavelength_nm", quantity))
         if not last < wavelength < math.inf:
             raise ValueError(
                 f"{place}, line {at}: {wavelength:g} nm follows {last:g}; sort the lines by "
@@ -86,16 +58,15 @@ def _points(content: bytes, place: str, quantity: str) -> Iterator[Point]:
         yield wavelength, value
 
 
-def _numbers(line: str, place: str, names: tuple[str, ...]) -> list[float]:
+def _numbers(line: str, place: str, names: tuple[str, str]) -> list[float]:
     """Return the numbers of a line, the last of them from 0 to 1."""
     try:
         numbers = [float(cell) for cell in line.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) != len(names):
-        count = {2: "two", 3: "three"}[len(names)]
         raise ValueError(
-            f"{place} is not {','.join(names)}; give {count} numbers, with a comma between them"
+            f"{place} is not {','.join(names)}; give two numbers, with a comma between them"
         )
     if not 0 <= numbers[-1] <= 1:
         raise ValueError(

@@ -89,7 +89,7 @@ class PictureFrames:
         return found
 
     def _moved(self, before: int, share: float) -> Float32:
-        from megalopta.sensor.sub_frames import NextFrames
+        from megalopta.sensor.shot import NextFrames
 
         first, second = self._picture(before), self._picture(before + 1)
         flow = self._flow(before)[np.newaxis]

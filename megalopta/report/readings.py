@@ -21,10 +21,10 @@ from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
-from megalopta.sensor.event_stream import Events, histogram
 from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
+from megalopta.sensor.quantities import Events, histogram
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Of files that hold readings, or pictures"""

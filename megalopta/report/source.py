@@ -26,7 +26,7 @@ from megalopta.core.errors import refused_as, shell_command
 from megalopta.dataset.frames import FrameMotion, read_motion, read_radiance_frame, read_truth_frame
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.sequence import BenchmarkResult
+from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.plotting.sections import paragraph
 from megalopta.plotting.style import GLYPHS, method_style

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 from matplotlib.typing import LineStyleType
 
-from megalopta.flow.benchmark.sequence import BenchmarkResult
+from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
 from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.style import BLACK, DASHES, RULE, method_style, write_at

@@ -16,7 +16,7 @@ import numpy as np
 from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.trial import PanoramaTemplate, Sweep, Trial, Value
-from megalopta.flow.benchmark.settings import SearchSettings
+from megalopta.flow.benchmark import SearchSettings
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure

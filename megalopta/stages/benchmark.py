@@ -21,8 +21,13 @@ from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.sequence import Bookkeeping, Clip, photon_benchmark
-from megalopta.flow.benchmark.settings import checked_warm_up, work_units
+from megalopta.flow.benchmark import (
+    Bookkeeping,
+    Clip,
+    checked_warm_up,
+    photon_benchmark,
+    work_units,
+)
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage

@@ -23,11 +23,11 @@ from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FrameMotion, frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
-from megalopta.flow.benchmark.settings import default_warm_up
+from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.egomotion.wide_field import yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
+from megalopta.flow.wide_field import yaw_rates_deg_s
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected

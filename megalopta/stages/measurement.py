@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.egomotion.wide_field import YawRateTest
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
 from megalopta.flow.metrics.response_error import METRICS, error_of, error_sums, for_json
+from megalopta.flow.wide_field import YawRateTest
 
 Record = dict[str, Any]
 Scaled = tuple[NDArray[Any], float]

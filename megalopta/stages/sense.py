@@ -46,8 +46,7 @@ from megalopta.sensor.formats.products import (
     product_path,
     product_writer,
 )
-from megalopta.sensor.shot import Arrays, Shot
-from megalopta.sensor.sub_frames import Following, NextFrames
+from megalopta.sensor.shot import Arrays, Following, NextFrames, Shot
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
+from megalopta.assets_gen.bodies import grow_rock
 from megalopta.assets_gen.plants import undergrowth
+from megalopta.assets_gen.plants.bark import Furrows
 from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves
-from megalopta.assets_gen.plants.furrows import Furrows
 from megalopta.assets_gen.plants.growth import grow_plant
 from megalopta.assets_gen.plants.species import Species, aged
-from megalopta.assets_gen.rocks import grow_rock
 from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.reflectance import Leaf, leaf_of, reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum

@@ -16,18 +16,8 @@ target stays there: pulses cannot raise the bias.
 Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
 could not measure it); a step is independent of the gate's voltage and proportional to the pulse
 length; all pulses are equal.
-
-Tuning the floating gate, §3.3.2 to §3.3.4: the bias cannot be measured, as a probe would leak more
-than the diode. Instead the dark current is measured from the time between 90 % and 10 % of the
-swing, noise-free here (10⁸ electrons). The gate is pulsed while a pulse lowers the current by more
-than 1 %. The first pulse into forward bias stops the discharge until the leak has brought the bias
-back to zero. The next discharge is the slowest possible for this pixel, whatever the pulse size:
-with a conductance g at zero bias, a leak r and a swing S
-
-    0.8·S·C / (√1.8 − √0.2) / √(S·C/(g·r))
 """
 
-from dataclasses import dataclass, replace
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -35,10 +25,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
-from megalopta.sensor.ctia.integration import LATE, Pixel, discharge_time, estimate_current
 from megalopta.sensor.ctia.photodiode import Reals
-
-WORTHWHILE = 0.99
 
 
 class FixedBias(Record):
@@ -101,19 +88,6 @@ class FloatingGateBias(Record):
 Bias: TypeAlias = FixedBias | DacBias | FloatingGateBias
 
 
-def gate_bias(
-    gate: FloatingGateBias,
-    bias_v: Reals,
-    *,
-    pulses: int = 0,
-    wait_s: float = 0.0,
-    warming_k: float = 0.0,
-) -> Floats:
-    """Reverse bias after a number of pulses, a wait and a temperature rise, V."""
-    moved = gate.leak_v_s * wait_s + gate.drift_v_k * warming_k - gate.step_v * pulses
-    return np.asarray(bias_v + moved)
-
-
 def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
     """Reverse bias of pixels of any shape with these offsets at the start of the first frame, V."""
     offset = np.asarray(offset_v, np.float64)
@@ -123,7 +97,7 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
         return _at_best_code(bias, offset)
     above = offset + bias.erased_v - bias.target_v
     trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
-    return gate_bias(bias, trimmed, wait_s=bias.age_s, warming_k=bias.warming_k)
+    return np.asarray(trimmed + (bias.leak_v_s * bias.age_s + bias.drift_v_k * bias.warming_k))
 
 
 def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
@@ -140,59 +114,3 @@ def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
 def drift_rate(bias: Bias) -> float:
     """Rise of the reverse bias during an exposure, V/s."""
     return bias.leak_v_s if isinstance(bias, FloatingGateBias) else 0.0
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """One iteration of the calibration loop."""
-
-    elapsed_s: float
-    """Time at the end of the measurement, since the start of the calibration"""
-    pulses: int
-    """Number of pulses before it"""
-    bias_v: float
-    """Reverse bias at its start, unknown to the loop"""
-    current_a: float
-    """Current that it sees: the 90–10 % estimate; 0 if the pixel did not discharge in time"""
-
-
-def calibrate_gate(
-    gate: FloatingGateBias, pixel: Pixel, *, patience_s: float = 3600.0, most_pulses: int = 1000
-) -> list[Measurement]:
-    """Pulse the gate of one pixel until a further pulse no longer lowers the dark current.
-
-    The pixel has its reverse bias before the calibration; its drift is set to the gate's leak. A
-    discharge longer than `patience_s` ends the calibration. The last measurement shows no
-    improvement; the one before it is the result.
-
-    Raises ValueError if the diode is in forward bias from the start, where pulses cannot help.
-    """
-    bias, elapsed = float(pixel.bias_v), 0.0
-    if bias < 0:
-        raise ValueError(f"bias_v: {bias:g} V is forward; pulses only lower it, start from reverse")
-    log: list[Measurement] = []
-    while len(log) <= most_pulses:
-        now = replace(pixel, bias_v=bias, drift_v_s=gate.leak_v_s)
-        taken = float(discharge_time(now, 0.0, LATE * pixel.swing_v))
-        seen = taken <= patience_s
-        duration = min(taken, patience_s)
-        elapsed += duration
-        log.append(
-            Measurement(elapsed, len(log), bias, float(estimate_current(now)) if seen else 0.0)
-        )
-        if len(log) > 1 and not 0 < log[-1].current_a < WORTHWHILE * log[-2].current_a:
-            return log
-        bias = float(gate_bias(gate, bias, pulses=1, wait_s=duration + gate.pulse_s))
-        elapsed += gate.pulse_s
-    return log
-
-
-def leak_floor(pixel: Pixel) -> float:
-    """Smallest measurable dark current of a drifting pixel between 90 % and 10 %, A.
-
-    From the conductance at zero bias, for an amplifier of infinite gain.
-    """
-    charge = pixel.capacitance_f * pixel.swing_v
-    conductance = pixel.diode.zero_bias_s * float(pixel.dark_scale)
-    span = np.sqrt(2 * LATE) - np.sqrt(2 * (1 - LATE))
-    return float((2 * LATE - 1) / span * np.sqrt(charge * conductance * pixel.drift_v_s))

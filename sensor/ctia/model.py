@@ -1,4 +1,11 @@
-"""Model of an array of CTIA pixels, and the fixed pattern of one device.
+"""Array of CTIA pixels as an image sensor: from the radiance of a scene to volts.
+
+    photocurrent = q · (photons per second on the diode) · quantum efficiency
+    reading      = discharge after the exposure + noise, V
+
+The radiance of a frame holds for the whole exposure. Every frame has its own random stream, named
+by seed, stream, sensor, light and frame number. With a leaking floating gate, each frame is one
+frame period older than the one before.
 
 Offset, gain and dark current differ from pixel to pixel and are fixed by the device seed and the
 pixel's row and column: the offset and the gain in decibels are normal (§3.2.4), the factor on the
@@ -25,24 +32,123 @@ there, the sign of the amplifier's input). Exposure: 10 ms for the leaky sample,
 saturate, 100 ms for the others. Assumed, because not given: the spread of the offset, 10 mV
 ("typical offsets are on the order of 10 mV"), the spread of the dark current, 10 %, the read noise,
 100 µV, and the lens.
+
+**Noise** of a reading, in volts at the output of the pixel:
+
+- photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
+- dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
+  thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
+  is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
+- reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
+- read noise: normal, from everything after the pixel.
+
+The bias is taken in the middle of the discharge. Sources and approximations: `docs/theory/ctia.md`.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
+from scipy.special import ndtr
 
 from megalopta.core import strict_yaml
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
+from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
-from megalopta.sensor.ctia.integration import Pixel, gain_from_db
-from megalopta.sensor.ctia.noise import CtiaNoise
-from megalopta.sensor.ctia.photodiode import Photodiode
+from megalopta.sensor.ctia.integration import Pixel, discharge, gain_from_db, reverse_bias, start
+from megalopta.sensor.ctia.photodiode import (
+    BOLTZMANN_J_K,
+    ELEMENTARY_CHARGE_C,
+    Photodiode,
+    Reals,
+    junction_currents,
+    noise_current,
+)
 from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.pixels import PixelOptics
-from megalopta.sensor.sampling.streams import pixel_normals
+from megalopta.sensor.optics.pixels import PixelOptics, check_brightness, detected_rate
+from megalopta.sensor.sampling.streams import generator, light_key, pixel_normals, sensor_stream
+
+
+class CtiaNoise(Record):
+    """Noise terms of a CTIA reading."""
+
+    photon_shot: bool = True
+    """Photon shot noise."""
+    dark_shot: bool = True
+    """Noise of the dark diode: shot noise of its junction, thermal noise of its shunt."""
+    reset: bool = True
+    """kTC noise of resetting the capacitor; off: the reset level is subtracted."""
+    read_noise_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of everything after the pixel (V); 0: none."""
+
+
+def draw_noise(
+    rng: np.random.Generator, noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_s: float
+) -> Floats:
+    """Draw the deviation of readings from the noise-free discharge, V.
+
+    `photocurrent_a`: A, one per pixel; `time_s`: since reset.
+    """
+    elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
+    volts = np.zeros(np.broadcast_shapes(np.shape(photocurrent_a), elapsed.shape))
+    if noise.photon_shot:
+        volts += poisson_charge(rng, photocurrent_a * elapsed) / pixel.capacitance_f
+    if noise.dark_shot:
+        volts += _dark_charge(rng, pixel, bias, elapsed) / pixel.capacitance_f
+    normal = reset_variance(noise, pixel) + noise.read_noise_v**2
+    if normal > 0:
+        volts += rng.normal(0.0, np.sqrt(normal), volts.shape)
+    return volts
+
+
+def noise_variance(noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_s: float) -> Floats:
+    """Variance of `draw_noise`, V²; its mean is 0."""
+    elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
+    equivalent = noise_current(pixel.diode, bias, pixel.dark_scale)
+    shot = noise.photon_shot * photocurrent_a + noise.dark_shot * equivalent
+    charge = ELEMENTARY_CHARGE_C * shot * elapsed
+    return np.asarray(
+        charge / pixel.capacitance_f**2 + reset_variance(noise, pixel) + noise.read_noise_v**2
+    )
+
+
+def _halfway(pixel: Pixel, photocurrent_a: Floats, time_s: float) -> tuple[Floats, Floats]:
+    """Time during which the output moves, s, and the reverse bias in the middle of it, V."""
+    wait, bias = start(pixel, photocurrent_a)
+    elapsed = np.maximum(time_s - wait, 0.0)
+    middle = np.where(elapsed > 0, time_s - elapsed / 2, 0.0)
+    discharged = discharge(pixel, photocurrent_a, time_s) / 2
+    return elapsed, np.maximum(reverse_bias(pixel, middle, discharged), bias)
+
+
+def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: Floats) -> Floats:
+    diode = pixel.diode
+    time = np.asarray(pixel.dark_scale) * elapsed
+    reverse, forward = junction_currents(diode, bias)
+    charge = poisson_charge(rng, reverse * time)
+    charge -= poisson_charge(rng, forward * time)
+    if diode.shunt_ohm is not None:
+        conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
+        variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
+        charge += rng.normal(0.0, np.sqrt(np.broadcast_to(variance, charge.shape)))
+    return charge
+
+
+def poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
+    """Charge of a Poisson number of electrons minus its mean, C."""
+    electrons = charge / ELEMENTARY_CHARGE_C
+    return np.asarray(ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
+
+
+def reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
+    """Variance of the reset voltage, kT/C, V²."""
+    kelvin = pixel.diode.temperature_k
+    return noise.reset * BOLTZMANN_J_K * kelvin / pixel.capacitance_f
 
 
 class CtiaSensor(PixelOptics, frozen=True):
@@ -119,3 +225,128 @@ def ctia_preset(name: str) -> CtiaSensor:
     if name not in CTIA_PRESETS:
         raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(CTIA_PRESETS)}")
     return CTIA_PRESETS[name]
+
+
+# In swings: electrons of a saturated pixel are tracked up to here.
+_FAR = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class CtiaExposure:
+    """Frames as read by the array."""
+
+    volts: Floats
+    """(T, H, W) discharge of each pixel; the swing if saturated. Noise can make it negative."""
+    saturated: Mask
+    """(T, H, W) True where the output was at its lower rail: the reading is a lower bound"""
+
+
+def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
+    """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose`."""
+    rate = detected_rate(radiance, bands_nm, sensor)
+    return ELEMENTARY_CHARGE_C * check_brightness(rate, sensor.exposure_s)
+
+
+def expose_photocurrent(
+    photocurrent_a: ArrayLike,
+    sensor: CtiaSensor,
+    *,
+    seed: int,
+    stream: str | int,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> CtiaExposure:
+    """Read frames of known photocurrent, (T, H, W) in A; parameters as for `expose`."""
+    light = _checked(photocurrent_a)
+    named = sensor_stream(stream, sensor, np.zeros((1, 1)))
+    volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        rng = generator(seed, "ctia exposure", named, light_key(light[index]), first_frame + index)
+        discharged = discharge(now, light[index], sensor.exposure_s)
+        noise = draw_noise(rng, sensor.noise, now, light[index], sensor.exposure_s)
+        volts[index] = discharged + noise
+        saturated[index] = (volts[index] >= sensor.swing_v) | (discharged >= sensor.swing_v)
+    volts[saturated] = sensor.swing_v
+    return CtiaExposure(volts, saturated)
+
+
+def volt_moments(
+    photocurrent_a: ArrayLike,
+    sensor: CtiaSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean (V) and variance (V²) of readings, each (T, H, W); parameters as `expose_photocurrent`.
+
+    The noise of a pixel near its rail is approximated as normal; it holds 1e8 electrons there.
+    """
+    light = _checked(photocurrent_a)
+    moments = np.empty((2, *light.shape))
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        free = discharge(now, light[index], sensor.exposure_s)
+        noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
+        moments[:, index] = _held_at(sensor.swing_v, free, noise)
+    return moments[0], moments[1]
+
+
+def electron_moments(
+    photocurrent_a: ArrayLike,
+    sensor: CtiaSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean and variance (T, H, W) of electrons, also of saturated pixels; as `volt_moments`."""
+    light = _checked(photocurrent_a)
+    mean, variance = np.empty_like(light), np.empty_like(light)
+    arrivals = sensor.noise.model_copy(update={"reset": False, "read_noise_v": 0.0})
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        # for pixels within their swing, discharges are faster to compute with it
+        full = discharge(now, light[index], sensor.exposure_s) >= sensor.swing_v
+        for pixel, which in ((now, ~full), (replace(now, swing_v=_FAR * now.swing_v), full)):
+            if which.any():
+                volts = discharge(pixel, light[index], sensor.exposure_s)
+                noise = noise_variance(arrivals, pixel, light[index], sensor.exposure_s)
+                mean[index][which] = reading_electrons(volts, sensor)[which]
+                variance[index][which] = noise[which]
+    return mean, variance * (sensor.capacitance_f / ELEMENTARY_CHARGE_C) ** 2
+
+
+def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
+    """Electrons behind readings (V) of any shape, including those of the dark current."""
+    return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
+
+
+def _held_at(rail_v: float, free_v: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Mean and variance of normal numbers clipped at a rail, where noise-free values stay."""
+    sigma = np.sqrt(noise)
+    below = np.divide(rail_v - free_v, sigma, out=np.full_like(free_v, np.inf), where=sigma > 0)
+    chance = ndtr(below)
+    density = np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
+    lost = sigma * density - np.where(chance < 1, (rail_v - free_v) * (1 - chance), 0.0)
+    square = noise * chance - (rail_v - free_v) * sigma * density
+    square += np.where(chance < 1, (rail_v - free_v) ** 2 * (1 - chance), 0.0)
+    is_held = free_v >= rail_v
+    return (
+        np.where(is_held, rail_v, free_v - lost),
+        np.where(is_held, 0.0, np.maximum(square - lost**2, 0.0)),
+    )
+
+
+def _aging(
+    sensor: CtiaSensor, shape: tuple[int, ...], first_frame: int, frame_period_s: float | None
+) -> Iterator[Pixel]:
+    """Pixels of a device at each frame."""
+    array = pixels(sensor, (shape[1], shape[2]))
+    period = frame_period_s or sensor.exposure_s
+    for frame in range(first_frame, first_frame + shape[0]):
+        yield replace(array, bias_v=array.bias_v + array.drift_v_s * frame * period)
+
+
+def _checked(photocurrent_a: ArrayLike) -> Floats:
+    light = np.asarray(photocurrent_a, np.float64)
+    if light.ndim != 3 or not np.all((light >= 0) & (light < np.inf)):
+        raise ValueError(
+            f"photocurrent_a: shape {light.shape}; give (frames, rows, columns) of finite currents "
+            "that are not negative (A)"
+        )
+    return light

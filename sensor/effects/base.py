@@ -53,9 +53,6 @@ class PixelRates:
     breakdown_shift_v: float = 0.0
     """Rise of every breakdown voltage since the reference temperature"""
 
-    excess_v: Floats | None = None
-    """Excess bias, (H, W), if efficiency depends on it in another way at every wavelength"""
-
     factors: dict[str, Floats] = field(default_factory=dict)
     """Factors on the values of dead_time, afterpulsing, crosstalk and telegraph, (H, W); missing: 1
     """

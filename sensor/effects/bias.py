@@ -1,4 +1,4 @@
-"""Excess bias and its mismatch: efficiency, dark counts, afterpulsing and crosstalk move together.
+"""Excess bias, its mismatch, and temperature: what moves together with them.
 
 A pixel whose breakdown voltage is δ above nominal, at a temperature that shifts it by Δ, has V =
 excess_v − δ − Δ. Relative to the values at reference_v,
@@ -19,15 +19,21 @@ the dissertation's signal-to-noise ratio, is largest at
 
 at any flux, and below every bias at which efficiency is largest. δ is normal.
 
-A measured surface PDP(λ, V) replaces f: pixels differ in their curves, not by a factor alone.
-`efficiency` is its curve at the reference bias. Where no spectrum is known, the factor is that of a
-spectrum flat over the surface.
-
 A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
 reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
 
 Source: dissertation §2.4.4 to §2.4.7. `efficiency_scale_v` or `dark_efold_v` of None disables that
 dependence.
+
+**Temperature**: thermal dark counts double every few kelvin; the breakdown voltage rises.
+
+    DCR(T) = DCR(T_ref)·2^((T − T_ref)/ΔT)
+
+Thermal generation through traps only; tunneling, which sets the floor in deep sub-micron processes,
+hardly depends on temperature. The breakdown voltage rises linearly, as hot carriers lose more
+energy to the lattice, by 0.02 to 0.06 V/K in silicon diodes that break down at 15 to 40 V. So the
+excess bias falls at a constant bias (`bias`). Cooling by 30 to 40 K lowers the rate by one to two
+decades (dissertation §2.3.1), that is ΔT of 6 to 9 K; 8 to 10 K is usual for silicon.
 """
 
 from collections.abc import Callable
@@ -40,7 +46,6 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
 from megalopta.sensor.sampling.streams import pixel_normals
 
 
@@ -60,10 +65,6 @@ class Bias(Effect, frozen=True):
     """Excess bias below which nothing is counted (V)."""
     efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
     """Voltage scale of the saturation of the efficiency (V); null: independent of bias."""
-    efficiency_surface: Annotated[
-        EfficiencySurface | None, Field(exclude_if=lambda surface: surface is None)
-    ] = None
-    """Measured PDP over wavelength and bias, in place of efficiency_scale_v; null: none."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
     """Rise in bias that multiplies dark counts by e (V); null: independent of bias."""
     afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
@@ -80,17 +81,11 @@ class Bias(Effect, frozen=True):
                 f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
                 "where the efficiency curve holds; lower it"
             )
-        if self.efficiency_surface and self.efficiency_scale_v:
-            raise ValueError(
-                f"bias.efficiency_scale_v: {self.efficiency_scale_v:g}, and an efficiency_surface; "
-                "both say how efficiency depends on bias: set one of them to null"
-            )
         if self.is_on and not self.matters:
             raise ValueError(
                 f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
                 f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
-                "efficiency_scale_v, efficiency_surface, dark_efold_v, onset_v, "
-                "afterpulsing_slope or crosstalk_slope"
+                "efficiency_scale_v, dark_efold_v, onset_v, afterpulsing_slope or crosstalk_slope"
             )
         return self
 
@@ -102,13 +97,13 @@ class Bias(Effect, frozen=True):
     @property
     def matters(self) -> bool:
         """True if anything depends on the excess bias."""
-        scales = self.efficiency_scale_v, self.efficiency_surface, self.dark_efold_v
+        scales = self.efficiency_scale_v, self.dark_efold_v
         slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
-        return scales != (None, None, None) or any(slopes)
+        return scales != (None, None) or any(slopes)
 
     def without_efficiency(self) -> "Bias":
         """Return the bias without influence on efficiency, except for the onset."""
-        without = self.model_copy(update={"efficiency_scale_v": None, "efficiency_surface": None})
+        without = self.model_copy(update={"efficiency_scale_v": None})
         return without if without.matters else Bias()
 
     def act_on_rates(self, rates: PixelRates) -> None:
@@ -118,10 +113,6 @@ class Bias(Effect, frozen=True):
             offset = breakdown_offset(self, rates.shape, rates.device_seed)
 
         now = self.model_copy(update={"excess_v": self.excess_v - rates.breakdown_shift_v})
-
-        if self.efficiency_surface:
-            rates.excess_v = now.excess_v - offset
-            self.efficiency_surface.check(rates.excess_v)
 
         def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
             is_measured = name in rates.measured
@@ -148,9 +139,6 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Efficiency relative to that at the reference bias."""
     excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
     is_sensitive = excess > bias.onset_v
-    if bias.efficiency_surface is not None:
-        mean = bias.efficiency_surface.in_flat_light
-        return np.where(is_sensitive, mean(excess) / mean(bias.reference_v), 0.0)
     if bias.efficiency_scale_v is None:
         return np.asarray(is_sensitive, np.float64)
     trigger, at_reference = (
@@ -201,3 +189,32 @@ def best_excess_bias(bias: Bias) -> float:
             "bias needs both"
         )
     return bias.onset_v + scale * float(np.log1p(efold / scale))
+
+
+class Temperature(Effect, frozen=True):
+    """Temperature of the chip; by default that at which the dark counts hold."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "temperature scales the dark counts and moves the breakdown voltage"
+
+    celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
+    """Temperature of the chip (°C)."""
+    reference_celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
+    """Temperature at which the dark count rates hold (°C)."""
+    dcr_doubling_k: Annotated[float, Field(gt=0)] = 9.0
+    """Rise in temperature that doubles the dark count rate (K)."""
+    breakdown_v_per_k: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Rise of the breakdown voltage per kelvin (V/K), by which the excess bias falls."""
+
+    @property
+    def is_on(self) -> bool:
+        """True if it differs from the temperature at which the dark counts hold."""
+        return self.celsius != self.reference_celsius
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Scale the dark counts and shift the breakdown voltage."""
+        rise = self.celsius - self.reference_celsius
+        rates.breakdown_shift_v += self.breakdown_v_per_k * rise
+        # `draw_fixed_pattern` rejects values that are not finite
+        with np.errstate(over="ignore", invalid="ignore"):
+            rates.dark_counts_hz *= float(np.exp2(rise / self.dcr_doubling_k))

@@ -157,27 +157,18 @@ def spread(
     weights = neighborhoods(crosstalk)
     counts, generation = primaries.copy(), primaries
     while generation.any():
-        generation = _fired(rng, generation, weights, strength)
+        reach = np.array(weights.shape[2:]) // 2
+        padded = np.zeros(np.add(generation.shape, 2 * reach), np.int64)
+        rows, columns = generation.shape
+        scale = 1.0 if strength is None else strength
+        for row, column in places_fired(weights):
+            shifted = padded[row : row + rows, column : column + columns]
+            chance = of_pixels(weights[:, :, row, column], (rows, columns)) * scale
+            shifted += rng.binomial(generation, np.minimum(chance, 1.0))
+        down, right = reach
+        generation = padded[down : down + rows, right : right + columns]
         counts += generation
     return counts
-
-
-def _fired(
-    rng: np.random.Generator,
-    generation: Ints,
-    weights: Floats,
-    strength: Floats | None,
-) -> Ints:
-    reach = np.array(weights.shape[2:]) // 2
-    padded = np.zeros(np.add(generation.shape, 2 * reach), np.int64)
-    rows, columns = generation.shape
-    scale = 1.0 if strength is None else strength
-    for row, column in places_fired(weights):
-        shifted = padded[row : row + rows, column : column + columns]
-        chance = of_pixels(weights[:, :, row, column], (rows, columns)) * scale
-        shifted += rng.binomial(generation, np.minimum(chance, 1.0))
-    down, right = reach
-    return padded[down : down + rows, right : right + columns]
 
 
 def places_fired(weights: Floats) -> Ints:

@@ -8,17 +8,40 @@ and for any image size.
 Source: dissertation §2.4.4 and §2.4.7, where the bulk is normal and hot pixels are outliers. The
 log-normal is an assumption: five hot pixels were measured. The rate holds at one bias and one
 temperature.
+
+**Random telegraph noise**: dark counts of some pixels switch between levels at random times.
+
+A trap near the junction changes its charge at times, and with it the pixel's dark count rate. Each
+trap adds `step` times the pixel's own rate while it is active, a share d of the time. Its state is
+redrawn after exponential waiting times of mean τ. So the autocovariance of the added rate and its
+one-sided spectrum are
+
+    d·(1 − d)·A²·e^(−|t|/τ)          4·d·(1 − d)·A²·τ / (1 + (2πfτ)²)        A: the step, in Hz
+
+a Lorentzian. τ is drawn for each trap between `fastest_s` and `slowest_s`, uniformly in its
+logarithm: many traps together have a 1/f spectrum between 1/(2π·slowest) and 1/(2π·fastest).
+
+The device determines which pixels have traps and how fast these are. The state of a trap is a
+function of run and time, whichever frames are drawn. The state at the start of an exposure holds
+for all of it: traps that switch within one are too fast for this model.
+
+Source: Machlup, J. Appl. Phys. 25, 341 (1954) for the spectrum; McWhorter, in Semiconductor Surface
+Physics (1957), for the mixture; Karami et al., Opt. Eng. 53, 2014, for levels of dark counts in
+SPADs that switch over seconds to hours.
 """
 
+from functools import lru_cache
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
+from scipy.stats import binom
 
-from megalopta.core.arrays import Floats
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.sampling.streams import pixel_uniforms
+from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.compiling import compiled
+from megalopta.sensor.effects.base import Effect, Frame, FrameRates, PixelRates, Stage
+from megalopta.sensor.sampling.streams import pixel_uniforms, uniform
 
 _UM2_PER_M2 = 1e12
 
@@ -84,3 +107,134 @@ def _hot_density(dark_counts: DarkCounts, rank: Floats) -> Floats:
         return np.full_like(rank, mean)
     log_variance = np.log1p((sigma / mean) ** 2)
     return np.asarray(mean * np.exp(-np.sqrt(log_variance) * ndtri(rank) - log_variance / 2))
+
+
+_NONE_IN_A_BLOCK = np.exp(-1.0)
+"""Probability that a Poisson number of mean 1 is 0."""
+
+
+class Telegraph(Effect, frozen=True):
+    """Dark counts that switch between levels; off by default."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "traps switch the dark counts of some pixels between levels"
+    switch: ClassVar[str] = "share"
+
+    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Fraction of pixels that switch (0: none)."""
+    traps: Annotated[int, Field(ge=1, le=16)] = 1
+    """Traps of each of these pixels: one makes two levels, n make n + 1."""
+    step: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """Dark count rate that an active trap adds, relative to the pixel's own."""
+    active_share: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Fraction of time that a trap is active."""
+    fastest_s: Annotated[float, Field(gt=0)] = 1.0
+    """Correlation time of the fastest traps (s)."""
+    slowest_s: Annotated[float, Field(gt=0)] = 1.0
+    """Correlation time of the slowest traps (s)."""
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.slowest_s < self.fastest_s:
+            raise ValueError(
+                f"telegraph.slowest_s: {self.slowest_s:g} is less than fastest_s "
+                f"{self.fastest_s:g}; give the longer correlation time"
+            )
+        return self
+
+    def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
+        """Raise the dark counts by those of active traps."""
+        if self.is_on:
+            rates.dark_counts_hz *= 1 + self.step * rates.switching * active_traps(
+                self, rates, frame
+            )
+
+    def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
+        """Return rates for each number of active traps, with its probability."""
+        if not self.is_on:
+            return [(1.0, rates)]
+        switches = _traps(self, rates)[0] * rates.switching
+        chances = binom.pmf(np.arange(self.traps + 1), self.traps, self.active_share)
+        return [
+            (float(chance), rates.with_dark_counts(np.asarray(1 + self.step * active * switches)))
+            for active, chance in enumerate(chances)
+        ]
+
+
+def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Floats:
+    """Return the number of active traps of each pixel at the start of a frame, (H, W)."""
+    _, pixels, times_s = _traps(telegraph, rates)
+    active = np.zeros(rates.dark_counts_hz.shape)
+    run = np.uint64(frame.run)
+    _add_active(run, frame.time_s, telegraph.active_share, pixels, times_s, active)
+    return active
+
+
+def _traps(telegraph: Telegraph, rates: FrameRates) -> tuple[Mask, Ints, Floats]:
+    """Traps of the measured pixels, or of drawn ones, as `_traps_of`."""
+    factor = rates.telegraph_factor
+    measured = None if factor is None else (factor > 0).tobytes()
+    return _traps_of(telegraph, rates.dark_counts_hz.shape, rates.device_seed, measured)
+
+
+@lru_cache(maxsize=8)
+def _traps_of(
+    telegraph: Telegraph, shape: tuple[int, int], device_seed: int, measured: bytes | None
+) -> tuple[Mask, Ints, Floats]:
+    """Mask of switching pixels, (H, W); their rows and columns, (N, 2), and times, s, (N, K)."""
+    switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
+    if measured is not None:
+        switches = np.frombuffer(measured, np.bool_).reshape(shape)
+    ranks = [
+        pixel_uniforms(shape, device_seed, "telegraph, time", trap)[switches]
+        for trap in range(telegraph.traps)
+    ]
+    spread = telegraph.slowest_s / telegraph.fastest_s
+    times_s = telegraph.fastest_s * spread ** np.stack(ranks, axis=-1)
+    return switches, np.argwhere(switches), times_s
+
+
+@compiled
+def _add_active(
+    run: np.uint64,
+    time_s: float,
+    active_share: float,
+    pixels: Ints,
+    times_s: Floats,
+    active: Floats,
+) -> None:
+    """Find the last time at which each trap was redrawn, from a Poisson process.
+
+    Time is divided into blocks of the trap's correlation time, each with its own random numbers.
+    """
+    for at in range(pixels.shape[0]):
+        row, column = pixels[at]
+        pixel = _mixed(_mixed(run ^ np.uint64(row)) ^ np.uint64(column))
+        for trap in range(times_s.shape[1]):
+            now = time_s / times_s[at, trap]
+            block = np.int64(np.floor(now))
+            latest, is_active = -1.0, False
+            while latest < 0:
+                word = _mixed(_mixed(pixel ^ np.uint64(trap)) ^ np.uint64(block))
+                chance = 1.0
+                while True:
+                    word = _mixed(word)
+                    chance *= uniform(word)
+                    if chance < _NONE_IN_A_BLOCK:
+                        break
+                    word = _mixed(word)
+                    moment = uniform(word)
+                    word = _mixed(word)
+                    if latest < moment <= now - block:
+                        latest, is_active = moment, uniform(word) < active_share
+                block -= 1
+            active[row, column] += is_active
+
+
+@compiled
+def _mixed(word: np.uint64) -> np.uint64:
+    """Next word of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
+    word = word + np.uint64(0x9E3779B97F4A7C15)
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

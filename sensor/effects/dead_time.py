@@ -71,10 +71,6 @@ class DeadTime(Effect, frozen=True):
                 f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
                 f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_end(self) -> Self:
         if self.kind != "nonparalyzable" and not self.has_law:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "

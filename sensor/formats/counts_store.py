@@ -20,7 +20,7 @@ import zarr
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from megalopta.core.bounded import Store, check_decoded, open_store, undamaged
+from megalopta.core.bounded import check_decoded, open_store, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.formats.recorded_frames import check_new
@@ -92,7 +92,18 @@ def counts_writer(
     path = Path(path)
     check_new(path)
     with atomic_write(path) as temporary:
-        group = _new_group(temporary, origin)
+        sequence = origin.sequence
+        said = {
+            "format": FORMAT,
+            **format_attribute(),
+            "sensor": origin.sensor.model_dump(mode="json"),
+            "exposure_s": origin.sensor.exposure_s,
+            "seed": operator.index(origin.seed),
+            "sequence": sequence if isinstance(sequence, str) else operator.index(sequence),
+            "illuminance_lux": origin.illuminance_lux,
+            "extra": dict(origin.extra),
+        }
+        group = zarr.open_group(temporary, mode="w", zarr_format=3, attributes=said)
         arrays: dict[str, zarr.Array[Any]] = {}
         written = 0
 
@@ -128,22 +139,6 @@ def _unit(name: str, sensor: ImageSensor) -> str:
     """Description of an array's numbers."""
     event = "electrons" if sensor.unit == "electrons" else "events"
     return _MEANINGS[name].format(unit=sensor.unit, event=event)
-
-
-def _new_group(path: Path, origin: Origin) -> zarr.Group:
-    """Return a new group whose attributes state its origin."""
-    sequence = origin.sequence
-    said = {
-        "format": FORMAT,
-        **format_attribute(),
-        "sensor": origin.sensor.model_dump(mode="json"),
-        "exposure_s": origin.sensor.exposure_s,
-        "seed": operator.index(origin.seed),
-        "sequence": sequence if isinstance(sequence, str) else operator.index(sequence),
-        "illuminance_lux": origin.illuminance_lux,
-        "extra": dict(origin.extra),
-    }
-    return zarr.open_group(path, mode="w", zarr_format=3, attributes=said)
 
 
 def format_attribute() -> dict[str, Any]:
@@ -252,7 +247,30 @@ def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> Opene
         if store.attributes.get("format") != FORMAT:
             raise ValueError(f"{path}: a Zarr group without counts; give a folder of counts")
         check_format("counts", store.attributes, path, FORMAT_KEY)
-        opened = _opened(path, store)
+        names = READINGS + MOMENTS if store.arrays.keys() & set(MOMENTS) else READINGS
+        arrays: dict[str, StoredFrames] = {}
+        for name in names:
+            array = store.arrays[name]
+            if array.dtype.kind not in _KINDS[name] or not isinstance(array.attrs.get("unit"), str):
+                raise ValueError(f"{name} has the wrong type of numbers, or no unit")
+            written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
+            sizes = zip(array.shape, array.shards or array.chunks, strict=True)
+            lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
+            if lost > 0:
+                raise ValueError(f"{lost} chunks of {name} are missing")
+            arrays[name] = StoredFrames(path, array)
+        shapes = [array.shape for array in arrays.values()]
+        if len(shapes[0]) != 3 or len(set(shapes)) > 1:
+            raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
+        opened = OpenedCounts(
+            sensor=_IMAGE_SENSOR.validate_python(store.attributes["sensor"]),
+            **{
+                name: store.attributes[name]
+                for name in ("seed", "sequence", "illuminance_lux", "extra")
+            },
+            path=path,
+            arrays=arrays,
+        )
         if shape not in (None, found := opened["counts"].shape):
             raise ValueError(f"its arrays are {found} instead of {shape}")
         return opened
@@ -264,31 +282,4 @@ def read_counts(path: str | Path) -> StoredCounts:
     return StoredCounts(
         exposure=opened.exposure(),
         **{name: getattr(opened, name) for name in Origin.__dataclass_fields__},
-    )
-
-
-def _opened(path: Path, store: Store) -> OpenedCounts:
-    names = READINGS + MOMENTS if store.arrays.keys() & set(MOMENTS) else READINGS
-    arrays: dict[str, StoredFrames] = {}
-    for name in names:
-        array = store.arrays[name]
-        if array.dtype.kind not in _KINDS[name] or not isinstance(array.attrs.get("unit"), str):
-            raise ValueError(f"{name} has the wrong type of numbers, or no unit")
-        written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
-        sizes = zip(array.shape, array.shards or array.chunks, strict=True)
-        lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
-        if lost > 0:
-            raise ValueError(f"{lost} chunks of {name} are missing")
-        arrays[name] = StoredFrames(path, array)
-    shapes = [array.shape for array in arrays.values()]
-    if len(shapes[0]) != 3 or len(set(shapes)) > 1:
-        raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
-    return OpenedCounts(
-        sensor=_IMAGE_SENSOR.validate_python(store.attributes["sensor"]),
-        **{
-            name: store.attributes[name]
-            for name in ("seed", "sequence", "illuminance_lux", "extra")
-        },
-        path=path,
-        arrays=arrays,
     )

@@ -30,7 +30,7 @@ from megalopta.core.arrays import Ints
 from megalopta.core.bounded import check_decoded, numbers_in, opened_hdf5, undamaged, zipped_arrays
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
-from megalopta.sensor.event_stream import Events
+from megalopta.sensor.quantities import Events
 
 Column: TypeAlias = NDArray[np.integer[Any]]
 
@@ -225,7 +225,19 @@ def _stored(
     with undamaged(path):
         version = int(attributes.get("version", 0))
         check_format("events", {"version": version}, path, key="version")
-        origin = _origin(attributes)
+        frames, height, width, first_frame, period_ps = (int(attributes[name]) for name in _NUMBERS)
+        exposure_s = float(attributes["exposure_s"])
+        if min(frames, height, width, first_frame) < 0 or period_ps < 0 or not exposure_s > 0:
+            raise ValueError(
+                f"{frames} frames of {height} × {width} pixels, exposed {exposure_s} s"
+            )
+        origin = EventOrigin(
+            shape=(frames, height, width),
+            frame_period_s=period_ps / _PICOSECONDS,
+            exposure_s=exposure_s,
+            first_frame=first_frame,
+            extra=dict(json.loads(attributes["extra"])),
+        )
         _check_numbers(origin, columns, starts)
     local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
     pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
@@ -237,20 +249,6 @@ def _stored(
         origin.first_frame,
     )
     return StoredEvents(events=events, origin=origin)
-
-
-def _origin(attributes: Mapping[str, Any]) -> EventOrigin:
-    frames, height, width, first_frame, period_ps = (int(attributes[name]) for name in _NUMBERS)
-    exposure_s = float(attributes["exposure_s"])
-    if min(frames, height, width, first_frame) < 0 or period_ps < 0 or not exposure_s > 0:
-        raise ValueError(f"{frames} frames of {height} × {width} pixels, exposed {exposure_s} s")
-    return EventOrigin(
-        shape=(frames, height, width),
-        frame_period_s=period_ps / _PICOSECONDS,
-        exposure_s=exposure_s,
-        first_frame=first_frame,
-        extra=dict(json.loads(attributes["extra"])),
-    )
 
 
 def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: Column) -> None:

@@ -116,15 +116,17 @@ def product_writer(
     burst_frames : int
         Binary frames per burst in that time.
     """
-    from megalopta.sensor.formats import counts_store, events, packed, tiff
-    from megalopta.sensor.optics.filters import demosaiced
+    from megalopta.sensor.formats import counts_store, events, packed, recorded_frames
+    from megalopta.sensor.optics.lens import demosaiced
     from megalopta.sensor.spad.model import Sensor
 
     frames, rows, columns = shape
     if product == "counts":
         return counts_store.counts_writer(path, origin, frames)
     if product == "tiff":
-        return _of_counts(tiff.tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s))
+        return _of_counts(
+            recorded_frames.tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s)
+        )
     if product == "binary_spad512":
         return packed.spad512_writer(path)
     if product == "events_hdf5":

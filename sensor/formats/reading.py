@@ -23,8 +23,7 @@ from megalopta.sensor.formats.events import (
     read_events_npz,
 )
 from megalopta.sensor.formats.packed import PackedLayout, read_binary_npy, read_raw
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
-from megalopta.sensor.formats.tiff import read_tiff
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, read_tiff, wanted
 
 FrameKind: TypeAlias = Literal[
     "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"

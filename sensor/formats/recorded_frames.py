@@ -1,14 +1,26 @@
-"""Frames as returned by every reader; opening and creating files."""
+"""Frames as returned by every reader; opening and creating files; stacks in TIFF.
 
+**TIFF**, as from quantitative CMOS cameras; ImageJ and tifffile read it. One page per frame,
+uncompressed, unsigned integers or float32. Description of the first page: JSON with `shape` and
+`exposure_s`. BigTIFF from 4 GB on.
+"""
+
+import json
+import logging
+import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import check_decoded, check_file
+from megalopta.core.bounded import check_count, check_decoded, check_file, undamaged
+from megalopta.core.files import atomic_write
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,3 +72,101 @@ def wanted(total: int, frames: slice, path: Path, frame_bytes: float) -> slice:
         raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
     check_decoded(path, (end - first,), 2 * frame_bytes)  # decoded, and copied
     return slice(first, end)
+
+
+_MOST_PAGES = 100_000
+_VALUE_BYTES = 24
+"""Memory of a value of frames that are shown, besides the frames (bytes, measured)."""
+_LARGEST_TIFF = 4 * 10**9
+# Largest expansion of a deflate stream: a file does not justify more memory than that.
+_LARGEST_EXPANSION = 1032
+
+
+@contextmanager
+def tiff_writer(
+    path: str | Path, total_bytes: int, exposure_s: float | None = None
+) -> Iterator[Callable[[NDArray[Any]], None]]:
+    """Yield a function that appends frames (T, H, W); the file appears when the writer exits.
+
+    `total_bytes` is the approximate size of all frames; `exposure_s` the exposure time, s.
+    """
+    is_big = total_bytes > _LARGEST_TIFF
+    metadata = {} if exposure_s is None else {"exposure_s": exposure_s}
+    with (
+        atomic_write(Path(path)) as temporary,
+        tifffile.TiffWriter(temporary, bigtiff=is_big) as file,
+    ):
+
+        def write(frames: NDArray[Any]) -> None:
+            for frame in frames:
+                file.write(frame, contiguous=True, photometric="minisblack", metadata=metadata)
+
+        yield write
+
+
+def read_tiff(path: Path, frames: slice) -> RecordedFrames:
+    """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
+    size = file_bytes(path).size
+    with undamaged(path), _complaining(), tifffile.TiffFile(path) as file:
+        with suppress(IndexError):
+            file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
+            check_count(path, "pages", len(file.pages), _MOST_PAGES)
+        stack = file.series[0]
+        pages = [page for page in stack.pages if page is not None]
+        _check(path, stack, pages, size)
+        total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
+        frame_bytes = math.prod(stack.shape[-2:]) * (stack.dtype.itemsize + _VALUE_BYTES) / 2
+        range_ = wanted(total, frames, path, frame_bytes)
+        if len(pages) == total:
+            images = [file_page.asarray() for file_page in pages[range_]]
+            counts = np.array(images).reshape(-1, *stack.shape[-2:])
+        else:
+            check_decoded(path, stack.shape, stack.dtype.itemsize)
+            counts = stack.asarray()[range_]
+        exposure_s = _exposure_s(file)
+    depth = 8 * counts.dtype.itemsize
+    return RecordedFrames(
+        counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff", total=total
+    )
+
+
+class _Complaint(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage())
+
+
+@contextmanager
+def _complaining() -> Iterator[None]:
+    """Raise what tifffile only logs, such as a chain of pages that is cut, as ValueError."""
+    log, complaint = logging.getLogger("tifffile"), _Complaint(logging.ERROR)
+    log.addHandler(complaint)
+    try:
+        yield
+    finally:
+        log.removeHandler(complaint)
+
+
+def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
+    expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
+    ends = (
+        start + count
+        for page in pages
+        for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)
+    )
+    if stack.nbytes > size * expansion or max(ends, default=0) > size:
+        raise ValueError(
+            f"{path}: states {stack.nbytes} bytes of frames, more than its {size} can hold; it "
+            "is cut short or damaged: copy it again"
+        )
+    if stack.ndim not in (2, 3) or stack.dtype.kind not in "uif" or "S" in stack.axes:
+        raise ValueError(
+            f"{path}: {stack.dtype} {stack.shape}; give a stack of gray frames (T, H, W)"
+        )
+
+
+def _exposure_s(file: Any) -> float | None:
+    try:
+        found = json.loads(file.pages[0].description).get("exposure_s")
+    except (ValueError, AttributeError):
+        return None
+    return float(found) if isinstance(found, int | float) and found > 0 else None

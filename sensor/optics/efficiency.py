@@ -9,7 +9,7 @@ spectrum that is flat inside the band,
 Between points the integrand is a parabola, or a cubic with the transmission T(λ) of the lens.
 Simpson's rule is exact for both: no point is lost however narrow or wide the band. With a color
 filter, too, Gauss and Legendre's rule of three points is exact. The curve holds at one operating
-point; `bias` scales it elsewhere, or a surface over wavelength and excess bias replaces it.
+point; `bias` scales it elsewhere.
 
 A measured curve of efficiency, or of the lens's transmission, comes from a CSV file
 (`core.curve_file`). It is read once, and its numbers replace its path in the sensor's description.
@@ -26,7 +26,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import file_content, named_path
-from megalopta.core.curve_file import curve_of, surface_of
+from megalopta.core.curve_file import curve_of
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
 
@@ -109,9 +109,7 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
     return float(integrals.sum() / ((upper**2 - lower**2) / 2))
 
 
-def with_curve(
-    curve: Any, folder: Path | None, field: str = "efficiency", read: Callable[..., Any] = curve_of
-) -> Any:
+def with_curve(curve: Any, folder: Path | None, field: str = "efficiency") -> Any:
     """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
     Raises ValueError if a path and numbers are both given, or the file holds no curve.
@@ -122,15 +120,7 @@ def with_curve(
         others = ", ".join(str(name) for name in curve if name != "path")
         raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
     path = named_path(curve["path"], folder)
-    return read(file_content(path, field), f"{field}: {path}", "efficiency")
-
-
-def with_surface(bias: Any, folder: Path | None) -> Any:
-    """Return a bias with the surface from its file, as `with_curve`."""
-    name = "efficiency_surface"
-    if not isinstance(bias, Mapping) or name not in bias:
-        return bias
-    return {**bias, name: with_curve(bias[name], folder, f"bias.{name}", surface_of)}
+    return curve_of(file_content(path, field), f"{field}: {path}", "efficiency")
 
 
 def with_curves(part: str) -> Callable[[Any, Path | None], Any]:

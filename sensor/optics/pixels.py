@@ -1,6 +1,5 @@
 """Pixels of any image sensor: from the radiance of a scene to detected photons."""
 
-from collections.abc import Callable, Sequence
 from typing import Annotated, Self
 
 import numpy as np
@@ -11,8 +10,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
-from megalopta.sensor.optics.filters import ColorFilters
 from megalopta.sensor.optics.lens import (
+    ColorFilters,
     Lens,
     blurred,
     check_bands,
@@ -83,23 +82,20 @@ def detected_rate(
     radiance: ArrayLike,
     bands_nm: ArrayLike,
     sensor: PixelOptics,
-    parts: Callable[[tuple[int, int]], Sequence[tuple[Efficiency, Floats | float]]] | None = None,
 ) -> Floats:
     """Photons per second that pixels detect, (T, H, W); parameters as for `expose`.
 
-    Pixels are identical but for their color filters. With `parts`, a function of (rows, columns),
-    their efficiency is the sum of curves, each times its share (H, W).
+    Pixels are identical but for their color filters.
     """
     per_radiance = _flux_per_radiance(bands_nm, sensor)
     radiance = _check_radiance(radiance, per_radiance.size)
     shape = radiance.shape[1], radiance.shape[2]
     rate: Floats | None = None
-    for curve, share in parts(shape) if parts else [(sensor.efficiency, 1.0)]:
-        for filters, behind in sensor.filters.parts(shape):
-            flux = per_radiance * band_efficiency(curve, bands_nm, sensor.lens, filters)
-            own = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
-            own *= share * behind
-            rate = own if rate is None else rate + own
+    for filters, behind in sensor.filters.parts(shape):
+        flux = per_radiance * band_efficiency(sensor.efficiency, bands_nm, sensor.lens, filters)
+        filtered = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+        filtered *= behind
+        rate = filtered if rate is None else rate + filtered
     assert rate is not None
     return rate
 

@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,6 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.effects.efficiency_surface import EfficiencySurface
-from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
@@ -100,12 +98,12 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
             f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
             "measured.efficiency or bias.excess_v so that it is at most 1"
         )
-    largest = float(rates.dark_counts_hz.max(initial=0))
-    if not largest * sensor.exposure_s <= MOST_ARRIVALS:
+    largest, most_hz = float(rates.dark_counts_hz.max(initial=0)), MOST_ARRIVALS / sensor.exposure_s
+    if not largest <= most_hz:
         raise ValueError(
             f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
             f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
-            f"lower these, at most {MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
+            f"lower these, at most {most_hz:g} Hz can be drawn"
         )
     for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
         factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
@@ -116,59 +114,31 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
-    _check_stuck(sensor, rates.stuck)
-    _check_telegraph(sensor, rates)
-
-
-def _check_telegraph(sensor: Sensor, rates: PixelRates) -> None:
-    if sensor.telegraph.is_on:
-        steps = sensor.telegraph.traps * sensor.telegraph.step
-        factor = rates.factors.get("telegraph", np.ones(1))
-        largest = float((rates.dark_counts_hz * (1 + steps * factor)).max(initial=0))
-        if not largest * sensor.exposure_s <= MOST_ARRIVALS:
-            raise ValueError(
-                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
-                "are active; lower it or measured.telegraph, at most "
-                f"{MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
-            )
-
-
-def _check_stuck(sensor: Sensor, stuck: Floats | None) -> None:
-    capacity = sensor.counter.capacity
+    capacity, stuck = sensor.counter.capacity, rates.stuck
     wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
     if len(wrong):
         raise ValueError(
             f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
             f"0 to counter.capacity {capacity}, or -1 for pixels that work"
         )
+    if sensor.telegraph.is_on:
+        steps = sensor.telegraph.traps * sensor.telegraph.step
+        relative = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * relative)).max(initial=0))
+        if not largest <= most_hz:
+            raise ValueError(
+                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
+                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
+            )
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
     """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
     _check_sensor(sensor)
-    surface = sensor.bias.efficiency_surface
-    parts = partial(_by_bias, sensor, surface) if surface else None
-    rate = detected_rate(radiance, bands_nm, sensor, parts)
+    rate = detected_rate(radiance, bands_nm, sensor)
     _, rows, columns = rate.shape
     rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
     return check_brightness(rate, sensor.exposure_s)
-
-
-def _by_bias(
-    sensor: Sensor, surface: EfficiencySurface, shape: tuple[int, int]
-) -> list[tuple[Efficiency, Floats]]:
-    """Curves of the surface with their share in every pixel, relative to its efficiency factor."""
-    volts = draw_fixed_pattern(sensor, shape).excess_v
-    assert volts is not None
-    flat = surface.in_flat_light(volts)
-    whole = np.divide(
-        surface.in_flat_light(sensor.bias.reference_v), flat, np.zeros(flat.shape), where=flat > 0
-    )
-    pairs = zip(surface.values, surface.shares(volts) * whole, strict=True)
-    return [
-        (Efficiency(wavelengths_nm=surface.wavelengths_nm, values=curve), share)
-        for curve, share in pairs
-    ]
 
 
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:

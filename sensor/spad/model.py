@@ -7,21 +7,17 @@ counts. Effects on avalanches interact in time and are simulated together if mor
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.base import Effect
-from megalopta.sensor.effects.bias import Bias
+from megalopta.sensor.effects.bias import Bias, Temperature
 from megalopta.sensor.effects.crosstalk import Crosstalk
-from megalopta.sensor.effects.dark_counts import DarkCounts
+from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
-from megalopta.sensor.effects.jitter import Jitter
-from megalopta.sensor.effects.tcspc import Tcspc
-from megalopta.sensor.effects.telegraph import Telegraph
-from megalopta.sensor.effects.temperature import Temperature
+from megalopta.sensor.effects.timing import Jitter, Tcspc
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter, without_bits
 from megalopta.sensor.spad.measured import MeasuredMaps
@@ -103,57 +99,24 @@ class Sensor(PixelOptics, frozen=True):
     the same seed, pixels at the same place have the same rank in each pattern."""
 
     @model_validator(mode="after")
-    def _check_gate(self) -> Self:
+    def _check_effects(self) -> Self:
+        """Refuse effects that contradict each other or that nothing would show."""
         if open_fraction(self.gate, self.exposure_s) == 0:
             raise ValueError(
                 f"gate: it does not open in an exposure_s of {self.exposure_s:g}; lower phase_s "
                 f"{self.gate.phase_s:g} or expose for longer"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_breakdown(self) -> Self:
         per_k = self.temperature.breakdown_v_per_k
         if self.temperature.is_on and per_k > 0 and not self.bias.matters:
             raise ValueError(
                 f"temperature.breakdown_v_per_k: {per_k:g}, but nothing depends on bias; give "
                 "bias.efficiency_scale_v, dark_efold_v, afterpulsing_slope or crosstalk_slope"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_surface(self) -> Self:
-        surface = self.bias.efficiency_surface
-        if surface is not None:
-            curve = surface.curve_at(self.bias.reference_v)
-            own = self.efficiency(np.array(surface.wavelengths_nm))
-            if not np.allclose(own, curve["values"], rtol=0, atol=1e-6):
-                raise ValueError(
-                    "efficiency: is not that of bias.efficiency_surface at bias.reference_v "
-                    f"{self.bias.reference_v:g}; give that curve, or in a file none"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _check_telegraph(self) -> Self:
         if self.telegraph.is_on and not (self.dark_counts.is_on or self.measured.dark_counts):
             raise ValueError(
                 f"telegraph.share: {self.telegraph.share:g}, but there are no dark counts that "
                 "could switch; give dark_counts"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_stuck(self) -> Self:
-        if self.measured.stuck and self.counter.kind != "digital":
-            raise ValueError(
-                "measured.stuck: readings of an analog counter are not given by a count; remove "
-                "the map, or use a digital counter"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _check_cascade(self) -> Self:
         carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.most_fired
         if not self.dead_time.is_on and carriers + fired > MOST_OFFSPRING:
             raise ValueError(
@@ -164,7 +127,12 @@ class Sensor(PixelOptics, frozen=True):
         return self
 
     @model_validator(mode="after")
-    def _check_relative_maps(self) -> Self:
+    def _check_maps(self) -> Self:
+        if self.measured.stuck and self.counter.kind != "digital":
+            raise ValueError(
+                "measured.stuck: readings of an analog counter are not given by a count; remove "
+                "the map, or use a digital counter"
+            )
         for name in self.measured.relative:
             if getattr(self.measured, name) and not getattr(self, name).is_on:
                 raise ValueError(

@@ -43,9 +43,8 @@ from typing import Any, NamedTuple
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.validation import checked, merged
-from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import with_kernel
-from megalopta.sensor.optics.efficiency import with_curve, with_curves, with_surface
+from megalopta.sensor.optics.efficiency import with_curve, with_curves
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
 
@@ -144,28 +143,17 @@ def with_files(values: Mapping[str, Any], folder: Path | None) -> dict[str, Any]
 
     It is that of the file with these fields; None: they are the user's (`named_path`).
 
-    Maps get absolute paths and hashes; curves, a surface of efficiency and a kernel of crosstalk in
-    files become numbers.
+    Maps get absolute paths and hashes; curves and a kernel of crosstalk in files become
+    numbers.
     """
     resolved = dict(values)
     for name, resolve in (
         ("measured", with_hashes),
         ("efficiency", with_curve),
-        ("bias", with_surface),
         ("crosstalk", with_kernel),
         ("lens", with_curves("lens")),
         ("filters", with_curves("filters")),
     ):
         if name in resolved:
             resolved[name] = resolve(resolved[name], folder)
-    bias = resolved.get("bias")
-    if "efficiency" not in values and isinstance(bias, Mapping) and bias.get("efficiency_surface"):
-        if "reference_v" not in bias:
-            raise ValueError(
-                "bias.reference_v: missing next to efficiency_surface; state the bias at which "
-                "dark counts hold, whose curve becomes the efficiency"
-            )
-        own = checked(Bias, bias)
-        assert own.efficiency_surface is not None
-        resolved["efficiency"] = own.efficiency_surface.curve_at(own.reference_v)
     return resolved

@@ -30,8 +30,7 @@ from megalopta.sensor.spad.counter_moments import (
     tabulated_moments,
 )
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels
-from megalopta.sensor.spad.counts import count_moments
-from megalopta.sensor.spad.matched import fill_matched, reach_of_events
+from megalopta.sensor.spad.counts import count_moments, fill_matched, reach_of_events
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import lagrange
 
@@ -204,7 +203,7 @@ def event_law(
         non-paralyzable dead time          exact (`effects.nonparalyzable`)
         paralyzable dead time              exact (`_paralyzable`), to 3e-5 in exposures of half a
                                            dead time, 1e-9 from three on
-        anything else                      matched in mean and variance (`matched`)
+        anything else                      matched in mean and variance (`counts.fill_matched`)
 
     Parameters
     ----------

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import Surface
-from megalopta.assets_gen.bodies import ball, box
+from megalopta.assets_gen.bodies import ball, box, grow_rock
 from megalopta.assets_gen.plants.undergrowth import grow_log
-from megalopta.assets_gen.rocks import grow_rock
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.terrain import cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
@@ -29,14 +27,7 @@ def test_bodies_are_closed_face_outward_and_have_their_volume(body, volume):
     assert (np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles_center) > 0).all()
 
 
-def test_a_ball_s_normals_are_those_of_the_ellipsoid():
-    body = ball((2.0, 1.0, 0.5), 0.25)
-    gradient = body.vertices / np.array([1.0, 0.5, 0.25]) ** 2
-    gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
-    np.testing.assert_allclose(body.normals, gradient, atol=1e-12)
-
-
-SEEDS = range(6)
+SEEDS = range(3)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -62,18 +53,6 @@ def test_a_log_lies_on_the_ground_a_little_sunk(seed):
     middle = abs(x) < np.ptp(x) / 4
     assert -0.15 < z[middle].min() < 0
     assert ends.vertices[:, 2].max() > 0.1
-
-
-def triangle(normals=None):
-    return Surface(np.eye(3), np.array([[0, 1, 2]]), np.eye(3)[:, :2], normals)
-
-
-def test_meshes_carry_uv_and_given_normals():
-    normals = np.roll(np.eye(3), 1, axis=0)
-    mesh = triangle(normals).to_mesh()
-    assert mesh.metadata["smooth"] is True
-    np.testing.assert_array_equal(mesh.vertex_normals, normals)
-    np.testing.assert_array_equal(mesh.visual.uv, np.eye(3)[:, :2])
 
 
 PATH = np.stack([np.linspace(-1, 5, 13), np.zeros(13)], axis=-1)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.flow_covariance import node_covariance
 from megalopta.flow.likelihood import MostLikely
+from megalopta.flow.likely_flow import node_covariance
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (5, 3), (1, 4)])

@@ -12,11 +12,9 @@ import pytest
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import (
     read_flo,
-    read_flo5,
     read_flow,
     read_kitti_png,
     write_flo,
-    write_flo5,
     write_kitti_png,
 )
 
@@ -95,13 +93,6 @@ def test_kitti_png_calls_unknown_what_it_cannot_hold(flow, tmp_path):
     assert np.isnan(read_kitti_png(tmp_path / "f.png")).all(axis=-1).sum() == 2
 
 
-def test_flo5_is_hdf5_with_one_dataset(flow, tmp_path):
-    write_flo5(tmp_path / "f.flo5", flow)
-    with h5py.File(tmp_path / "f.flo5") as file:
-        np.testing.assert_array_equal(file["flow"][()], flow)
-    np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), flow)
-
-
 FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
 # what KITTI's steps of 1/64 px hold exactly
 FLOW = np.round(FLOW * 64).astype(np.float32) / 64
@@ -136,11 +127,6 @@ def test_every_format_gives_the_same_flow_and_its_holes(tmp_path, suffix):
     found = read_flow(tmp_path / f"a.{suffix}")
     assert found.dtype == np.float32
     np.testing.assert_array_equal(found, holed)
-
-
-def test_opencv_reads_the_same_flo(tmp_path):
-    write(tmp_path / "a.flo", FLOW)
-    np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
 
 
 def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path):

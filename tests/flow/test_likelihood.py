@@ -5,14 +5,10 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
 
 from megalopta.flow.likelihood import (
-    NODE_PX,
     MostLikely,
     evidence,
-    finer,
     level_of,
-    levels,
     root_noise,
-    suited_blur_px,
     without_defects,
 )
 
@@ -75,20 +71,6 @@ def test_aligned_frames_differ_by_their_noise():
     assert wrong.misfit > 2
 
 
-def test_levels_keep_all_photons_of_whole_bins():
-    counts = frames(5)[:, :48, :64]
-    sizes = [(level.roots.shape[1:], level.bins) for level in levels(counts)]
-    assert sizes == [((12, 16), 4), ((24, 32), 2), ((48, 64), 1)]
-
-
-def test_a_slope_known_at_nodes_is_that_slope_between_them():
-    y, x = np.mgrid[:5, :6].astype(float)
-    fine = finer(np.stack((2 * x, y - x)), (20, 24), NODE_PX)
-    pixel_y, pixel_x = (np.mgrid[:20, :24] + 0.5) / NODE_PX - 0.5
-    inside = np.s_[:, 2:-2, 2:-2]
-    np.testing.assert_allclose(fine[inside], np.stack((2 * pixel_x, pixel_y - pixel_x))[inside])
-
-
 def test_system_of_nodes_is_solved_as_a_dense_matrix_would_be():
     rng = np.random.default_rng(0)
     n, m = 3, 4
@@ -134,13 +116,6 @@ def test_roots_of_counts_have_a_quarter_of_what_smoothing_leaves():
     # ∫ of a squared Gaussian; sampling it at whole pixels changes 1e-6 at this width
     wide = root_noise(lambda image: gaussian_filter(image, 2.0))
     assert wide == pytest.approx(0.25 / (4 * np.pi * 2.0**2), rel=1e-3)
-
-
-def test_blur_goes_as_the_cubic_root_of_noise_over_texture():
-    assert suited_blur_px(np.array(1.0), 2) == pytest.approx(0.6)
-    np.testing.assert_allclose(suited_blur_px(np.array([8.0, 1.0]), 2), [0.3, 0.6])
-    np.testing.assert_allclose(suited_blur_px(np.array(1.0), 16), 0.3)
-    assert suited_blur_px(np.array(-0.1), 2) == suited_blur_px(np.array(0.0), 2)
 
 
 def test_a_hot_and_a_dead_pixel_are_replaced_and_a_moving_spot_is_not():

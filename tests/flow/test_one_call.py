@@ -46,13 +46,6 @@ def test_a_function_and_a_detector_stand_in_the_place_of_a_name(pair):
     )
 
 
-def test_binary_frames_and_lists_are_images(pair):
-    seen = pair > np.median(pair)
-    np.testing.assert_array_equal(
-        optical_flow(*seen, "DIS"), optical_flow(*(1 * seen).tolist(), "DIS")
-    )
-
-
 @pytest.mark.parametrize("name", sorted(set(METHODS) - set(ABLE)))
 def test_methods_without_a_velocity_are_refused_with_those_that_have_one(name, pair):
     with pytest.raises(ValueError, match=f"{name} measures no velocity: choose from BM, .*PPF$"):

@@ -90,10 +90,10 @@ READ: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
     "path.csv": (PATH,),
-    **dict.fromkeys(("curve.yaml", "surface.yaml"), (SENSOR, DESIGN)),
+    "curve.yaml": (SENSOR, DESIGN),
     "map.yaml": (SENSOR,),
     **{f"{name}": (SENSOR.replace("{file}", of),) for name, of in (
-        ("curve.csv", "curve.yaml"), ("surface.csv", "surface.yaml"), ("map.npy", "map.yaml"))},
+        ("curve.csv", "curve.yaml"), ("map.npy", "map.yaml"))},
     "reflectance.csv": (MATERIAL,),
     "species.yaml": (SPECIES.replace("{file}", "woods.yaml"),),
     "woods.yaml": (SPECIES,),
@@ -266,9 +266,6 @@ def write_texts(here):
     curve = "".join(f"{nm},{share}\n" for nm, share in points)
     (here / "curve.csv").write_text("wavelength_nm,efficiency\n" + curve)
     (here / "reflectance.csv").write_text(curve)
-    (here / "surface.csv").write_text(
-        "".join(f"{nm},{bias},{share}\n" for nm, share in points for bias in (1, 3))
-    )
     np.save(here / "map.npy", np.ones((12, 16)))
     small = yaml.safe_load(to_yaml(load("grating")))
     small["camera"] = {"width": 16, "height": 12}
@@ -280,9 +277,6 @@ def write_texts(here):
     texts = {
         "good": {"preset": "spadcam", "name": "mine"},
         "curve": {"preset": "ideal", "name": "mine", "efficiency": {"path": "curve.csv"}},
-        "surface": {
-            "preset": "ideal", "name": "mine", "bias": {"excess_v": 2.0, "reference_v": 2.0, "efficiency_surface": {"path": "surface.csv"}},
-        },
         "map": {"preset": "ideal", "name": "mine", "measured": {"dark_counts": {"path": "map.npy"}}},
         "species": {"rowan": {"like": "birch", "shape": {"height_m": 6}}},
         "woods": woods,

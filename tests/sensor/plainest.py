@@ -91,7 +91,7 @@ def brute_force_events(
         dead.dead_time_s * (dead.kind != "ideal") * pixels.dead_time,
         traps.mean_carriers * pixels.afterpulsing,
         pixels.crosstalk,
-        _chances(effects.crosstalk, *(layout or (1, size))),
+        chances(effects.crosstalk, *(layout or (1, size))),
         exposure_s,
         _run_up_s(effects),
         dead.kind == "paralyzable",
@@ -125,7 +125,8 @@ def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
     return _DEAD_TIMES_TO_FORGET * (dead.dead_time_s + dead.recharge_s) + forgotten
 
 
-def _chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
+def chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
+    """Return the probability that an avalanche of a pixel (row) fires another (column)."""
     y, x = np.indices((rows, columns)).reshape(2, -1)
     if talk.kernel:
         weights = np.array(talk.kernel)

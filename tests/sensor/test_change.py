@@ -1,6 +1,5 @@
 import pytest
 
-from megalopta.core.validation import merged
 from megalopta.sensor import DigitalCounter, changed, ctia_preset, preset
 
 
@@ -15,28 +14,9 @@ def test_another_kind_starts_afresh():
     assert changed(preset("spadcam"), counter={"kind": "digital"}).counter == DigitalCounter()
 
 
-def test_another_preset_starts_afresh():
-    base = {"scene": {"kind": "forest", "density_per_ha": 200}, "camera": {"width": 9}}
-    changes = {"scene": {"preset": "dense", "trees": 40}, "camera": {"height": 7}}
-    assert merged(base, changes) == {
-        "scene": {"kind": "forest", "preset": "dense", "trees": 40},
-        "camera": {"width": 9, "height": 7},
-    }
-
-
 def test_parts_and_sensors_that_integrate_change_alike():
     assert changed(preset("spadcam").bias, excess_v=1.3).excess_v == 1.3
     assert changed(ctia_preset("ctia_si"), bias={"kind": "fixed"}).bias.kind == "fixed"
-
-
-@pytest.mark.parametrize(
-    ("fields", "named"),
-    [({"fill_factor": 3.0}, "fill_factor"), ({"fil_factor": 0.3}, "fil_factor"),
-     ({"dead_time": {"dead_time_s": -1}}, "dead_time_s"), ({"lens": None}, "lens")],
-)  # fmt: skip
-def test_impossible_and_unknown_fields_are_refused(fields, named):
-    with pytest.raises(ValueError, match=named):
-        changed(preset("spadcam"), **fields)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, Jitter, changed, expose_events, preset
-from megalopta.sensor.event_stream import histogram
+from megalopta.sensor.quantities import histogram
 from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
 from megalopta.sensor.spad.simulation import simulate_frame
 
@@ -66,11 +66,3 @@ def test_events_of_the_same_time_stay_in_the_order_of_the_simulation():
     events = draw(rate[np.newaxis], sensor)
     np.testing.assert_array_equal(events.pixel, pixels[order])
     np.testing.assert_array_equal(events.time_s, times[order])
-
-
-def test_frames_have_the_same_events_drawn_alone_or_among_others():
-    whole, alone = draw(), draw(RATE[4:5], first_frame=4)
-    for name in ("frame", "time_s", "row", "column"):
-        part = getattr(whole, name)[whole.frame == 4]
-        assert part.tobytes() == getattr(alone, name).tobytes()
-    np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])

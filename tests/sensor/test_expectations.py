@@ -40,32 +40,6 @@ def test_digital_readings_of_poisson_events_are_the_plain_sums(arrivals, overflo
     np.testing.assert_allclose(np.ravel(stated(sensor, arrivals)), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_far_from_its_capacity_a_counter_reads_the_events():
-    sensor = changed(IDEAL, counter=DigitalCounter(capacity=65535))
-    rate = np.geomspace(1e-3, 1e4, 50)[None, None]
-    np.testing.assert_array_equal(reading_moments(rate, sensor), event_moments(rate, sensor))
-
-
-def test_wrapping_many_times_leaves_any_count_as_likely():
-    sensor = changed(IDEAL, counter=DigitalCounter(capacity=15, overflow="wrap"))
-    mean, variance = stated(sensor, 1e6)
-    assert (mean[0], variance[0]) == (7.5, 255 / 12)
-
-
-def test_large_wrapped_counts_lose_whole_turns_and_keep_their_variance():
-    sensor = changed(IDEAL, counter=DigitalCounter(capacity=65535, overflow="wrap"))
-    mean, variance = stated(sensor, 1.5 * 65536)
-    assert mean[0] == pytest.approx(65536 / 2)
-    assert variance[0] == pytest.approx(1.5 * 65536)
-
-
-def test_full_counters_do_not_vary():
-    sensor = changed(preset("spadcam"), counter={"read_noise_v": 0.0})
-    mean, variance = reading_moments(np.full((1, 8, 8), 2e4), sensor)
-    assert np.all((mean >= 318) & (mean <= 320))
-    assert variance.max() < 1e-9
-
-
 @pytest.mark.parametrize("noise", [0.1, 0.5, 3.0])
 def test_noise_of_an_empty_analog_counter_is_cut_at_zero(noise):
     counter = AnalogCounter(step_v=10e-3, read_noise_v=10e-3 * noise)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import DeadTime, changed, expose_events, expose_rate, preset, sub_frames
-from megalopta.sensor.event_stream import histogram
+from megalopta.sensor.quantities import histogram
 
 IDEAL = changed(preset("ideal"), exposure_s=1.0)
 
@@ -37,12 +37,6 @@ def test_what_is_hidden_in_the_next_frame_is_looked_up_in_the_one_before():
     found = sub_frames(frames, np.zeros((1, 6, 8, 2)), 1, hidden)[0, 0]
     np.testing.assert_array_equal(found[:, :4], 1)
     np.testing.assert_array_equal(found[:, 4:], 5)
-
-
-def test_undefined_flow_leaves_the_light_where_it_is():
-    frames = np.stack((wave((0, 0)), wave((0, 0))))
-    found = sub_frames(frames, np.full((1, 48, 64, 2), np.nan), 2)
-    np.testing.assert_allclose(found[0, 1], frames[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("flow", [(1, 48, 64), (2, 48, 64, 2), (1, 48, 60, 2)])

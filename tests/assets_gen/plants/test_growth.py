@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen import TEXTURES, join
-from megalopta.assets_gen.plants.bark import TILE_M
+from megalopta.assets_gen.plants.bark import CARVED_M, TILE_M, Furrows
 from megalopta.assets_gen.plants.foliage import blades, place_leaves
-from megalopta.assets_gen.plants.furrows import CARVED_M, Furrows
 from megalopta.assets_gen.plants.growth import grow_axes, grow_plant
-from megalopta.assets_gen.plants.skeleton import axes, pipe_areas, pipe_radii
-from megalopta.assets_gen.plants.tube import rotation_minimizing_frames, swept_tube
+from megalopta.assets_gen.plants.skeleton import (
+    axes,
+    pipe_areas,
+    pipe_radii,
+    rotation_minimizing_frames,
+    swept_tube,
+)
 from megalopta.assets_gen.plants.undergrowth import (
     grow_bilberry,
     grow_fern,
@@ -56,24 +60,6 @@ def test_wood_is_a_tenth_to_a_third_of_a_tree_s_area(kind, plant):
     # Half of its surface; stands, whose trees lose some leaves, are held to field values elsewhere.
     wood = plant.wood.area / 2
     assert kind not in TREES or 0.05 < wood / (wood + plant.leaves.area) < 1 / 3
-
-
-def test_a_fuller_plant_has_more_leaves_on_the_same_wood(kind, plant):
-    full = grow_plant(WOODY[kind], np.random.default_rng(0), 2.0)
-    assert np.array_equal(full.wood.vertices, plant.wood.vertices)
-    assert full.leaves.area == pytest.approx(2 * plant.leaves.area, rel=0.3)
-
-
-def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_stand_for(plant):
-    nodes = axes(plant.branching.skeleton, plant.radii_m)
-    for axis, tube in zip(nodes, plant.tubes, strict=True):
-        points, radii = plant.branching.skeleton.positions[axis], plant.radii_m[axis]
-        if len(axis) == 2 and plant.branching.skeleton.parents[axis[0]] >= 0:
-            sides = (len(tube.vertices) - 1) - 1
-            ring = tube.vertices[:sides] - points[0]
-            around = np.linalg.norm(np.diff(ring, axis=0, append=ring[:1]), axis=1).sum()
-            # Cauchy: the mean width of a convex outline is its circumference over pi
-            assert around / np.pi == pytest.approx(2 * radii[1], rel=1e-9)
 
 
 DISUSED = 0.3
@@ -143,14 +129,6 @@ def test_volume_is_that_of_a_prism_and_a_pyramid():
     volume = welded(tube(np.outer([0, 1, 2, 3.5], [0, 0, 1.0]), radius, sides)).volume
     section = sides / 2 * radius**2 * np.sin(2 * np.pi / sides)
     assert volume == pytest.approx(section * (2 + 1.5 / 3), rel=1e-12)
-
-
-def test_texture_runs_along_the_tube_at_constant_scale():
-    axis = helix(0.5, 30)
-    surface = tube(axis, 0.1, whole_tiles=False)
-    length = np.linalg.norm(np.diff(axis, axis=0), axis=1).sum()
-    assert np.ptp(surface.uv[:, 1]) * TILE_M[1] == pytest.approx(length, rel=1e-12)
-    assert np.ptp(surface.uv[:, 0]) * TILE_M[0] == pytest.approx(2 * np.pi * 0.1, rel=1e-12)
 
 
 AXES = np.random.default_rng(3).normal(0, 1, (40, 3, 3))
@@ -259,11 +237,3 @@ def test_small_plants_have_their_size_and_stand_on_the_ground(name):
         assert -0.1 < z.min() < 0.15 and tallest / 4 < z.max() < tallest
         assert np.hypot(*surface.vertices[:, :2].T).max() < half
         assert len(surface.faces) <= triangles
-
-
-def test_merged_blades_of_grass_cover_as_much_with_fewer_triangles():
-    tufts = [[grow_grass(np.random.default_rng(n), merged) for n in range(40)] for merged in (1, 4)]
-    fine, coarse = (sum(tuft.area for tuft in row) for row in tufts)
-    # mean of 280 coarse blades, whose lengths scatter by a quarter
-    assert coarse == pytest.approx(fine, rel=0.1)
-    assert len(tufts[1][0].faces) * 4 == len(tufts[0][0].faces)

@@ -38,12 +38,13 @@ def test_an_edge_of_the_motion_stays_where_it_is():
     assert np.median(flow[8:-8, 48:-8, 0]) == pytest.approx(-1.5, abs=0.1)
 
 
+@pytest.mark.slow
 def test_variance_of_one_velocity_for_all_is_near_the_bound():
     """Stiff as a board, the flow is one velocity of all pixels; two noisy frames: var ≥ 2/J."""
-    clean, flux = light((1.2, 0.4), shape=(48, 48)), 20
+    clean, flux = light((1.2, 0.4), shape=(32, 32)), 20
     stiff = PoissonFlow(smoothness=1e4)
     found = [stiff.dense(*draw(clean, flux, seed)).mean(axis=(0, 1)) for seed in range(24)]
-    information = fisher_information(flux * clean[0], BlockGrid((48, 48), 48))[0, 0]
+    information = fisher_information(flux * clean[0], BlockGrid((32, 32), 32))[0, 0]
     bound = 2 * np.linalg.inv(information)
     # 48 squares over their mean scatter by 20 %; five standard deviations below and above
     ratio = np.mean((np.array(found) - (1.2, 0.4)) ** 2, axis=0) / np.diag(bound)
@@ -89,7 +90,7 @@ def test_a_small_motion_of_a_periodic_texture_is_not_taken_for_a_large_one():
 
 def test_light_without_shot_noise_gives_no_smoother_flow():
     """What frames differ by is not shot noise then; a prior that grew on would blur the flow."""
-    clip = leaves_clip(2001, (96, 96))
+    clip = leaves_clip(2001, (64, 64))
     dim, bright = (
         np.median(np.abs(PoissonFlow().dense(*np.rint(flux * clip.light[:2])) - clip.flow))
         for flux in (1e4, 1e8)
@@ -119,12 +120,6 @@ def test_errors_are_within_their_ellipses(flux):
     assert (squares < 4.605).mean() == pytest.approx(0.9, abs=0.1)
 
 
-def test_darkness_has_neither_flow_nor_covariance():
-    flow, covariance = PoissonFlow().dense_with_covariance(*np.zeros((2, 40, 40), np.uint16))
-    assert np.isnan(flow).all()
-    assert np.isnan(covariance).all()
-
-
 @pytest.mark.parametrize("dark", [0, 1])
 def test_a_dark_frame_next_to_a_bright_one_has_no_flow(dark):
     counts = draw(light(shape=(40, 40)), 10)
@@ -141,21 +136,3 @@ def test_fast_flow_is_nearer_to_the_truth_in_dim_light_than_its_start(flux):
     start = method("DIS").model_copy(update={"stretch": "anscombe", "blur_px": 0.7})
     counts = draw(light(shape=LARGE), flux)
     assert off(FastPoissonFlow().dense(*counts)) < 0.9 * off(start.dense(*counts))
-
-
-def test_bright_light_tells_fast_flow_the_motion_within_some_hundredths():
-    assert off(FastPoissonFlow().dense(*draw(light(shape=LARGE), 1000))) < 0.07
-
-
-def test_odd_sides_of_fast_flow_keep_their_places():
-    whole, cut = (
-        FastPoissonFlow().dense(*draw(light(shape=shape), 300)) for shape in (LARGE, (95, 127))
-    )
-    assert cut.shape == (95, 127, 2)
-    assert off(cut) < 2 * off(whole) + 0.02
-
-
-def test_darkness_has_no_fast_flow_and_small_frames_are_refused():
-    assert np.isnan(FastPoissonFlow().dense(*np.zeros((2, 40, 40), np.uint16))).all()
-    with pytest.raises(ValueError, match="11 × 40 px: PF-fast needs at least 12 px"):
-        FastPoissonFlow().dense(*np.ones((2, 11, 40), np.uint16))

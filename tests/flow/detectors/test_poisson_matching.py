@@ -1,15 +1,12 @@
 """Poisson matching of two and of eight frames on textures whose motion is known; its smoothing, costs."""
 
-import math
-
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.burst_alignment import BurstAlignment
 from megalopta.flow.detectors.poisson_matching import (
-    BLURS_PX,
     Patches,
     PoissonMatching,
     PooledMatching,
@@ -18,10 +15,6 @@ from megalopta.flow.detectors.poisson_matching import (
     add_up_pairs,
     agreed_velocities,
     aligned,
-    block_moments,
-    blur_levels,
-    least_cost,
-    pair_weight,
     parabola_minimum,
 )
 
@@ -65,48 +58,6 @@ def test_pooling_starts_with_the_frames_there_are(leaves):
     assert PooledMatching().respond(counts).shape == PoissonMatching().respond(counts).shape
 
 
-def moments(dispersion, pixels=1000.0, mean=2.0):
-    """Sums of counts whose variance is `dispersion` times their mean."""
-    return np.array([pixels, pixels * mean, pixels * (dispersion * mean + mean**2)])
-
-
-def level(dispersion, frames):
-    return int(blur_levels(moments(dispersion), frames))
-
-
-def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
-    counts = np.random.default_rng(1).poisson(3, (50, 64)).astype(np.float32)
-    sums = block_moments(counts, block_grid((50, 64), 15), 4)
-    assert sums.shape == (3, 3, 4)
-    corner, middle = counts[:21, :21].astype(float), counts[13:36, 13:36].astype(float)
-    for block, cut in (((0, 0), corner), ((1, 1), middle)):
-        expected = (cut.size, cut.sum(), (cut**2).sum())
-        np.testing.assert_allclose(sums[:, block[0], block[1]], expected)
-
-
-def test_blur_falls_as_texture_rises_over_shot_noise():
-    levels = [level(1 + q, 2) for q in (0.0, 0.03, 0.08, 0.25, 1.0, 100.0)]
-    assert [BLURS_PX[level] for level in levels] == [2.0, 2.0, 1.4, 1.0, 0.7, 0.7]
-
-
-@pytest.mark.parametrize("sums", [[100.0, 0.0, 0.0], [100.0, 200.0, 600.0]])
-def test_darkness_and_pure_shot_noise_get_the_widest_blur(sums):
-    assert blur_levels(np.array(sums), 2) == len(BLURS_PX) - 1
-
-
-@pytest.mark.parametrize("level", range(len(BLURS_PX)))
-def test_plain_areas_weigh_a_fifth_and_strong_edges_about_one(level):
-    counts = np.random.default_rng(level).poisson(20, (120, 240)).astype(np.uint32)
-    counts[:, 120:] *= np.tile([1, 40], 60).astype(np.uint32)[:, np.newaxis]
-    counts[:, 120:] = counts[:, 120:].repeat(8, axis=0)[:120]
-    weights = SmoothedFrame(counts).weights(level)
-    # A neighborhood holds 20 to 100 independent values of the noise, so its variance is off by
-    # tens of percent, half of them below; what is above counts as texture.
-    assert np.median(weights[:, :90]) < 0.3
-    assert weights[20:-20, 150:-20].min() > 0.95
-    assert 0.2 <= weights.min() <= weights.max() <= 1
-
-
 def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
     rng = np.random.default_rng(0)
     first, second, weights = rng.random((3, 30, 34), np.float32)
@@ -144,17 +95,6 @@ def tilted(x, y):
 )
 def test_minimum_of_a_parabola_is_exact_where_there_is_one(costs, place):
     np.testing.assert_allclose(parabola_minimum(costs[np.newaxis])[0], place, atol=1e-12)
-
-
-def test_least_of_all_costs_is_found_in_whole_pixels():
-    costs = np.random.default_rng(3).random((4, 7, 7))
-    costs[:, 0] = np.inf
-    costs[2, 6, 1] = -1
-    shifts, exist = least_cost(costs)
-    np.testing.assert_array_equal(shifts[2], (-2, 3))
-    assert exist.all()
-    for value in (0.0, np.inf):
-        assert not least_cost(np.full((1, 5, 5), value))[1].any()
 
 
 PATCHES = block_grid((76, 76), 24)
@@ -205,15 +145,6 @@ def test_score_is_the_weighted_power_of_the_sum_of_aligned_frames():
         assert scores[14 + 2 * y, 14 + 2 * x] == pytest.approx(expected, abs=1e-4 * scale)
 
 
-def test_weight_is_that_of_wiener_where_texture_is_strong_and_of_correlation_where_it_is_weak():
-    strong = pair_weight(64, 1e9, 2.0, 8)
-    np.testing.assert_allclose(strong, 1 / (8 * 2.0), rtol=1e-3)
-    weak = pair_weight(64, 1e-9, 2.0, 8)
-    omega = 2 * math.pi * np.fft.rfftfreq(64)
-    expected = ((omega[6] ** 2 + 0.02) / (omega[13] ** 2 + 0.02)) ** 1.3
-    assert weak[0, 13] / weak[0, 6] == pytest.approx(expected, rel=1e-5)  # of single precision
-
-
 @pytest.mark.parametrize("seen_in", [0, 1])
 def test_what_fewer_than_two_frames_show_has_no_velocity(seen_in):
     frames = np.zeros((8, 76, 76))
@@ -258,13 +189,6 @@ def test_whole_shifts_beyond_the_search_of_one_level_are_exact():
     frames = drifting_texture((-7.0, 4.0), 4, (144, 144), blur_px=3.0)
     found = BurstAlignment(frames=4, block_px=24).respond(1e4 * (3 + frames))[-1, 1:-1, 1:-1]
     np.testing.assert_allclose(found, np.broadcast_to((-7, 4), found.shape), atol=0.05)
-
-
-def test_fractions_of_a_pixel_are_told_on_smooth_texture():
-    frames = 1e4 * (3 + drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
-    newest = BurstAlignment(block_px=16).respond(frames)[-1, 1:-1, 1:-1]
-    # a parabola through absolute differences is off by less than 0.1 px over four frames
-    np.testing.assert_allclose(newest.mean(axis=(0, 1)), (0.6, -0.3), atol=0.03)
 
 
 def test_burst_alignment_does_not_depend_on_the_zero_of_gray_levels():

@@ -14,7 +14,7 @@ DETECTORS = [pytest.param(detector, id=name) for name, detector in METHODS.items
 VELOCITY = [name for name, detector in METHODS.items() if detector.gives == "velocity"]
 
 
-def counts(shape=(7, 30, 40), mean=4.0):
+def counts(shape=(4, 30, 40), mean=4.0):
     return np.random.default_rng(0).poisson(mean, shape).astype(np.uint16)
 
 
@@ -24,22 +24,16 @@ def test_registry_holds_the_methods_under_their_names():
     assert all(name == detector.name for name, detector in METHODS.items())
 
 
-def test_method_is_found_in_any_case():
-    assert method("nds") is METHODS["NDS"]
-    with pytest.raises(ValueError, match=r"'lucas' is unknown: choose from BM, IIA, EMD"):
-        method("lucas")
-
-
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_response_has_the_documented_shape(detector):
     frames = counts()
     responses = detector.respond(frames)
     np.testing.assert_array_equal(frames, counts())  # they are left as they are
     if detector.gives == "response":
-        assert responses.shape == (7, 30, 40)
+        assert responses.shape == (4, 30, 40)
     else:
         grid = detector.grid((30, 40))
-        assert responses.shape == (6, grid.rows, grid.columns, 2)
+        assert responses.shape == (3, grid.rows, grid.columns, 2)
     assert responses.dtype == np.float64
 
 
@@ -48,7 +42,7 @@ def test_response_does_not_depend_on_the_cutting_into_chunks(detector):
     frames = counts()
     whole = detector.respond(frames, 0.25)
     respond = detector.start((30, 40))
-    parts = [respond(each, 0.25) for each in np.split(frames, [3, 6])]
+    parts = [respond(each, 0.25) for each in np.split(frames, [1, 3])]
     np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 

@@ -57,16 +57,6 @@ def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
         np.testing.assert_allclose(averaged[0, i, j], expected, rtol=1e-9)
 
 
-def test_blocks_with_too_few_known_pixels_have_no_truth():
-    flow, hidden = uniform((1, 0), (60, 60), 1), np.zeros((1, 60, 60), bool)
-    flow[0, :6, :6][:4] = np.nan  # two thirds of the first block
-    hidden[0, 6:12, :6][:, :4] = True  # and of the one below it
-    truth = block_flow(flow, block_grid((60, 60)), hidden)
-    assert np.isnan(truth[0, :2, 0]).all()
-    assert not np.isnan(truth[0, 2:]).any()
-    assert not np.isnan(block_flow(flow, block_grid((60, 60)), hidden, 0.3)).any()
-
-
 def test_angular_error_is_measured_in_space_and_time():
     # (1, 0, 1) and (0, 1, 1) enclose 60°.
     error = truth_error(np.tile((1.0, 0.0), (1, 3, 3, 1)), np.tile((0.0, 1.0), (1, 3, 3, 1)))
@@ -85,15 +75,6 @@ def test_bias_spread_and_outliers_are_those_of_the_differences():
     assert error.spread_px == pytest.approx(tuple(inside.std(axis=0)))
     assert error.endpoint_error_median_px == pytest.approx(np.median(lengths))
     assert error.outlier_fraction == pytest.approx(np.mean(lengths > 0.25 * math.sqrt(5)))
-
-
-def test_missing_velocities_are_outliers_but_have_no_length():
-    truth = np.tile((2.0, 0.0), (1, 4, 4, 1))
-    velocities = truth.copy()
-    velocities[0, 1, 1] = np.nan
-    error = truth_error(velocities, truth)
-    assert (error.missing_fraction, error.outlier_fraction) == (0.25, 0.25)
-    assert error.endpoint_error_px == 0
 
 
 def test_without_any_known_block_the_error_is_undefined_and_still_json():
@@ -130,27 +111,6 @@ def test_groups_share_all_blocks_and_all_errors():
         assert sum(group.blocks for group in groups) == whole.blocks == 4 * 8 * 10 - 1
         total = sum(group.blocks * group.endpoint_error_px for group in groups)
         assert total == pytest.approx(whole.blocks * whole.endpoint_error_px)
-
-
-@pytest.mark.parametrize(
-    ("speed", "name"), [(0.49, "slow"), (0.5, "medium"), (1.99, "medium"), (2.0, "fast")]
-)
-def test_speed_decides_whatever_the_direction(speed, name):
-    truth = np.broadcast_to([0.0, -speed], (1, 5, 5, 2))
-    splits = truth_splits(truth, truth, np.zeros((1, 5, 5)))
-    assert [each for each in ("slow", "medium", "fast") if splits[each].blocks] == [name]
-
-
-def test_error_of_occluded_blocks_is_theirs_alone():
-    truth = np.ones((1, 5, 5, 2))
-    hidden = np.zeros((1, 5, 5))
-    hidden[0, 2, 2], hidden[0, 1, 1] = 0.1, 0.09
-    answer = truth.copy()
-    answer[0, 2, 2, 0] += 3
-    splits = truth_splits(answer, truth, hidden)
-    assert splits["clear"].endpoint_error_px == 0
-    assert splits["occlusion"].endpoint_error_px == 3
-    assert splits["occlusion"].blocks == 1
 
 
 def test_share_of_a_block_is_the_mean_of_the_mask_over_it():

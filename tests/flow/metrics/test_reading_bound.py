@@ -5,11 +5,15 @@ import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.metrics.reading_bound import blurred_by_motion, reading_slopes
-from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
+from megalopta.flow.metrics.translation_bound import (
+    blurred_by_motion,
+    cramer_rao_covariance,
+    fisher_information,
+    reading_slopes,
+)
 from megalopta.sensor import changed, expose_rate, preset, reading_moments
 
-SIDE, PAIRS = 32, 1500
+SIDE, PAIRS = 32, 1000
 GRID = BlockGrid((SIDE, SIDE), SIDE)
 MARGIN = 8
 
@@ -66,13 +70,19 @@ def estimates(counts, means, weights, lattice):
     return np.stack([xy * gy - yy * gx, xy * gx - xx * gy], axis=1) / determinant[:, np.newaxis]
 
 
-@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name == "crosstalk"), id=name)
+        for name in SETTINGS
+    ],
+)
 def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     """Weighted least squares with the true mean of every displacement, on two frames.
 
     Standard errors are 0.01 to 0.1 px, far below the 2 px of the texture: there the bound can be
-    reached. A variance from 1500 pairs scatters by 3.7 %; 20 % is more than five times that (false
-    alarm below 1e-7) with 1 % for the curvature of the likelihood.
+    reached. A variance from 1000 pairs scatters by 4.5 %; 24 % is five times that (false alarm
+    below 1e-6) with 1 % for the curvature of the likelihood.
     """
     sensor, rate_hz, blur_px = SETTINGS[name]
     light = rate_hz * periodically_blurred(texture(), blur_px)
@@ -88,7 +98,7 @@ def test_estimates_from_drawn_counts_scatter_as_the_bound_says(name):
     counts = drawn.counts.reshape(2 * PAIRS, -1).astype(float)
     first, second = estimates(counts, means, 1 / variance, lattice).reshape(2, PAIRS, 2)
     measured = np.cov((second - first).T)
-    assert np.diag(measured) == pytest.approx(np.diag(predicted), rel=0.2)
+    assert np.diag(measured) == pytest.approx(np.diag(predicted), rel=0.24)
 
 
 def test_photons_alone_have_the_fisher_information_of_poisson():

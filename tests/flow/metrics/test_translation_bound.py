@@ -2,18 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
 
 from megalopta.assets_gen import generator
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.translation_bound import (
-    bound_photons,
-    confined_velocities,
     cramer_rao_covariance,
     fisher_information,
     median_endpoint_error,
-    photons_for_half,
     texture_spectrum,
     unknown_texture_information,
     unknown_texture_photons,
@@ -96,19 +91,6 @@ def test_median_length_of_normal_errors_has_its_closed_forms():
     assert median_endpoint_error(np.diag([4.0, 0.0])) == pytest.approx(2 * 0.6745, rel=0.01)
 
 
-def test_median_length_pools_blocks_as_draws_of_all_of_them_do():
-    roots = (
-        np.random.default_rng(2).normal(size=(5, 2, 2))
-        * np.array([0.1, 0.5, 1, 2, 5])[:, np.newaxis, np.newaxis]
-    )
-    draws = np.random.default_rng(3).normal(size=(200_000, 5, 2))
-    lengths = np.linalg.norm(np.einsum("kij,nkj->nki", roots, draws), axis=-1)
-    # the median of 1e6 lengths: 0.5/√1e6 in probability, five of those are below 1 % in length
-    assert median_endpoint_error(roots @ roots.transpose(0, 2, 1)) == pytest.approx(
-        np.median(lengths), rel=0.01
-    )
-
-
 def test_negative_means_are_refused():
     with pytest.raises(ValueError, match="negative or non-finite"):
         fisher_information(np.full((72, 72), -1.0), GRID)
@@ -169,106 +151,3 @@ def test_photons_give_the_error_asked_for():
     # the share of 2e5 draws has a standard error of 0.11 %
     share = np.mean(np.hypot(*draws.T) < 0.25 * speed)
     assert share == pytest.approx(0.5, abs=0.006)
-
-
-def test_noise_of_nothing_is_refused():
-    with pytest.raises(ValueError, match=r"noise 0: give the variance"):
-        unknown_texture_information(np.ones((4, 4)), 0.0, 16)
-
-
-VELOCITY = [
-    pytest.param(detector, id=name)
-    for name, detector in METHODS.items()
-    if detector.gives == "velocity"
-]
-GRID = block_grid((72, 72), 24)
-
-
-@pytest.mark.parametrize("detector", VELOCITY)
-def test_nothing_outside_of_a_block_and_its_margin_is_seen(detector):
-    rng = np.random.default_rng(0)
-    counts = rng.poisson(4, (8, 72, 72)).astype(np.uint16)
-    elsewhere = rng.poisson(40, counts.shape).astype(np.uint16)
-    elsewhere[:, 17:55, 17:55] = counts[:, 17:55, 17:55]
-    velocities = [confined_velocities(detector, each, GRID, 7) for each in (counts, elsewhere)]
-    assert velocities[0].shape == (1, 1, 2)
-    np.testing.assert_array_equal(*velocities)
-
-
-def test_search_reaches_to_the_end_of_the_margin_and_no_further():
-    image = np.random.default_rng(1).poisson(50, (72, 90)).astype(np.uint16)
-    for step, found in ((7, True), (8, False)):
-        frames = np.stack([image[:, 10 : 10 + 72], image[:, 10 - step : 10 - step + 72]])
-        velocity = confined_velocities(METHODS["BM"], frames, GRID, 7)[0, 0]
-        assert np.array_equal(velocity, (step, 0)) == found
-
-
-@pytest.mark.parametrize("margin", [0, 25])
-def test_margin_that_leaves_no_room_is_refused(margin):
-    with pytest.raises(ValueError, match=f"margin_px {margin}: give 1 to 24"):
-        confined_velocities(METHODS["BM"], np.ones((2, 72, 72)), GRID, margin)
-
-
-FLUXES = tuple(10 ** np.linspace(3, 7, 13))
-
-
-@pytest.mark.parametrize("exact", [1.7e3, 5e4, 3.5e5, 4.6e6])
-def test_flux_at_which_half_are_good_is_found_with_few_fluxes(exact):
-    # One block after the other becomes good, at fluxes of normal logs: the steepest share that a
-    # method shows is about this one. Its bend between the fluxes tried is worth 3 %.
-    needs = exact * np.exp(ndtri((np.arange(2000) + 0.5) / 2000))
-    tried = []
-
-    def is_good(flux):
-        tried.append(flux)
-        return needs < flux
-
-    needed = photons_for_half(is_good, FLUXES)
-    assert needed.photons == pytest.approx(exact, rel=0.03)
-    assert needed.low < needed.photons < needed.high
-    assert len(set(tried)) == len(tried) <= 6
-
-
-def test_interval_is_that_of_groups_whose_blocks_are_alike():
-    # twenty blocks with one need, in each of forty groups: as if there were forty blocks
-    rng = np.random.default_rng(0)
-    widths = {}
-    for copies in (1, 20):
-        found = []
-        for _ in range(60):
-            needs = 5e4 * np.exp(1.5 * rng.standard_normal((40, 1))) * np.ones(copies)
-            found.append(photons_for_half(lambda flux, needs=needs: needs < flux, FLUXES))
-        widths[copies] = np.mean([np.log(each.high / each.low) for each in found])
-    # a width scatters by 20 %: the mean of sixty by 2.6 %, a quotient by 3.7 %
-    assert widths[20] == pytest.approx(widths[1], rel=0.2)
-
-
-def test_shares_on_one_side_of_half_have_no_crossing():
-    for good, flux in ((False, np.inf), (True, 0)):
-        found = photons_for_half(lambda _, good=good: np.full(9, good), FLUXES)
-        assert found == (flux, flux, flux)
-
-
-@pytest.mark.parametrize("groups", [3, 8])
-def test_95_of_100_intervals_of_few_groups_hold_the_flux(groups):
-    """Of textures whose needs differ by a factor of 1.6 (5 σ)."""
-    rng, held, runs = np.random.default_rng(0), 0, 200
-    for _ in range(runs):
-        logs = 0.5 * rng.standard_normal((groups, 1)) + rng.standard_normal((groups, 64))
-        needs = 5e4 * np.exp(logs)
-        _, low, high = photons_for_half(lambda flux, needs=needs: needs < flux, FLUXES)
-        held += low <= 5e4 <= high
-    assert held > runs * 0.95 - 5 * np.sqrt(runs * 0.95 * 0.05)
-
-
-def test_one_group_tells_nothing_about_the_others():
-    needs = 5e4 * np.exp(np.random.default_rng(0).standard_normal((1, 64)))
-    found = photons_for_half(lambda flux: needs < flux, FLUXES)
-    assert found[1:] == (0, np.inf)
-    assert found.photons == pytest.approx(5e4, rel=0.5)
-
-
-def test_bound_of_isotropic_errors_has_its_closed_form():
-    covariance = 9.0 * np.eye(2)
-    flux = bound_photons(covariance, speed=2.0, level=0.25)
-    assert 3 * np.sqrt(2 * np.log(2) / flux) == pytest.approx(0.5)

@@ -18,7 +18,7 @@ from megalopta.benchmark.design import (
 )
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
-from megalopta.flow.metrics.reading_bound import reading_slopes
+from megalopta.flow.metrics.translation_bound import reading_slopes
 from megalopta.scenes import PerspectiveCamera
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous

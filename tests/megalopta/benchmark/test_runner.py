@@ -9,7 +9,7 @@ import pytest
 from megalopta.benchmark import runner as engine
 from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
-from megalopta.flow.benchmark.settings import SearchSettings
+from megalopta.flow.benchmark import SearchSettings
 
 from ..small import counting
 

@@ -11,7 +11,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.formats.recorded_frames import tiff_writer
 from megalopta.stages.run import run_stage
 
 from ..small import small

@@ -14,7 +14,7 @@ from megalopta.sensor.calibrate.counting import calibrate_counts
 from megalopta.sensor.calibrate.sums import summed
 from megalopta.sensor.calibrate.telegraph import correlation
 from megalopta.sensor.effects.crosstalk import neighborhoods
-from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.formats.recorded_frames import tiff_writer
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (12, 16)

@@ -17,7 +17,7 @@ from megalopta.sensor import (
     write_events_hdf5,
     write_events_npz,
 )
-from megalopta.sensor.event_stream import histogram
+from megalopta.sensor.quantities import histogram
 
 from ..recordings import write_recording
 

@@ -12,8 +12,8 @@ from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
 from megalopta.sensor import sub_frames
-from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.formats.reading import read_events, read_frames
+from megalopta.sensor.quantities import histogram
 from megalopta.stages.sense import open_exposure, sense
 
 from ..small import made, small

@@ -35,20 +35,7 @@ def by_solver(pixel, light, times):
     return solve_ivp(slope, (0, times[-1]), [0.0], t_eval=times, **method).y[0]
 
 
-@pytest.mark.parametrize("gain_db", [20, 40, 70, 130])
-@pytest.mark.parametrize("light", [0.0, 1e-12])
-def test_linear_diode_follows_its_closed_form(gain_db, light):
-    one = pixel(SHUNT, gain_db)
-    rate = 1 / (one.gain * 588e3 * FARAD)
-    first = (1e-3 / 588e3 + light) / FARAD
-    end = np.log1p(SWING * rate / first) / rate
-    times = np.linspace(0, end, 9)
-    exact = first * np.expm1(rate * times) / rate
-    # 3.5 e-folds at 20 dB, where 64 steps of Runge-Kutta leave 4e-6 of the swing
-    np.testing.assert_allclose(discharge(one, light, times), exact, atol=1.5e-5)
-
-
-@pytest.mark.parametrize("gain_db", [40, 60, 90, 130])
+@pytest.mark.parametrize("gain_db", [40, 130])
 @pytest.mark.parametrize("light", [0.0, 3e-12])
 @pytest.mark.parametrize("drift", [0.0, 1e-2])
 @pytest.mark.parametrize("diode", [IDEAL, BOTH])
@@ -114,20 +101,6 @@ def test_drift_frees_a_forward_biased_pixel_when_it_crosses_zero(diode):
 
 def test_estimate_is_the_current_itself_when_it_is_constant():
     assert estimate_current(pixel(NONE), 2e-12) == pytest.approx(2e-12, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_pixels_computed_together_equal_pixels_computed_alone():
-    rng = np.random.default_rng(0)
-    biases, light = rng.uniform(-1e-3, 20e-3, 50), rng.uniform(0, 1e-12, 50)
-    for diode in (IDEAL, BOTH):
-        together = pixel(diode, bias_v=biases)
-        for function, last in ((discharge, 1e-3), (discharge_time, 1.0)):
-            alone = [
-                function(pixel(diode, bias_v=bias), one, last)
-                for bias, one in zip(biases, light, strict=True)
-            ]
-            np.testing.assert_array_equal(function(together, light, last), alone)
 
 
 def test_impossible_requests_are_refused():

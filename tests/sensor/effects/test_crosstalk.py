@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import load_sensor
-from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhoods, spread, variance
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhoods, variance
+
+from ..plainest import chances
 
 KERNELS = [
     {},
@@ -13,42 +14,9 @@ KERNELS = [
 ]
 
 
-def matrix_of(talk, shape, strength=None):
-    """C_ij, written out by distance, or pixel by pixel."""
-    y, x = np.indices(shape).reshape(2, -1)
-    if talk.kernel:
-        return matrix_of_kernel(talk, y, x, strength)
-    down, right = np.abs(y[:, None] - y), np.abs(x[:, None] - x)
-    shares = {
-        (0, 1): 1,
-        (1, 1): talk.diagonal,
-        (0, 2): talk.distance_two,
-        (0, 3): talk.distance_three,
-    }
-    matrix = sum(
-        share * ((np.minimum(down, right) == near) & (np.maximum(down, right) == far))
-        for (near, far), share in shares.items()
-    )
-    matrix = matrix * talk.mean_fired_neighbors / (4 * sum(shares.values()))
-    return matrix if strength is None else matrix * strength.ravel()
-
-
-def matrix_of_kernel(talk, y, x, strength):
-    weights = np.array(talk.kernel)
-    matrix = np.zeros((y.size, y.size))
-    for by in range(y.size):
-        around = weights[y[by] % weights.shape[0], x[by] % weights.shape[1]]
-        for (down, right), weight in np.ndenumerate(around):
-            to = (y == y[by] + down - around.shape[0] // 2) & (
-                x == x[by] + right - around.shape[1] // 2
-            )
-            matrix[to, by] = weight
-    matrix *= talk.mean_fired_neighbors / weights.sum(axis=(2, 3)).mean()
-    return matrix if strength is None else matrix * strength.ravel()
-
-
 def exact_moments(light, talk, strength=None):
-    matrix = matrix_of(talk, light.shape, strength)
+    matrix = chances(talk, *light.shape).T
+    matrix = matrix if strength is None else matrix * strength.ravel()
     response = np.linalg.inv(np.eye(light.size) - matrix)
     counts = response @ light.ravel()
     noise = light.ravel() + (matrix * (1 - matrix)) @ counts
@@ -64,7 +32,6 @@ def test_probabilities_of_the_neighbors_add_up(shares):
     np.testing.assert_array_equal(weights, weights.T)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(5, 7), (1, 9), (40, 3)])
 @pytest.mark.parametrize("shares", KERNELS)
 def test_moments_solve_their_linear_equations_edges_included(shares, shape):
@@ -75,13 +42,6 @@ def test_moments_solve_their_linear_equations_edges_included(shares, shape):
         counts, spread_counts = exact_moments(light, talk, sent)
         np.testing.assert_allclose(mean(light, talk, sent), counts, rtol=1e-12)
         np.testing.assert_allclose(variance(light, talk, sent), spread_counts, rtol=1e-4)
-
-
-def test_border_of_a_large_image_is_exact_too():
-    light = np.random.default_rng(1).uniform(0, 9, (40, 33))
-    talk = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[2])
-    _, exact = exact_moments(light, talk)
-    np.testing.assert_allclose(variance(light, talk), exact, rtol=1e-4)
 
 
 PAIRS = np.random.default_rng(3).uniform(0, 1, (2, 3, 5, 9))
@@ -130,14 +90,6 @@ def test_a_device_file_may_name_a_kernel(tmp_path):
     file.write_text("preset: ideal\ncrosstalk: {kernel: {path: nothing.npy}}\n")
     with pytest.raises(ValueError, match=r"crosstalk\.kernel: .* cannot be read"):
         load_sensor(file)
-
-
-def test_spread_is_the_same_for_the_same_generator_and_nothing_when_off():
-    counts = generator(0).poisson(5.0, (8, 8))
-    talk = Crosstalk(mean_fired_neighbors=0.3)
-    first, second = (spread(generator(1), counts, talk) for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-    np.testing.assert_array_equal(spread(generator(1), counts, Crosstalk()), counts)
 
 
 def test_runaway_crosstalk_is_refused():

@@ -21,8 +21,8 @@ from megalopta.sensor.effects.dead_time import (
 from megalopta.sensor.sampling.streams import generator
 
 KINDS = ["ideal", "nonparalyzable", "paralyzable"]
-RATE_TIMES_DEAD_TIME = [1e-3, 0.01, 0.1, 0.5, 1.0, 3.0, 10.0]
-MEAN_ARRIVALS = [2.0, 30.0, 1000.0]
+RATE_TIMES_DEAD_TIME = [0.01, 0.5, 1.0, 10.0]
+MEAN_ARRIVALS = [2.0, 1000.0]
 DRAWS = 100_000
 
 
@@ -176,8 +176,8 @@ def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
     assert_follows(drawn, p)
 
 
-@pytest.mark.parametrize("a", [0.01, 0.3, 1.0, 2.0, 4.0])
-@pytest.mark.parametrize("dead_times", [0.01, 0.1, 0.5, 1.5, 20.0])
+@pytest.mark.parametrize("a", [0.01, 1.0, 4.0])
+@pytest.mark.parametrize("dead_times", [0.1, 1.5, 20.0])
 def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times):
     law_of = np.full(DRAWS, a), dead_times, stationary("paralyzable")
     counts = draw_counts(generator(5), *law_of)
@@ -205,14 +205,6 @@ def test_draws_have_the_moments_of_the_closed_form(kind, a, arrivals):
     assert abs(counts.mean() - mean) < 5 * np.sqrt(variance / DRAWS)
     squares = (counts - mean) ** 2
     assert abs(squares.mean() - variance) < 5 * squares.std() / np.sqrt(DRAWS)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_shape_is_kept_and_the_dark_gives_no_counts(kind):
-    rate = np.zeros((2, 3, 4))
-    counts = draw_counts(generator(5), rate, 1.0, law(kind, 0.01))
-    for values in (counts, *moments(rate, 1.0, law(kind, 0.01))):
-        np.testing.assert_array_equal(values, rate)
 
 
 @pytest.mark.parametrize(

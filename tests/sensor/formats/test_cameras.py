@@ -5,7 +5,7 @@ import pytest
 import tifffile
 
 from megalopta.sensor.formats.reading import read_frames
-from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.formats.recorded_frames import tiff_writer
 
 from .scene import bits as draw
 
@@ -60,26 +60,6 @@ def test_damaged_spc3_is_one_sentence(tmp_path, content, message):
     (tmp_path / "a.spc3").write_bytes(content)
     with pytest.raises(ValueError, match=rf"a\.spc3: .*{message}"):
         read_frames(tmp_path / "a.spc3")
-
-
-def test_any_flipped_byte_of_the_header_of_spc3_is_refused_or_harmless(tmp_path):
-    whole = bytearray(spc3(COUNTS))
-    for place in [*range(8), *range(108, 136)]:
-        damaged = whole.copy()
-        damaged[place] ^= 0x41
-        (tmp_path / "a.spc3").write_bytes(damaged)
-        try:
-            assert read_frames(tmp_path / "a.spc3").counts.shape == (5, 32, 64)
-        except ValueError as problem:
-            assert "\n" not in str(problem)
-
-
-@pytest.mark.slow
-def test_swissspad2_half_frames(tmp_path):
-    bits = draw(512, 256, 512)
-    (tmp_path / "0.bin").write_bytes(np.packbits(bits, axis=2, bitorder="little").tobytes())
-    found = read_frames(tmp_path / "0.bin", "swissspad2")
-    np.testing.assert_array_equal(found.counts, bits)
 
 
 def test_swissspad2_whole_frames_are_put_together(tmp_path):

@@ -49,10 +49,6 @@ def test_events_come_back_to_a_picosecond(path):
     assert found.events.first_frame == 2
 
 
-def test_an_event_takes_at_most_sixteen_bytes(path):
-    assert path.stat().st_size < 16 * draw().pixel.size
-
-
 def test_events_written_in_parts_are_the_same(path, tmp_path):
     with WRITERS[path.name][1](tmp_path / "parts", ORIGIN) as write:
         for part in (slice(0, 1), slice(1, 4), slice(4, 6)):
@@ -76,15 +72,6 @@ def test_hdf5_has_the_names_of_event_cameras(tmp_path):
         assert p.size == t.size
         assert np.all(p == 1)
         assert file["events/p"].id.get_storage_size() == 0
-
-
-def test_npz_is_for_numpy(tmp_path):
-    events = draw()
-    write_events_npz(tmp_path / "a.npz", events, ORIGIN)
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
-        np.testing.assert_array_equal(file["x"], events.column)
-        np.testing.assert_array_equal(file["y"], events.row)
-        np.testing.assert_array_equal(file["starts"], events.starts)
 
 
 def test_missing_frames_leave_no_file(path, tmp_path):

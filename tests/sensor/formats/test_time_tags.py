@@ -52,15 +52,6 @@ def ptu_of_mode_t2(path, ticks, channels, inputs=0, stopped_ms=0):
     path.write_bytes(content + np.array(records, "<u4").tobytes())
 
 
-def test_photon_hdf5_of_one_spot(tmp_path):
-    path = tmp_path / "dark.hdf5"
-    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
-    tags = read_time_tags(path)
-    np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-15)
-    np.testing.assert_array_equal(tags.channel, CHANNELS)
-    assert (tags.channels, tags.unit_s) == (3, UNIT_S)
-
-
 def test_detectors_of_several_spots_are_channels_in_order(tmp_path):
     path = tmp_path / "dark.hdf5"
     photon_hdf5(path, [(f"photon_data{at}", TICKS + at, CHANNELS) for at in (0, 10, 2)])
@@ -70,36 +61,6 @@ def test_detectors_of_several_spots_are_channels_in_order(tmp_path):
         spot = (0, 2, 10)[channel // 3]
         own = (TICKS + spot)[channel % 3 == CHANNELS] * UNIT_S
         np.testing.assert_allclose(tags.time_s[tags.channel == channel], own, rtol=1e-15)
-
-
-def test_photon_hdf5_that_phconvert_writes(tmp_path):
-    phconvert = pytest.importorskip("phconvert")
-    specs = {"measurement_type": "generic", "detectors_specs": {}}
-    data = {
-        "description": "dark",
-        "photon_data": {
-            "timestamps": TICKS,
-            "detectors": CHANNELS.astype(np.uint8),
-            "timestamps_specs": {"timestamps_unit": UNIT_S},
-            "measurement_specs": specs,
-        },
-        "setup": {
-            "num_pixels": 3,
-            "num_spots": 1,
-            "num_spectral_ch": 1,
-            "num_polarization_ch": 1,
-            "num_split_ch": 1,
-            "modulated_excitation": False,
-            "lifetime": False,
-            "excitation_alternated": (False,),
-            "excitation_cw": (True,),
-        },
-    }
-    path = tmp_path / "dark.hdf5"
-    phconvert.hdf5.save_photon_hdf5(data, str(path), warnings=False)
-    tags = read_time_tags(path)
-    np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-15)
-    np.testing.assert_array_equal(tags.channel, CHANNELS)
 
 
 def test_ptu_of_mode_t2_has_absolute_times(tmp_path):
@@ -199,15 +160,6 @@ def test_pixels_and_duration_are_those_that_photon_hdf5_states(tmp_path, stated,
     assert tags.duration_s == pytest.approx(expected)
 
 
-def test_detectors_that_never_fired_keep_their_places(tmp_path):
-    path = tmp_path / "dark.hdf5"
-    photon_hdf5(path, [(f"photon_data{spot}", TICKS, 2 * CHANNELS) for spot in (0, 1)])
-    assert set(read_time_tags(path).channel) == {0, 2, 4, 5, 7, 9}
-    rewritten(path, setup__num_pixels=16)
-    tags = read_time_tags(path)
-    assert (tags.channels, set(tags.channel)) == (16, {0, 2, 4, 8, 10, 12})
-
-
 def test_ptu_states_its_inputs_and_its_duration(tmp_path):
     pytest.importorskip("ptufile")
     ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS, inputs=8, stopped_ms=1500)
@@ -231,13 +183,6 @@ def test_what_photon_hdf5_states_must_fit_its_events(tmp_path, stated, said):
     rewritten(path, **stated)
     with pytest.raises(UserError, match=said):
         read_time_tags(path)
-
-
-@pytest.mark.parametrize("size", [0, 3, 4 * 522 + 1, 4 * 522 - 2])
-def test_linospad2_of_any_size_is_one_sentence(tmp_path, size):
-    (tmp_path / "dark.dat").write_bytes(bytes(size))
-    with pytest.raises(ValueError, match=r"dark\.dat: (the file is empty|.* words are not cycles)"):
-        read_linospad2(tmp_path / "dark.dat", "2212b", 8)
 
 
 def test_few_bytes_that_claim_many_events_are_refused(tmp_path):

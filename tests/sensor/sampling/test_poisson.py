@@ -3,14 +3,25 @@ import pytest
 from scipy.special import ndtri, pdtr, pdtrc
 from scipy.stats import chisquare, poisson
 
+from megalopta.sensor import (
+    Crosstalk,
+    DeadTime,
+    changed,
+    expose_binary,
+    preset,
+)
 from megalopta.sensor.sampling.poisson import (
+    CHANCE_ERROR,
     SMALLEST_MEAN,
+    chance,
     doubt,
     draw_poisson,
+    fill_bits,
     fill_quantiles,
     place,
+    unpack,
 )
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.streams import generator, word_streams
 
 
 @pytest.mark.parametrize(
@@ -107,9 +118,44 @@ def test_counts_grow_with_the_number_and_are_never_negative(mean):
     assert np.all(np.diff(counts) >= 0)
 
 
-def test_far_tails_end_at_zero_and_go_on():
-    means = np.array([SMALLEST_MEAN, SMALLEST_MEAN, 12.0])
-    found = np.empty(3)
-    fill_quantiles(np.array([-9.0, 9.0, -30.0]), means, found)
-    assert found[0] == found[2] == 0
-    assert 25 < found[1] < 60
+IDEAL = preset("ideal")
+
+
+def draw_binary(rng, means):
+    packed = np.empty((means.shape[0], -(-means.shape[1] // 8)), np.uint8)
+    fill_bits(word_streams(rng), means, np.zeros_like(means), 1.0, packed)
+    return packed
+
+
+def test_chance_is_as_close_as_it_says():
+    means = np.concatenate([np.linspace(0, 20, 20_000), np.logspace(-9, 3, 1000)]).astype("f4")
+    error = [float(chance(mean)) + np.expm1(-float(mean)) for mean in means]
+    assert np.abs(error).max() < CHANCE_ERROR
+
+
+def test_probability_finer_than_the_sixteen_bits_of_a_lot_is_kept():
+    p = 0.4 / 65536
+    means = np.full((1000, 1000), -np.log1p(-p))
+    ones = sum(int(unpack(draw_binary(generator(k), means), 1000).sum()) for k in range(5))
+    assert abs(ones - 5e6 * p) < 5 * np.sqrt(5e6 * p)  # false alarm 6e-7
+
+
+def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
+    pattern = np.random.default_rng(0).integers(0, 2, (5, 21)).astype(float)
+    packed = draw_binary(generator(0), np.where(pattern == 1, np.inf, 0.0))
+    np.testing.assert_array_equal(packed, np.packbits(pattern.astype(np.uint8), axis=-1))
+
+
+@pytest.mark.parametrize(
+    ("update", "message"),
+    [
+        ({"crosstalk": Crosstalk(mean_fired_neighbors=0.1)}, "crosstalk"),
+        (
+            {"dead_time": DeadTime(kind="paralyzable", dead_time_s=1e-6, start="stationary")},
+            "start live",
+        ),
+    ],
+)
+def test_bits_that_depend_on_more_than_the_rate_are_refused(update, message):
+    with pytest.raises(ValueError, match=message):
+        expose_binary(np.ones((1, 2, 2)), changed(IDEAL, **update), seed=0, stream="s")

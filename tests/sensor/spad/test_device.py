@@ -7,9 +7,6 @@ import pytest
 import yaml
 
 from megalopta.sensor import (
-    Bias,
-    Efficiency,
-    Temperature,
     changed,
     expose_binary,
     expose_rate,
@@ -18,7 +15,6 @@ from megalopta.sensor import (
     reading_moments,
 )
 from megalopta.sensor.spad.device import draw_fixed_pattern
-from megalopta.sensor.spad.model import active_effects
 
 SHAPE = (6, 9)
 RNG = np.random.default_rng(0)
@@ -59,51 +55,6 @@ def test_at_the_reference_bias_a_device_is_as_measured(folder, measured, sigma):
     np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"])
 
 
-def test_measured_breakdown_moves_what_is_drawn(folder):
-    write(folder, {"preset": "spadcam", "measured": maps("breakdown")})
-    drawn = changed(preset("spadcam"), bias=Bias())
-    lift = np.exp(-MAPS["breakdown"] / preset("spadcam").bias.dark_efold_v)
-    np.testing.assert_allclose(
-        draw_fixed_pattern(load(folder), SHAPE).dark_counts_hz,
-        draw_fixed_pattern(drawn, SHAPE).dark_counts_hz * lift,
-        rtol=1e-12,
-    )
-
-
-def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
-    sensor = load(folder)
-    model = sensor.bias
-    raised = changed(model, excess_v=model.excess_v + 0.1)
-    device = draw_fixed_pattern(changed(sensor, bias=raised), SHAPE)
-    ratio = device.efficiency_factor / MAPS["efficiency"]
-    now, then = (
-        1 - np.exp(-(v - MAPS["breakdown"] - model.onset_v) / model.efficiency_scale_v)
-        for v in (raised.excess_v, model.reference_v)
-    )
-    np.testing.assert_allclose(ratio, now / then, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("bias", "temperature"),
-    [
-        ({"excess_v": 100.0}, {}),
-        ({}, {"celsius": 1000.0, "dcr_doubling_k": 1.0}),
-        ({}, {"celsius": 500.0, "dcr_doubling_k": 1e-3}),
-    ],
-)
-def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, temperature):
-    hot = changed(preset("spadcam"), bias=bias, temperature=temperature)
-    with pytest.raises(ValueError, match=r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"):
-        draw_fixed_pattern(hot, SHAPE)
-
-
-def test_a_map_may_be_named_by_its_path_alone(folder):
-    plain = {name: f"{name}.npy" for name in MAPS}
-    before = load(folder).measured
-    write(folder, {"preset": "spadcam", "measured": plain})
-    assert load(folder).measured == before
-
-
 def test_record_of_a_measured_device_carries_its_hashes_and_survives_json(folder):
     sensor = load(folder)
     content = (folder / "breakdown.npy").read_bytes()
@@ -126,10 +77,6 @@ def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, 
     np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"][window])
 
 
-def test_fit_alone_makes_no_measured_device():
-    assert "measured" not in active_effects(changed(preset("spadcam"), measured={"fit": "center"}))
-
-
 def saved(values, **options):
     file = io.BytesIO()
     np.save(file, values, **options)
@@ -144,18 +91,11 @@ GOOD = saved(MAPS["dark_counts"])
     [
         (saved(np.full(SHAPE, -1.0)), "below 0 or not finite"),
         (saved(np.full(SHAPE, np.nan)), "below 0 or not finite"),
-        (saved(np.full(SHAPE, "x")), "plain numbers"),
-        (saved(np.ones(SHAPE, complex)), "plain numbers"),
         (saved(np.full(SHAPE, {}, object), allow_pickle=True), "plain numbers"),
         (saved(np.ones((*SHAPE, 1))), r"\(rows, columns\) of plain numbers"),
         (pickle.dumps(MAPS["dark_counts"]), "plain numbers"),
         (b"", "plain numbers"),
         (GOOD[:-1], "plain numbers"),
-        (GOOD.replace(b"(6, 9)", b"(6,10)"), "plain numbers"),
-        (GOOD.replace(b"(6, 9), }      ", b"(6**9**9,9**9)}"), "plain numbers"),
-        (GOOD.replace(b"{'descr'", b"[[[[[[[["), "plain numbers"),
-        (GOOD.replace(b"<f8", b"\0\xff8"), "plain numbers"),
-        (b"PK\x03\x04" + GOOD, "plain numbers"),
     ],
 )
 def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
@@ -190,21 +130,30 @@ def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
     assert "MapFile" not in str(refusal.value)
 
 
-def test_efficiency_above_one_in_the_best_pixel_is_refused():
-    flat = Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))
-    sensor = changed(preset("spadcam"), efficiency=flat)
-    with pytest.raises(ValueError, match=r"efficiency: 1\.\d+ in the best pixel; lower"):
-        draw_fixed_pattern(sensor, (64, 64))
+HOT = r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"
 
 
-def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
-    sensor = preset("spadcam")
-    cold = changed(sensor, temperature=Temperature(celsius=2.0))
-    ratio = (
-        draw_fixed_pattern(cold, (8, 8)).dark_counts_hz
-        / draw_fixed_pattern(sensor, (8, 8)).dark_counts_hz
-    )
-    np.testing.assert_allclose(ratio, 0.25)
+@pytest.mark.parametrize(
+    ("preset_name", "changes", "message"),
+    [
+        ("spadcam", {"bias": {"excess_v": 100.0}}, HOT),
+        ("spadcam", {"temperature": {"celsius": 1000.0, "dcr_doubling_k": 1.0}}, HOT),
+        ("spadcam", {"temperature": {"celsius": 500.0, "dcr_doubling_k": 1e-3}}, HOT),
+        (
+            "spadcam",
+            {"efficiency": {"wavelengths_nm": (400, 700), "values": (0.95, 0.95)}},
+            r"efficiency: 1\.\d+ in the best pixel; lower",
+        ),
+        (
+            "ideal",
+            {"temperature": {"celsius": 40, "breakdown_v_per_k": 0.02}},
+            r"temperature\.breakdown_v_per_k: 0\.02, but nothing",
+        ),
+    ],
+)
+def test_impossible_pixels_are_refused_with_what_makes_them(preset_name, changes, message):
+    with pytest.raises(ValueError, match=message):
+        draw_fixed_pattern(changed(preset(preset_name), **changes), (64, 64))
 
 
 def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
@@ -225,11 +174,6 @@ def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
     assert (maps.afterpulsing == 1).all()
     with pytest.raises(ValueError, match=r"measured\.crosstalk: a map of factors on crosstalk"):
         changed(sensor, crosstalk={"mean_fired_neighbors": 0})
-
-
-def test_breakdown_that_moves_nothing_is_refused():
-    with pytest.raises(ValueError, match=r"temperature\.breakdown_v_per_k: 0\.02, but nothing"):
-        changed(preset("ideal"), temperature={"celsius": 40, "breakdown_v_per_k": 0.02})
 
 
 LARGER = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"

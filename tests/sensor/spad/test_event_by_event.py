@@ -1,4 +1,4 @@
-"""Stated moments and draws against a plain simulation of one event after another.
+"""Stated moments and draws against the plainest simulation of one event after another.
 
 Every pair of effects that acts on avalanches, from rτ = .01 to 100 and 5 to 1000 dead times an
 exposure: each number is within the stated error, plus the noise of the simulation, or is refused.
@@ -18,7 +18,7 @@ from megalopta.sensor.spad.counts import count_moments, draw_frame
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.moments import MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR
 
-from .event_by_event import simulate
+from ..plainest import brute_force_events
 
 TAU_S, DELAY_S, GATE_S, FIRED = 1e-6, 2e-6, (7.3e-6, 3.1e-6), 0.05
 ALL = "nonparalyzable", "paralyzable", "twilight", "recharging", "afterpulses", "gate", "crosstalk"
@@ -53,21 +53,12 @@ def effects_of(pair):
 
 
 def simulated(pair, rate_hz, exposure_s, events):
-    """Counts (frames, pixels) of a pixel or of the nine in the middle of 7 × 7."""
-    effects = effects_of(pair)
-    dead, traps = effects.dead_time, effects.afterpulsing
+    """Rates (rows, columns), and counts (frames,) of a pixel or of the middle of 7 × 7."""
     side = 7 if "crosstalk" in pair else 1
-    rates = np.full((side, side), rate_hz)
     frames = int(np.clip(events / max(rate_hz * exposure_s, 0.5) / side**2, 60, 60_000))
-    pixel = (
-        dead.dead_time_s, dead.kind == "paralyzable", dead.twilight_s, dead.recharge_s,
-        traps.mean_carriers, traps.delay_s,
-    )  # fmt: skip
-    gate = GATE_S if "gate" in pair else (0.0, 0.0)
-    fired = FIRED * ("crosstalk" in pair)
-    counts = simulate(np.random.default_rng(1), frames, rates, exposure_s, pixel, gate, fired)
-    middle = side // 2
-    return rates, counts[:, middle, middle].astype(np.float64)
+    rates, rng = np.full((frames, 1, side**2), rate_hz), np.random.default_rng(1)
+    counts = brute_force_events(rng, rates, exposure_s, effects_of(pair), layout=(side, side))
+    return np.full((side, side), rate_hz), counts[:, 0, side**2 // 2].astype(np.float64)
 
 
 def check(counts, mean, variance, case, frames=np.inf):

@@ -66,22 +66,3 @@ def test_gate_that_never_opens_is_refused():
     with pytest.raises(ValueError, match=r"gate: it does not open in an exposure_s of 0\.1; lower"):
         changed(preset("ideal"), gate=late)
     assert changed(preset("ideal"), gate=late, exposure_s=0.6).gate.phase_s == 0.5
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("exposure_s", -1),
-        ("exposure_s", 0),
-        ("pitch_m", float("inf")),
-        ("fill_factor", 1.01),
-        ("counter", {"capacity": 0}),
-        ("counter", {"capacity": 2**32}),
-        ("counter_capacity", 255),
-        ("name", ""),
-        ("exposure", 1),
-    ],
-)
-def test_impossible_or_unknown_parameter_is_refused_by_name(field, value):
-    with pytest.raises(ValueError, match=field):
-        changed(preset("ideal"), **{field: value})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import (
-    Afterpulsing,
     Gate,
     changed,
     event_moments,
@@ -62,14 +61,3 @@ def test_without_memory_stated_moments_are_those_of_poisson_counts():
     drawn = expose_rate(np.repeat(rate[:1], 2000, 0), sensor, seed=0, stream="gate").counts
     z = (drawn.mean(axis=0) - expected[0]) / np.sqrt(expected[0] / 2000)
     assert np.abs(z).max() < 6  # 48 pixels: false alarm 1e-7
-
-
-def test_a_trap_alone_is_stated_from_the_parts():
-    traps = Afterpulsing(mean_carriers=0.3, delay_s=TAU_S)
-    sensor = changed(IDEAL, afterpulsing=traps.model_dump())
-    rate = all_at_once(4, 2e6, 2)
-    counts = expose_rate(rate, sensor, seed=0, stream="traps").counts.astype(float)
-    mean, variance = (each[0, 0, 0] for each in event_moments(rate[..., :1, :1], sensor))
-    # linear: 2 MHz · 0.3/0.7 · 1 µs carriers wait at most at a border
-    assert abs(counts.mean() - mean) < 4 * 1.3 + 5 * counts.std() / 100
-    assert abs(counts.var() / variance - 1) < 0.05 + 5 * np.sqrt(2) / 100

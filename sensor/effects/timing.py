@@ -1,4 +1,6 @@
-"""Time-correlated single-photon counting: pulsed light, and a time-to-digital converter per pixel.
+"""Times of events: histograms of photons by their time after a pulse, and jitter.
+
+**Time-correlated single-photon counting**: pulsed light, a time-to-digital converter per pixel.
 
 In every period P of the source a share of the light arrives as a pulse of density g(t): normal of
 standard deviation σ, late by a delay, and delayed once more by an exponential decay of mean τ, as
@@ -16,6 +18,20 @@ carriers of afterpulses and of crosstalk are not counted. For other cases, event
 (`expose_events`, in parts of the exposure) are sorted into a histogram by `sorted_in_time`.
 
 Source: O'Connor and Phillips, Time-correlated Single Photon Counting (1984), for pile-up.
+
+**Jitter**: scatter of event time stamps about the arrival of the photon.
+
+Normal with mean 0, the same for all events and independent between events. A share of the events
+comes later by an exponential time, the diffusion tail: their carriers are set free below the
+junction and diffuse there first. With this share p and the mean τ of that time, a stamp has
+
+    mean p·τ       variance σ² + p·τ²·(2 − p)
+
+Jitter moves time stamps only: which avalanches occur is decided before. Stamps may lie outside the
+exposure, and their order may change; neither is corrected, as the event still belongs to its frame.
+
+Source: dissertation §2.3.2; Ripamonti and Cova, Solid-State Electronics 28, 925 (1985), for the
+tail.
 """
 
 from typing import Annotated, ClassVar
@@ -27,7 +43,32 @@ from scipy.stats import expon, exponnorm, norm
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import Effect, Stage
-from megalopta.sensor.effects.jitter import Jitter
+
+
+class Jitter(Effect, frozen=True):
+    """Scatter of the time stamps; none by default."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = "time stamps of events scatter (event streams only)"
+
+    sigma_s: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of a time stamp (s)."""
+    tail_share: Annotated[float, Field(ge=0, le=1, exclude_if=lambda share: share == 0)] = 0.0
+    """Share of the events that come later by an exponential time (0 to 1)."""
+    tail_s: Annotated[float, Field(ge=0, exclude_if=lambda mean: mean == 0)] = 0.0
+    """Mean of that time (s)."""
+
+
+def stamp(rng: np.random.Generator, times_s: Floats, jitter: Jitter) -> Floats:
+    """Return time stamps (N,), s, of events at these times."""
+    if not jitter.is_on:
+        return times_s
+    stamps = times_s + jitter.sigma_s * rng.standard_normal(times_s.size)
+    if jitter.tail_share * jitter.tail_s > 0:
+        is_late = rng.random(times_s.size) < jitter.tail_share
+        stamps += is_late * rng.exponential(jitter.tail_s, times_s.size)
+    return stamps
+
 
 _FINEST = 64
 """Parts of a bin, at most, in which light is constant."""

@@ -1,14 +1,10 @@
 """Rotation and heading from answers of detectors."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from megalopta.flow import METHODS
-from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
-from megalopta.flow.egomotion.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
+from megalopta.flow.wide_field import YawRateTest, fit_wide_field, yaw_rates_deg_s
 from megalopta.scenes import Trajectory
 
 
@@ -74,12 +70,6 @@ def test_what_cannot_be_learned_from_is_refused(answers_shape, rates, words):
         fit_wide_field(np.zeros(answers_shape), rates)
 
 
-def test_answers_of_another_size_are_refused():
-    field = fit_wide_field(np.ones((3, 2)), np.ones(3))
-    with pytest.raises(ValueError, match=r"fitted to \(T, 2\)"):
-        field.rates(np.ones((3, 4)))
-
-
 def yaw_rate_answers(frames, noise, seed):
     """Responses of 5 × 6 pixels with slopes of their own, and the rates that they belong to."""
     rng = np.random.default_rng(seed)
@@ -101,12 +91,6 @@ def test_yaw_rate_of_a_path_is_positive_to_the_right():
     np.testing.assert_allclose(rates, [-30] * 4, rtol=1e-9)
 
 
-@pytest.mark.parametrize("rate", [0.0, 3.0])
-def test_no_rotation_or_no_answer_gives_no_error(rate):
-    nothing = np.zeros((10, 5, 5, 2))
-    assert tried(METHODS["LK"], nothing, nothing, np.full(10, rate), 1, 10) is None
-
-
 def test_methods_that_are_blind_to_direction_take_no_part():
     ideal, rates = yaw_rate_answers(40, 0.1, seed=0)
     assert tried(METHODS["NDM"], ideal, ideal, rates, 3, 8) is None
@@ -126,48 +110,3 @@ def test_the_error_is_that_of_a_filter_fitted_to_the_first_half_however_the_sequ
         expected = np.sqrt(np.mean((field.rates(responses[half + 1 :]) - rates[half:]) ** 2))
         assert error == pytest.approx(expected, rel=1e-9)
     assert found.true_deg_s == pytest.approx(np.sqrt(np.mean(rates[half:] ** 2)))
-
-
-def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):
-    """Points at 2 to 20 m before a camera that moves, as it sees them before and after."""
-    directions = rng.normal(size=(count, 3))
-    directions[:, 2] = np.abs(directions[:, 2]) + 0.5
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    way, turn = (each / np.linalg.norm(each) for each in rng.normal(size=(2, 3)))
-    way, turn = step_m * way, turn_deg * turn
-    points = directions * rng.uniform(2, 20, (count, 1)) - way
-    moved = Rotation.from_rotvec(turn, degrees=True).inv().apply(points)
-    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-    moved += noise_rad * rng.normal(size=moved.shape)
-    outlier = rng.random(count) < wrong
-    moved[outlier] += 0.05 * rng.normal(size=(outlier.sum(), 3))
-    return directions, moved / np.linalg.norm(moved, axis=1, keepdims=True), turn, way / step_m
-
-
-def fitted(directions, moved):
-    """Motion of a camera whose image coordinates are directions."""
-    return motion_of_flow(SimpleNamespace(toward=np.copy), directions, moved - directions)
-
-
-def angle_deg(first, second):
-    return np.degrees(np.arccos(np.clip(first @ second, -1, 1)))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_motion_without_noise_is_found_exactly(seed):
-    directions, moved, turn, way = seen(np.random.default_rng(seed), turn_deg=3, step_m=0.2)
-    found = fitted(directions, moved)
-    assert angle_deg(found.heading, way) < 1e-4
-    np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
-
-
-def test_undefined_velocities_are_left_out():
-    directions, moved, _, way = seen(np.random.default_rng(0), 3, 0.2)
-    moved[::3] = np.nan
-    assert angle_deg(fitted(directions, moved).heading, way) < 1e-4
-
-
-def test_too_few_velocities_are_refused():
-    directions, moved, _, _ = seen(np.random.default_rng(0), 3, 0.2, count=7)
-    with pytest.raises(ValueError, match="7 velocities are defined"):
-        fitted(directions, moved)

@@ -3,18 +3,25 @@ import pytest
 
 from megalopta.scenes.spectra.outdoors import MOONLESS_ZENITH
 from megalopta.sensor import expose
-from megalopta.sensor.ctia.array import (
+from megalopta.sensor.ctia.bias import FixedBias
+from megalopta.sensor.ctia.integration import Pixel
+from megalopta.sensor.ctia.model import (
+    PHOTODIODES,
+    CtiaNoise,
+    CtiaSensor,
+    ctia_preset,
+    draw_noise,
     electron_moments,
     expose_photocurrent,
+    noise_variance,
     photocurrent,
+    pixels,
     volt_moments,
 )
-from megalopta.sensor.ctia.bias import FixedBias
-from megalopta.sensor.ctia.model import PHOTODIODES, CtiaSensor, ctia_preset, pixels
-from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
+from megalopta.sensor.sampling.streams import generator
 
 BANDS = np.array([[900.0, 1300.0], [1300.0, 1700.0]])
 SILENT = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
@@ -48,23 +55,6 @@ def test_frame_is_the_same_alone_and_among_others():
     whole = expose_photocurrent(light, QUIET, seed=0, stream="s")
     alone = expose_photocurrent(light[3:4], QUIET, seed=0, stream="s", first_frame=3)
     np.testing.assert_array_equal(alone.volts[0], whole.volts[3])
-
-
-def test_noise_differs_between_frames_seeds_and_sequences():
-    light = photocurrent(night(2), BANDS, QUIET)
-    first = expose_photocurrent(light, QUIET, seed=0, stream="a").volts
-    assert not np.any(first[0] == first[1])
-    for seed, sequence in ((1, "a"), (0, "b")):
-        other = expose_photocurrent(light, QUIET, seed=seed, stream=sequence).volts
-        assert not np.any(first == other)
-
-
-def test_fixed_pattern_belongs_to_the_device_and_not_to_the_image_size():
-    small, large = pixels(QUIET, (4, 5)), pixels(QUIET, (100, 90))
-    other = pixels(QUIET.model_copy(update={"device_seed": 1}), (4, 5))
-    for name in ("gain", "bias_v", "dark_scale"):
-        np.testing.assert_array_equal(getattr(small, name), getattr(large, name)[:4, :5])
-        assert not np.any(getattr(small, name) == getattr(other, name))
 
 
 def test_fixed_patterns_have_the_spread_stated():
@@ -127,3 +117,30 @@ def test_readings_near_the_rail_scatter_as_stated_and_electrons_go_on():
     electrons, _ = electron_moments(2 * light, noisy)
     expected = 2 * light * IDEAL.exposure_s / ELEMENTARY_CHARGE_C
     np.testing.assert_allclose(electrons, expected, rtol=1e-9)
+
+
+OFF = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
+DIODE = Photodiode(saturation_current_a=2e-15, shunt_ohm=5e12)
+SECONDS = 0.05
+DRAWS = 40_000
+
+
+def many_pixels(bias=1e-3):
+    return Pixel(DIODE, 1e-12, 3.3, 1e6, np.full(DRAWS, bias))
+
+
+def only(**term):
+    return OFF.model_copy(update=term)
+
+
+def test_reset_noise_of_10_pf_is_20_microvolts():
+    big = Pixel(Photodiode(temperature_k=300), 10e-12, 3.3, 1e6, 0.0)
+    deviation = np.sqrt(noise_variance(only(reset=True), big, np.zeros(1), SECONDS))
+    assert deviation == pytest.approx(20.35e-6, rel=1e-3)
+
+
+def test_pixel_held_at_the_rail_has_no_shot_noise():
+    shot = only(dark_shot=True, photon_shot=True)
+    assert not draw_noise(
+        generator(0, "x"), shot, many_pixels(-0.1), np.zeros(DRAWS), SECONDS
+    ).any()

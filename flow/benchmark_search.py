@@ -26,7 +26,7 @@ from itertools import product
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark.settings import SearchSettings
+from megalopta.flow.benchmark import SearchSettings
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors

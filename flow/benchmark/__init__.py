@@ -1,1 +1,0 @@
-"""Photon benchmarks of detectors."""

@@ -1,0 +1,183 @@
+"""Digital and analog counters, and what an ADC reads; `test_physics.py` has brute force."""
+
+import numpy as np
+import pytest
+from scipy.stats import linregress
+
+from megalopta.sensor import (
+    changed,
+    event_moments,
+    expose_adc,
+    expose_rate,
+    preset,
+)
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.counters import (
+    LARGEST_CAPACITY,
+    AnalogCounter,
+    DigitalCounter,
+    analog_pixels,
+    counts_of_codes,
+    empty_counts,
+    nominal_pixels,
+    read_analog,
+    read_digital,
+)
+
+RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_codes_become_the_counts_that_the_same_draws_make(calibrated):
+    counter = {"step_sigma_v": 3e-4, "offset_sigma_v": 5e-3, "calibrated": calibrated}
+    sensor = changed(preset("spadcam"), counter=counter)
+    codes = expose_adc(RATE, sensor, seed=1, stream="a")
+    exposure = expose_rate(RATE, sensor, seed=1, stream="a")
+    assert isinstance(sensor.counter, AnalogCounter)
+    known = nominal_pixels(sensor.counter, sensor.exposure_s)
+    if calibrated:
+        known = analog_pixels(sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed)
+    counts, saturated = counts_of_codes(codes, sensor.counter, known)
+    np.testing.assert_array_equal(counts, exposure.counts)
+    # An ADC does not tell an empty counter from one that noise keeps off the bottom.
+    assert not (saturated & ~exposure.saturated).any()
+    assert (exposure.counts[exposure.saturated & ~saturated] > 300).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crosstalk", [0.0, 0.2])
+def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
+    counter = {"read_noise_v": 0, "adc_bits": 16, "leak_v_s": 0, "leak_sigma_v_s": 0}
+    changes = {"counter": counter, "crosstalk": {"mean_fired_neighbors": crosstalk}}
+    sensor = changed(preset("spadcam"), exposure_s=1e-3, **changes)
+    if crosstalk:
+        sensor = changed(sensor, dead_time={"kind": "ideal", "dead_time_s": 0})
+    rate = np.broadcast_to(RATE[0], (4000, 16, 16))
+    single, together = (
+        expose_adc(rate[:n], sensor, seed=1, stream="a", together=count)
+        for n, count in ((8, 1), (4000, 1000))
+    )
+    np.testing.assert_array_equal(together[0], single[0])
+    assert isinstance(sensor.counter, AnalogCounter)
+    counts, _ = counts_of_codes(
+        together, sensor.counter, nominal_pixels(sensor.counter, sensor.exposure_s)
+    )
+    mean, variance = (each[0] for each in event_moments(RATE[:1], sensor))
+    # 256 means: false alarm below 1e-6 at 6 σ; moments with crosstalk are exact without dead time.
+    z = (counts.mean(0) - mean) / np.sqrt(variance / 4000)
+    assert np.abs(z).max() < 6
+    # No frame resembles the one after it: correlation, over a million pairs, is within 6/√n.
+    deviations = (counts - mean) / np.sqrt(variance)
+    assert abs((deviations[1:] * deviations[:-1]).mean()) < 6 / 1000
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (preset("ideal"), "analog"),
+        (changed(preset("spadcam"), counter={"adc_bits": 20}), "adc_bits: 20"),
+    ],
+)
+def test_counters_without_codes_of_16_bits_are_refused(sensor, message):
+    with pytest.raises(ValueError, match=message):
+        expose_adc(RATE, sensor, seed=1, stream="a")
+
+
+QUIET = AnalogCounter(step_v=10e-3)
+SPREAD = AnalogCounter(
+    step_v=10e-3, step_sigma_v=0.3e-3, leak_v_s=7.2e-3, leak_sigma_v_s=0.69e-3, adc_bits=12
+)
+RAMP = np.tile(np.arange(400), (50, 1))
+
+
+def read(counter, events=RAMP, exposure_s=0.1):
+    pixels = analog_pixels(counter, events.shape, exposure_s, 0)
+    return read_analog(generator(0), events, counter, pixels, exposure_s)
+
+
+def test_ten_millivolts_give_320_counts_and_thirty_107_less_what_rounds_down():
+    assert QUIET.capacity == 320
+    assert AnalogCounter(step_v=30e-3).capacity == 106
+
+
+def test_without_noise_counts_are_exact_up_to_saturation_and_flagged_from_there():
+    counts, saturated = read(QUIET)
+    np.testing.assert_array_equal(counts, np.minimum(RAMP, 320))
+    np.testing.assert_array_equal(saturated, RAMP >= 320)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"step_v": -1.0},
+        {"step_v": 4.0},
+        {"step_v": 0.01, "swing_v": 3.4},
+        {"step_v": 0.01, "step_sigma_v": 0.0012},
+        {"step_v": 0.01, "leak_v_s": 1e-3, "leak_sigma_v_s": 5e-3},
+        {"step_v": 1e-6},
+        {"step_v": 0.01, "adc_bits": 0},
+    ],
+)
+def test_impossible_counter_is_refused(wrong):
+    with pytest.raises(ValueError, match=r"step_v|swing_v|adc_bits|step_sigma_v|leak_sigma_v_s"):
+        AnalogCounter(**wrong)
+
+
+SMALL = 3.2 / 65000
+
+
+@pytest.mark.parametrize(
+    ("counter", "exposure_s", "message"),
+    [
+        (SPREAD, 1000.0, r"exposure_s: 1000; .*expose for less"),
+        (
+            AnalogCounter(step_v=SMALL, step_sigma_v=SMALL / 9),
+            0.1,
+            r"smallest step makes more than 65535 counts; make it",
+        ),
+    ],
+)
+def test_device_that_cannot_count_is_refused(counter, exposure_s, message):
+    with pytest.raises(ValueError, match=message):
+        analog_pixels(counter, (128, 128), exposure_s, 0)
+
+
+def test_steps_of_any_slope_take_the_same_swing_and_the_printed_straightness_allows_six_tenths():
+    for slope, most in ((0.0, 0.0), (0.6, 0.0105), (-0.6, 0.0105)):
+        counter = changed(QUIET, step_slope=slope, swing_v=3.2)
+        counts, saturated = read(counter, np.arange(400)[None])
+        line = linregress(np.arange(400)[~saturated[0]], counts[~saturated])
+        assert 1 - line.rvalue**2 <= most + 1e-4
+        # 3.2 V at 10 mV; a slope adds 1/12 of its square
+        assert saturated[0].argmax() == pytest.approx(320 * (1 + slope**2 / 12), abs=3)
+        first = np.diff(counts[0, :40]).mean()
+        assert first == pytest.approx(1 + slope / 2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("capacity", "dtype"),
+    [(1, np.uint16), (65535, np.uint16), (65536, np.uint32), (LARGEST_CAPACITY, np.uint32)],
+)
+def test_counts_have_the_smallest_type_that_holds_the_capacity(capacity, dtype):
+    assert empty_counts((2, 3), capacity).dtype == dtype
+
+
+@pytest.mark.parametrize(
+    ("counter", "events", "expected", "flagged"),
+    [
+        (DigitalCounter(capacity=320), [0, 319, 320, 321, 10**12], [0, 319, 320, 320, 320], 2),
+        (
+            DigitalCounter(capacity=255, overflow="wrap"),
+            [0, 255, 256, 300, 513],
+            [0, 255, 0, 44, 1],
+            2,
+        ),
+    ],
+)
+def test_counts_are_read_as_far_as_the_counter_goes_and_flagged_from_there(
+    counter, events, expected, flagged
+):
+    counts, saturated = empty_counts((5,), counter.capacity), np.empty(5, bool)
+    read_digital(np.array(events), counter, (counts, saturated))
+    np.testing.assert_array_equal(counts, expected)
+    np.testing.assert_array_equal(saturated, np.arange(5) >= flagged)
