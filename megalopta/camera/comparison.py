@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from megalopta.camera import comparison_page as pages, motion_bench
 from megalopta.camera.emulator import Cycle, rendered
 from megalopta.camera.sources import Beam, RecordingFrames, Source, read_recorded
-from megalopta.config.model import load
 from megalopta.core.arrays import Floats, plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.core.errors import UserError, refused_as
@@ -29,8 +28,6 @@ from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
 from megalopta.sensor.compare.two_sample import difference, scene_differences
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
-from megalopta.stages.pipeline import run_stage
-from megalopta.stages.redo import open_dataset_whole
 
 _95 = 1.959964
 _SHIFTS_PER_FRAME = 4
@@ -43,7 +40,7 @@ class CompareSettings:
 
     scene: str = "levels"
     """"levels": darkness and uniform light; "plate": the plate of the motion bench; or the folder
-    of a dataset, or a configuration, which is rendered into a folder next to the page."""
+    of a rendered dataset."""
     beam: Beam = field(default_factory=Beam)
     margin: float = MARGIN
     """Relative difference to ignore."""
@@ -77,11 +74,13 @@ def compare_captured(
             }
             page = pages.motion_page(sensor.name, plate_responses(plates, sensor, asked))
         else:
-            dataset = _rendered_dataset(asked.scene, out.with_suffix(""))
-            if len(sources) != 1:
+            dataset = Path(asked.scene)
+            if not dataset.is_dir():
                 raise UserError(
-                    f"compare: {len(sources)} recordings of {dataset}; give one at a time"
+                    f"--scene: {dataset}; give levels, plate or the folder of a rendered dataset"
                 )
+            if len(sources) != 1:
+                raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
             lux = sources[0].light
             captured = captured_frames(read_recorded(sources[0]), sensor, lux or 1.0)
             cycle = rendered(dataset, lux or None)(sensor)
@@ -203,20 +202,6 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[np.generic]:
         numbers = np.rint((times_s - times_s[:1]) * motion_bench.FRAME_RATE_HZ)
     with refused_as(f"plate at {speed_mm_s:g} mm/s"):
         return motion_bench.cut_passages(frames.readings, numbers)
-
-
-def _rendered_dataset(scene: str, beside: Path) -> Path:
-    """Folder of a rendered dataset; a configuration is rendered into `beside`.
-
-    Raises UserError if there is neither a dataset nor a configuration of this name.
-    """
-    root = Path(scene)
-    if root.is_dir():
-        configuration = open_dataset_whole(root).configuration
-    else:
-        root, configuration = beside, load(scene)
-    run_stage(root, configuration, "render")
-    return root
 
 
 class Aligned(NamedTuple):

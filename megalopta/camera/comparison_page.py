@@ -178,15 +178,12 @@ def _pixels(compared: Compared) -> Iterator[Section]:
     yield Section("Pixels", text, ("quantity", "tested", "differ"), counted)
     for at, (one, other) in enumerate(zip(captured, simulated, strict=True)):
         means, variances = (found.tests[name] for name in ("mean", "variance"))
-        both = one.readings, other.readings
+        maps = [each.readings.mean(axis=0) for each in (one, other)]
         yield Section(
             f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
             f"Of {np.isfinite(means.p[at]).sum()} pixels {means.differs[at].sum()} differ in the "
             f"mean, {variances.differs[at].sum()} in the variance.",
-            charts=(
-                *_maps("mean", at, "counts", [each.mean(axis=0) for each in both], means.p),
-                *_maps("variance", at, "counts²", [each.var(axis=0) for each in both], variances.p),
-            ),
+            charts=tuple(_maps(at, maps, means.p[at])),
         )
 
 
@@ -210,14 +207,14 @@ def _curves(captured: Levels, simulated: Levels) -> Iterator[Markup]:
         )
 
 
-def _maps(quantity: str, at: int, unit: str, maps: Sequence[Floats], p: Floats) -> Iterator[Markup]:
-    """Yield maps at one level: captured, simulated, and their difference."""
-    limits, name = svg.color_limits(*maps), f"{quantity}-{at}"
+def _maps(at: int, maps: Sequence[Floats], p: Floats) -> Iterator[Markup]:
+    """Yield maps of the mean at one level: captured, simulated, and their difference."""
+    limits = svg.color_limits(*maps)
     for values, label in zip(maps, ("captured", "simulated"), strict=True):
-        yield svg.map_chart(values, f"{name}-{label}", f"{quantity}, {label} ({unit})", limits)
-    apart = np.sign(maps[0] - maps[1]) * norm.isf(p[at] / 2)
-    title = f"{quantity}, captured minus simulated (standard errors)"
-    yield svg.map_chart(apart, f"{name}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
+        yield svg.map_chart(values, f"mean-{at}-{label}", f"mean, {label} (counts)", limits)
+    apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
+    title = "mean, captured minus simulated (standard errors)"
+    yield svg.map_chart(apart, f"mean-{at}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
 @svg.in_style

@@ -132,8 +132,8 @@ def _calibrate(options: Namespace) -> Iterator[object]:
     option(
         "--scene",
         "levels: darkness and uniform light; plate: the moving plate, LIGHT is then "
-        "its speed in mm/s; or a dataset's folder, or a configuration to render: LIGHT is "
-        "then the light level in lux (without: that of the rendering)",
+        "its speed in mm/s; or a rendered dataset's folder: LIGHT is then the light level in "
+        "lux (without: that of the rendering)",
         default="levels",
     ),
     option(
