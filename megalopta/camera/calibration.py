@@ -41,12 +41,12 @@ _UP_TO_S = 8e-6
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What the file and the page of a device hold."""
+    """Content of the file and the page of a device."""
 
     source: str
-    """How it was found"""
+    """Method and data behind it"""
     fields: Mapping[str, Any]
-    """Of the device file, without maps"""
+    """Fields of the device file, without maps"""
     maps: Mapping[str, Estimate]
     """Maps with intervals, by their names in `measured`"""
     masks: Mapping[str, NDArray[Any]]
@@ -54,7 +54,7 @@ class Calibration:
     summary: str
     quantities: Sequence[pages.Quantity] = ()
     sections: Sequence[Section | None] = field(default=())
-    """Of the page, between the table of pixels and their maps"""
+    """Parts of the page, between the table of pixels and their maps"""
 
 
 def calibrate_recordings(

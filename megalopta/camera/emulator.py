@@ -60,7 +60,7 @@ class Cycle(NamedTuple):
 
 
 Film = Callable[[Sensor], Cycle]
-"""What a sensor sees; raises UserError"""
+"""Light on a sensor; raises UserError"""
 
 
 def flat(photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Film:

@@ -205,7 +205,7 @@ class CountingDevice:
 
 
 class _Recorded(NamedTuple):
-    """What all estimators use."""
+    """Recordings as all estimators use them."""
 
     levels: Sequence[Summed]
     light_hz: Floats

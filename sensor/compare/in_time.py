@@ -132,7 +132,7 @@ class Steadied:
 
     @property
     def moving(self) -> Varying:
-        """What a common fluctuation moves most probably, light or the output."""
+        """Light or the output, which a common fluctuation moves most probably."""
         if not self.level.is_dark:
             return Varying.LIGHT
         return Varying.GAIN if self.level.codes is None else Varying.OFFSET

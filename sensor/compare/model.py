@@ -45,7 +45,7 @@ def level_of_codes(
 
 
 class Varying(Enum):
-    """What changes the counts of all pixels, or of a line."""
+    """Quantity that changes the counts of all pixels, or of a line."""
 
     LIGHT = "light", "efficiency"
     GAIN = "gain", "step"
