@@ -11,10 +11,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.camera.capture_files import read_measurement
-from megalopta.sensor.calibrate import autocorrelation, dark_distribution, pair_crosstalk
-from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
-from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
+from megalopta.camera.measurements import read_measurement
+from megalopta.sensor.calibrate import time_tags
+from megalopta.sensor.calibrate.crosstalk import PairCrosstalk, fit_crosstalk, modelled
 
 arrays = Path("../public_arrays")  # from docs/gallery
 pairs, rates, pulses = (
@@ -23,25 +22,23 @@ pairs, rates, pulses = (
 )
 assert isinstance(pairs, PairCrosstalk)
 assert isinstance(rates, np.ndarray)
-assert isinstance(pulses, Autocorrelation)
+assert isinstance(pulses, time_tags.Autocorrelation)
 figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
 fitted, tested = pairs.some(pairs.column < 5.5), pairs.some(pairs.column > 5.5)
-crosstalk = pair_crosstalk.modelled(pair_crosstalk.fit_crosstalk(fitted), tested)
+crosstalk = modelled(fit_crosstalk(fitted), tested)
 distance = np.hypot(tested.down, tested.right)
 left.semilogy(distance, tested.probability, ".", markersize=4)
 left.plot(distance[crosstalk > 0], crosstalk[crosstalk > 0], "_", markersize=16, markeredgewidth=3)
 left.set(xlabel="distance (pixels)", ylabel="probability of crosstalk")
-dark = dark_distribution.fit_dark_counts(rates[:, :6])
-grid = np.geomspace(20, 5000, 300)
 middle.semilogx(np.sort(rates[:, 6:].ravel()), np.arange(1, 25) / 24, ".")
-middle.plot(grid, dark_distribution.cumulative(dark, grid))
+middle.plot(np.sort(rates[:, :6].ravel()), np.arange(1, 25) / 24)
 middle.set(xlabel="dark counts (Hz)", ylabel="share of pixels")
 pulses = pulses.of(slice(None), 4e-6)
 lags, widths = pulses.edges_s[:-1], np.diff(pulses.edges_s)
 right.loglog(1e9 * lags, pulses.of(slice(1, None, 2)).afterpulses.mean(axis=0), ".", label="seen")
-for fit in (autocorrelation.fit_exponential, autocorrelation.fit_table):
+for fit in (time_tags.fit_exponential, time_tags.fit_table):
     model = fit(pulses.of(slice(0, None, 2)))
-    density = autocorrelation.afterpulses_between(model, pulses.edges_s) / widths
+    density = time_tags.afterpulses_between(model, pulses.edges_s) / widths
     right.plot(1e9 * lags, density, label=fit.__name__.removeprefix("fit_"))
 right.set(ylim=(100, 2e5), xlabel="time since an event (ns)", ylabel="afterpulses (1/s)")
 right.legend()

@@ -7,47 +7,86 @@ each pixel is subtracted.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.motion_bench import (
-    FRAME_RATE_HZ,
-    PIXELS,
-    TIME_CONSTANTS_S,
-    UNITS,
-    BenchLight,
-    crossing_peaks,
-    cut_passages,
-    cut_rest,
-    detector,
-    fitted_light,
-    pooled,
-    record,
-)
-from megalopta.camera.recording import Beam, RecordingFrames
-from megalopta.camera.stimuli import Cycle
-from megalopta.config.model import load
+from megalopta.camera import comparison_page as pages, motion_bench
+from megalopta.camera.emulator import Cycle, rendered
+from megalopta.camera.sources import Beam, RecordingFrames, Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
-from megalopta.dataset.store import open_sequence
-from megalopta.sensor import AnalogCounter, Sensor, changed
+from megalopta.plotting.sections import write_sections
+from megalopta.sensor import PRESETS, AnalogCounter, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
-from megalopta.sensor.compare.quantities import scene_differences
-from megalopta.sensor.compare.recordings import Comparison, compare_recordings
-from megalopta.sensor.compare.two_sample import Difference, Quantity, difference
+from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
+from megalopta.sensor.compare.two_sample import difference, scene_differences
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
-from megalopta.stages.run import run_stage
 
 _95 = 1.959964
 _SHIFTS_PER_FRAME = 4
 _TIE = 1e-9
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """Settings of a comparison."""
+
+    scene: str = "levels"
+    """"levels": darkness and uniform light; "plate": the plate of the motion bench; or the folder
+    of a rendered dataset."""
+    beam: Beam = field(default_factory=Beam)
+    margin: float = MARGIN
+    """Relative difference to ignore."""
+    seed: int = 0
+    """Seed of the simulation."""
+
+
+def compare_captured(
+    sources: Sequence[Source], device: Path, out: Path, asked: CompareSettings
+) -> str:
+    """Write the report, an HTML page; return the main differences in a sentence.
+
+    Sources have a light each; for "plate", a speed (mm/s) instead; for a dataset, a light level
+    (lux), 0: that of the rendering. Raises UserError if the device file or recordings cannot be
+    read, or do not match.
+    """
+    with refused_as("compare"):
+        sensor = PRESETS.get(str(device)) or load_sensor(device)
+        if asked.scene == "levels":
+            levels = [
+                captured_frames(
+                    read_recorded(source), sensor, asked.beam.photons_hz(source.light, sensor)
+                )
+                for source in sources
+            ]
+            page = pages.levels_page(sensor.name, _compare_levels(levels, sensor, asked))
+        elif asked.scene == "plate":
+            plates = {
+                source.light: captured_frames(read_recorded(source), sensor, source.light)
+                for source in sources
+            }
+            page = pages.motion_page(sensor.name, plate_responses(plates, sensor, asked))
+        else:
+            dataset = Path(asked.scene)
+            if not dataset.is_dir():
+                raise UserError(
+                    f"--scene: {dataset}; give levels, plate or the folder of a rendered dataset"
+                )
+            if len(sources) != 1:
+                raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
+            lux = sources[0].light
+            captured = captured_frames(read_recorded(sources[0]), sensor, lux or 1.0)
+            cycle = rendered(dataset, lux or None)(sensor)
+            page = pages.scene_page(dataset.name, _compare_scene(captured, cycle, sensor, asked))
+    write_sections(out, page.title, page.sentence, page.sections)
+    return page.sentence
 
 
 def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) -> Level:
@@ -58,149 +97,111 @@ def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) 
     return level_of_codes(codes, device, exposure_s, light_hz, times_s)
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
-    """Captured recordings, simulations of the same stimuli, and their differences."""
-
-    captured: Sequence[Level]
-    simulated: Sequence[Level]
-    found: Comparison
-    correlation: float = 0.0
-    """Correlation of the frames of a scene with their aligned simulation"""
-
-
-def compare_levels(
-    captured: Sequence[Level], device: Sensor, beam: Beam, margin: float, seed: int
-) -> Compared:
-    """Compare levels of uniform light. Raises UserError for light of unknown wavelength."""
-    rates = [_even_rate(level, device, beam) for level in captured]
-    return _compared(captured, rates, device, margin, seed)
-
-
-def _even_rate(level: Level, device: Sensor, beam: Beam) -> Floats:
-    """Detection rates of a level (1, rows, columns), Hz, without dark counts."""
-    shape = level.readings.shape[1], level.readings.shape[2]
-    if level.is_dark:
-        return np.zeros((1, *shape))
-    if beam.wavelength_nm is None:
-        raise UserError("compare: unknown wavelength of the light; give --wavelength-nm")
-    own = changed(device, exposure_s=level.exposure_s)
-    nominal = float(own.photon_detection_efficiency(np.array(beam.wavelength_nm)))
-    factor = draw_fixed_pattern(own, shape).efficiency_factor
-    return np.asarray(level.light_hz * nominal * factor[np.newaxis])
+def _compare_levels(
+    captured: Sequence[Level], device: Sensor, asked: CompareSettings
+) -> pages.Compared:
+    """Compare levels of uniform light."""
+    rates = []
+    for level in captured:
+        shape = level.readings.shape[1], level.readings.shape[2]
+        if level.is_dark:
+            rates.append(np.zeros((1, *shape)))
+            continue
+        if asked.beam.wavelength_nm is None:
+            raise UserError("compare: unknown wavelength of the light; give --wavelength-nm")
+        sensor = changed(device, exposure_s=level.exposure_s)
+        nominal = float(sensor.photon_detection_efficiency(np.array(asked.beam.wavelength_nm)))
+        factor = draw_fixed_pattern(sensor, shape).efficiency_factor
+        rates.append(level.light_hz * nominal * factor[np.newaxis])
+    return _compared(captured, rates, device, asked)
 
 
 def _compared(
     captured: Sequence[Level],
     rates: Sequence[Floats],
     device: Sensor,
-    margin: float,
-    seed: int,
+    asked: CompareSettings,
     stimulus: str = "",
-) -> Compared:
+) -> pages.Compared:
     """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
     model = Model(device, rates)
-    simulated = model.drawn(captured, seed, stimulus)
+    simulated = model.drawn(captured, asked.seed, stimulus)
     errors = [
         _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
     found = compare_recordings(
-        captured, simulated, model, margin=margin, errors=errors, is_scene=bool(stimulus)
+        captured, simulated, model, margin=asked.margin, errors=errors, is_scene=bool(stimulus)
     )
-    return Compared(captured, simulated, found)
+    return pages.Compared(captured, simulated, found)
 
 
 def _errors(device: Sensor, rates: Floats) -> Floats:
     """Standard errors of mean rates (rows, columns) due to those of the device's maps, Hz."""
-    maps = device.measured
-    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
-    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
-    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))
+    maps, shape = device.measured, (rates.shape[1], rates.shape[2])
+    factor = np.maximum(draw_fixed_pattern(device, shape).efficiency_factor, 1e-12)
+    of_light = rates.mean(axis=0) * _map_error(maps.efficiency) / factor
+    return np.asarray(np.hypot(_map_error(maps.dark_counts), of_light))
 
 
-def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Return standard errors of a map, from the intervals next to it; 0 without intervals.
+def _map_error(file: MapFile | None) -> Floats | float:
+    """Standard errors of a map, from the intervals next to it; 0 without intervals.
 
     NaN where the calibration does not know the pixel.
     """
     if file is None:
         return 0.0
-    path = Path(file.path)
-    ends = [path.with_name(f"{path.stem}_{end}.npy") for end in ("low", "high")]
-    if not all(end.exists() for end in ends):
-        return 0.0
-    low, high = (_interval_end(end) for end in ends)
-    return np.asarray((high - low) / (2 * _95))
-
-
-def _interval_end(path: Path) -> NDArray[np.float64]:
-    values = plain_array(read_bytes(path, ARRAY_BYTES))
-    if values is None or values.ndim != 2:
-        raise UserError(f"{path} is not a complete array of numbers; calibrate the device again")
-    return values.astype(np.float64)
-
-
-class SpeedResponse(NamedTuple):
-    """Peak responses of one detector at one speed, captured and simulated, per crossing."""
-
-    name: str
-    speed_mm_s: float
-    captured: Floats
-    """(crossings,), mean over rows and detectors of the array."""
-    simulated: Floats
-    difference: Difference
+    path, ends = Path(file.path), []
+    for end in ("low", "high"):
+        beside = path.with_name(f"{path.stem}_{end}.npy")
+        if not beside.exists():
+            return 0.0
+        values = plain_array(read_bytes(beside, ARRAY_BYTES))
+        if values is None or values.ndim != 2:
+            raise UserError(
+                f"{beside} is not a complete array of numbers; calibrate the device again"
+            )
+        ends.append(values.astype(np.float64))
+    return np.asarray((ends[1] - ends[0]) / (2 * _95))
 
 
 def plate_responses(
-    captured: Mapping[float, Level],
-    device: Sensor,
-    margin: float,
-    seed: int = 0,
-    *,
-    own_light: bool = False,
-) -> list[SpeedResponse]:
+    captured: Mapping[float, Level], device: Sensor, asked: CompareSettings
+) -> list[pages.SpeedResponse]:
     """Compare responses to a plate at each speed (mm/s), over complete passages.
 
     Passages are found by their edges, so that the plate may rest at its ends. Raises UserError if a
     recording is not of 16 × 16 pixels at 10 frames/s, or has fewer than two complete passages
     without a gap.
     """
-    found = []
+    responses = []
     for speed, frames in sorted(captured.items()):
         counts = passages_at(speed, frames)
-        own = changed(device, exposure_s=1 / FRAME_RATE_HZ)
-        light = light_at(speed, counts, own) if own_light else None
-        simulated = record(speed, own, light, seed).counts
-        for name in TIME_CONSTANTS_S:
-            a, b = (
-                crossing_peaks(detector(name), pooled(each)).mean(axis=(1, 2))
+        sensor = changed(device, exposure_s=1 / motion_bench.FRAME_RATE_HZ)
+        simulated = motion_bench.record(speed, sensor, asked.seed).counts
+        for name, unit in motion_bench.UNITS.items():
+            method = motion_bench.detector(name)
+            peaks = [
+                motion_bench.crossing_peaks(method, motion_bench.pooled(each)).mean(axis=(1, 2))
                 for each in (counts, simulated)
-            )
+            ]
             title = f"{name} response at {speed:g} mm/s"
-            apart = difference(Quantity(title, UNITS[name]), a, b, margin)
-            found.append(SpeedResponse(name, speed, a, b, apart))
-    return found
+            apart = difference(title, unit, peaks[0], peaks[1], asked.margin)
+            responses.append(pages.SpeedResponse(name, speed, peaks[0], peaks[1], apart))
+    return responses
 
 
-def passages_at(speed_mm_s: float, frames: Level) -> NDArray[Any]:
-    """Cut passages from a recording of a plate, or frames of one at rest. Raises UserError."""
-    if frames.readings.shape[1:] != (PIXELS, PIXELS):
+def passages_at(speed_mm_s: float, frames: Level) -> NDArray[np.generic]:
+    """Cut passages from a recording of a plate. Raises UserError."""
+    if frames.readings.shape[1:] != (motion_bench.PIXELS, motion_bench.PIXELS):
         raise UserError(
             f"plate at {speed_mm_s:g} mm/s: frames of {frames.readings.shape[1:]} pixels; capture "
             "all rows"
         )
-    times_s = frames.times_s
-    numbers = None if times_s is None else np.rint((times_s - times_s[:1]) * FRAME_RATE_HZ)
+    times_s, numbers = frames.times_s, None
+    if times_s is not None:
+        numbers = np.rint((times_s - times_s[:1]) * motion_bench.FRAME_RATE_HZ)
     with refused_as(f"plate at {speed_mm_s:g} mm/s"):
-        return cut_passages(frames.readings, numbers) if speed_mm_s else cut_rest(frames.readings)
-
-
-def light_at(speed_mm_s: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
-    """Estimate the light from passages of a plate. Raises UserError."""
-    if speed_mm_s == 0:
-        raise UserError("a plate at rest does not show the light; omit it or --own-light")
-    with refused_as(f"plate at {speed_mm_s:g} mm/s"):
-        return fitted_light(counts, device)
+        return motion_bench.cut_passages(frames.readings, numbers)
 
 
 class Aligned(NamedTuple):
@@ -212,29 +213,21 @@ class Aligned(NamedTuple):
     """Correlation of captured frames with these; 0 without motion."""
 
 
-def rendered_dataset(scene: str, beside: Path) -> Path:
-    """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
-
-    Raises UserError if there is neither a dataset nor a configuration of this name.
-    """
-    root = Path(scene)
-    if not root.is_dir():
-        root, configuration = beside, load(scene)
-    else:
-        configuration = open_sequence(root).configuration
-    run_stage(root, configuration, "render")
-    return root
-
-
 def align(frames: Level, cycle: Cycle) -> Aligned:
     """Align captured frames with a cycle. Raises UserError if sizes differ."""
-    shape = frames.readings.shape[1:]
+    shape, length = frames.readings.shape[1:], len(cycle.rates_hz)
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
             f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
             "capture all rows"
         )
-    places = _places(frames, cycle)
+    times_s = frames.times_s
+    if times_s is None:
+        times_s = frames.exposure_s * np.arange(len(frames.readings), dtype=np.float64)
+    # frame of the cycle at each captured frame, for every shift, (shifts, n)
+    shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
+    at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
+    places = np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
     counts, rates = (
         (each - each.mean(axis=0)).reshape(len(each), -1)
         for each in (np.asarray(frames.readings, np.float64), cycle.rates_hz)
@@ -250,28 +243,15 @@ def align(frames: Level, cycle: Cycle) -> Aligned:
     return Aligned(places[best[len(best) // 2]], float(score.max()))
 
 
-def _places(frames: Level, cycle: Cycle) -> NDArray[np.int64]:
-    """Frame of the cycle at each captured frame, for every shift, (shifts, n)."""
-    times_s = frames.times_s
-    if times_s is None:
-        times_s = frames.exposure_s * np.arange(len(frames.readings), dtype=np.float64)
-    length = len(cycle.rates_hz)
-    shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
-    at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
-    return np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
-
-
-def compare_scene(
-    captured: Level, cycle: Cycle, device: Sensor, margin: float, seed: int
-) -> Compared:
-    """Align captured frames with a scene, and simulate the matching frames.
-
-    Raises ValueError if there are too few frames or pixels do not match.
-    """
+def _compare_scene(
+    captured: Level, cycle: Cycle, device: Sensor, asked: CompareSettings
+) -> pages.Compared:
+    """Align captured frames with a scene, and simulate the matching frames."""
     aligned = align(captured, cycle)
     rates = cycle.rates_hz[aligned.frame]
-    compared = _compared([captured], [rates], device, margin, seed, "scene, ")
+    compared = _compared([captured], [rates], device, asked, "scene, ")
     (simulated,) = compared.simulated
-    differences = scene_differences(captured, simulated, rates, margin, _errors(device, rates))
+    errors_hz = _errors(device, rates)
+    differences = scene_differences(captured, simulated, rates, asked.margin, errors_hz)
     found = replace(compared.found, differences=differences)
-    return replace(compared, found=found, correlation=aligned.correlation)
+    return compared._replace(found=found, correlation=aligned.correlation)

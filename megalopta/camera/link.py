@@ -26,19 +26,13 @@ UDEV_RULE = (
     'ENV{ID_MM_DEVICE_IGNORE}="1"'
 )
 """For /etc/udev/rules.d/: lets the group open the port, and keeps ModemManager away."""
-
-_LIST = "see megalopta spadcam list"
-_EMULATE = "start an emulated one (megalopta spadcam emulate)"
+_CHOOSE = "choose another port (see megalopta spadcam list)"
+_PLUG_IN = f"plug the camera in, start an emulated one (megalopta spadcam emulate), or {_CHOOSE}"
 _REMEDIES = {
-    errno.ENOENT: f"no such port; plug the camera in, {_EMULATE}, or choose another ({_LIST})",
-    **dict.fromkeys(
-        (errno.ENODEV, errno.ENXIO),
-        f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
-    ),
+    errno.ENOENT: f"no such port; {_PLUG_IN}",
     errno.EACCES: (
         "no permission; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
-        "this rule into /etc/udev/rules.d/49-spadcam.rules and plug the camera in again: "
-        f"{UDEV_RULE}"
+        f"this udev rule into /etc/udev/rules.d/49-spadcam.rules: {UDEV_RULE}"
     ),
     **dict.fromkeys(
         (errno.EBUSY, errno.EAGAIN),
@@ -46,6 +40,18 @@ _REMEDIES = {
         f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
     ),
 }
+_RETRY_S = 0.1
+_REPLY_S = 0.7
+_REPLIES = Kind.IDENTITY, Kind.SETTINGS
+_ASKED = 3
+"""Attempts; all commands may be repeated."""
+_MOST_WAITING = 8192
+"""Most waiting chunks of bytes, a frame or more each. Further ones wait in the camera."""
+_GATHER_S = 0.003
+_MUCH = 3000
+"""Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
+for each would cost more than reading it. A pseudo-terminal holds 4096 bytes; as many waiting mean
+that the reader is late."""
 
 
 class NoPortError(UserError):
@@ -54,10 +60,10 @@ class NoPortError(UserError):
 
 def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
     """Yield path, true for a Teensy, serial number and description of USB serial ports."""
-    for each in list_ports.comports():
-        if each.vid is not None:
-            texts = (printable(text or "") for text in (each.serial_number, each.description))
-            yield each.device, each.vid == TEENSY_VENDOR, *texts
+    for port in list_ports.comports():
+        if port.vid is not None:
+            texts = (printable(text or "") for text in (port.serial_number, port.description))
+            yield port.device, port.vid == TEENSY_VENDOR, *texts
 
 
 def find_port(serial_number: str | None = None) -> str:
@@ -73,7 +79,7 @@ def find_port(serial_number: str | None = None) -> str:
         choice = ", ".join(f"{path} ({teensies[path]})" for path in fitting)
         raise UserError(f"several cameras: {choice}; choose one with --port or --usb-serial")
     who = f"no camera of USB serial number {serial_number}" if serial_number else "no camera"
-    raise NoPortError(f"{who} is plugged in; plug it in, give its --port ({_LIST}), or {_EMULATE}")
+    raise NoPortError(f"{who} is plugged in; {_PLUG_IN}")
 
 
 def open_port(path: str) -> serial.Serial:
@@ -85,7 +91,7 @@ def open_port(path: str) -> serial.Serial:
         # USB ignores the baud rate.
         return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)
     except serial.SerialException as problem:
-        remedy = _REMEDIES.get(problem.errno or 0, f"no serial port; choose another ({_LIST})")
+        remedy = _REMEDIES.get(problem.errno or 0, f"no serial port with a device; {_CHOOSE}")
         kind = NoPortError if problem.errno == errno.ENOENT else UserError
         raise kind(f"{path}: {remedy}") from None
 
@@ -100,20 +106,6 @@ def port_lines() -> Iterator[str]:
             state = str(problem).partition(": ")[2].partition(";")[0]
         kind = "Teensy" if is_teensy else "other"
         yield f"{path}  {number or '-'}  {kind}  {description}  {state}"
-
-
-_RETRY_S = 0.1
-_REPLY_S = 0.7
-_REPLIES = Kind.IDENTITY, Kind.SETTINGS
-_ASKED = 3
-"""Attempts; all commands may be repeated."""
-_MOST_WAITING = 8192
-"""Most waiting chunks of bytes, a frame or more each. Further ones wait in the camera."""
-_GATHER_S = 0.003
-_MUCH = 3000
-"""Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
-for each would cost more than reading it. Times rest on the fastest frames. A pseudo-terminal holds
-4096 bytes; as many waiting mean that the reader is late."""
 
 
 class Plugged(NamedTuple):
@@ -132,7 +124,6 @@ class Arrived(NamedTuple):
 
 
 Event = Plugged | Unplugged | Arrived
-_Piece = Plugged | Unplugged | tuple[float, bytes]
 
 
 class LinkLostError(Exception):
@@ -152,7 +143,9 @@ class Link:
         self._port = open_port(self.path)
         self.read_bytes = 0
         """Bytes that came so far."""
-        self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
+        self._pieces: queue.Queue[Plugged | Unplugged | tuple[float, bytes]] = queue.Queue(
+            _MOST_WAITING
+        )
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
@@ -205,7 +198,10 @@ class Link:
         try:
             for _ in range(_ASKED):
                 self._commands += 1
-                self._write(encode(Packet(kind, self._commands, 0, payload)))
+                try:
+                    self._port.write(encode(Packet(kind, self._commands, 0, payload)))
+                except (OSError, TypeError):  # the reader noticed first and closed the port
+                    time.sleep(_RETRY_S)
                 end_s = time.monotonic() + _REPLY_S
                 while (left_s := end_s - time.monotonic()) > 0:
                     event = self.next(left_s)
@@ -218,7 +214,7 @@ class Link:
                     kept.append(event)
                     if isinstance(event, Unplugged):
                         raise LinkLostError
-            raise UserError(f"{self.path}: {self._silence(kept)}")
+            raise UserError(f"{self.path}: {self._silence()}")
         finally:
             self._seen.extendleft(reversed(kept))
 
@@ -226,24 +222,14 @@ class Link:
         """Return the camera's identity; errors as `request`."""
         return Identity.of(self.request(Kind.IDENTIFY, b"").payload)
 
-    def _silence(self, seen: list[Event]) -> str:
-        remedy = "choose another port (see megalopta spadcam list) or flash the camera's firmware"
+    def _silence(self) -> str:
         if self._parser.other_version is not None:
             version = self._parser.other_version
             return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
-        if any(isinstance(event, Arrived) for event in seen):
-            return "sends frames but does not answer; unplug it and plug it in again"
-        if self._parser.damaged or self.read_bytes:
-            return f"does not speak SPADCAM's protocol; {remedy}"
-        return f"is silent; {remedy}, and keep ModemManager away from it"
+        what = "does not speak SPADCAM's protocol" if self.read_bytes else "is silent"
+        return f"{what}; unplug it and plug it in again, flash its firmware, or {_CHOOSE}"
 
-    def _write(self, line: bytes) -> None:
-        try:
-            self._port.write(line)
-        except (OSError, TypeError):  # the reader noticed first and closed the port
-            time.sleep(_RETRY_S)
-
-    def _decode(self, piece: _Piece) -> None:
+    def _decode(self, piece: Plugged | Unplugged | tuple[float, bytes]) -> None:
         if isinstance(piece, Plugged | Unplugged):
             # A partial packet from before does not belong to the new bytes.
             self._damaged_before += self._parser.damaged
@@ -254,10 +240,18 @@ class Link:
         self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
 
     def _read(self) -> None:
+        """Read until stopped; after unplugging, look for the port until it is back."""
         while not self._stop.is_set():
             self._pieces.put(Plugged())
             with suppress(OSError, TypeError):  # the port disappeared during a read
-                self._read_until_unplugged()
+                while not self._stop.is_set():
+                    first = b"" if self._port.in_waiting else bytes(self._port.read(1))
+                    data = first + bytes(self._port.read(self._port.in_waiting))
+                    if data:
+                        self._pieces.put((time.monotonic(), data))
+                        self.read_bytes += len(data)
+                    if data.endswith(b"\0") and len(data) < _MUCH:
+                        time.sleep(_GATHER_S)
             if self._stop.is_set():
                 return
             self._port.close()
@@ -267,13 +261,3 @@ class Link:
                     self.path = self._find()
                     self._port = open_port(self.path)
                     break
-
-    def _read_until_unplugged(self) -> None:
-        while not self._stop.is_set():
-            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
-            data = first + bytes(self._port.read(self._port.in_waiting))
-            if data:
-                self._pieces.put((time.monotonic(), data))
-                self.read_bytes += len(data)
-            if data.endswith(b"\0") and len(data) < _MUCH:
-                time.sleep(_GATHER_S)

@@ -8,7 +8,7 @@ counts are added. The preset of SPADCAM has no afterpulsing, since its value is 
 
 Rows are pooled from 16 to 12 pixels and pass through NDM and NDS without a low-pass at the output,
 which the dissertation does not mention here. The response of a detector to an edge is its largest
-value during one crossing, 32 frames at every speed. An edge at rest is in the middle.
+value during one crossing, 32 frames at every speed.
 
 A recording begins at any time, and the plate rests at its ends for any time. The mean count of the
 array falls while an edge hides it and rises while one uncovers it; at the halfway value, the edge
@@ -17,7 +17,7 @@ around the next uncovering edge.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from megalopta.core.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
@@ -38,9 +37,8 @@ from megalopta.scenes.light import Light
 from megalopta.scenes.stimuli.grating import sky_radiance
 from megalopta.scenes.stimuli.plane import MotionBench
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset, reading_moments
+from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
 from megalopta.sensor.expectations import expectation
-from megalopta.sensor.spad.device import draw_fixed_pattern
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32
@@ -62,20 +60,6 @@ _PHASES = 4
 """Positions of the edge at a frame, as equal parts of its motion per frame."""
 _REPEATS = 4
 """Noise realizations of each phase."""
-
-
-class BenchLight(NamedTuple):
-    """Detected photons per pixel and frame, mean over the array, without dark counts."""
-
-    open_photons: float
-    hidden_photons: float
-
-    def __str__(self) -> str:
-        """Describe both as text."""
-        return (
-            f"an open pixel detects {self.open_photons:.3g} photons per frame, a hidden one "
-            f"{self.hidden_photons:.3g}"
-        )
 
 
 class Peaks(NamedTuple):
@@ -161,21 +145,16 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
     )
 
 
-def record(
-    speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None, seed: int = 0
-) -> Exposure:
-    """Expose 16 rows, (recordings·2·FRAMES, 16, 16), recordings concatenated.
-
-    The light is by default the dissertation's.
-    """
-    rows = np.tile(_frames(speed_mm_s, sensor, light), (_REPEATS, 1, 1, 1))
+def record(speed_mm_s: float, sensor: Sensor, seed: int = 0) -> Exposure:
+    """Expose 16 rows, (recordings·2·FRAMES, 16, 16), recordings concatenated."""
+    rows = np.tile(_frames(speed_mm_s, sensor), (_REPEATS, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
     return expose(rows, _BANDS_NM, sensor, seed=seed, stream=name)
 
 
-def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) -> Floats:
+def _mean_readings(speed_mm_s: float, sensor: Sensor) -> Floats:
     """Mean readings in the frames of `record`, computed once for identical frames."""
-    frames = _frames(speed_mm_s, sensor, light)
+    frames = _frames(speed_mm_s, sensor)
     forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
     seen = forth.reshape(-1, *frames.shape[1:])
     mean = expectation(seen, _BANDS_NM, sensor).mean_reading
@@ -189,20 +168,11 @@ def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
     return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
 
 
-def _frames(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> Floats:
+def _frames(speed_mm_s: float, sensor: Sensor) -> Floats:
     """Radiance (recordings·2·FRAMES, 16, 16, 1), one recording per phase."""
-    seen = stimulus(speed_mm_s)
-    radiance = (seen if light is None else _relit(seen, light)) * _brightness(sensor)
+    radiance = stimulus(speed_mm_s) * _brightness(sensor)
     frames = radiance.reshape(-1, *radiance.shape[2:])
     return np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
-
-
-def _relit(radiance: Floats, light: BenchLight) -> Floats:
-    """The same edge between other levels, relative to the rendered light of open pixels."""
-    bright, dark = sky_radiance(_LUX), float(stimulus(0.0).min())
-    share = (radiance - dark) / (bright - dark)
-    photons = light.hidden_photons + share * (light.open_photons - light.hidden_photons)
-    return np.asarray(np.maximum(photons, 0) / OPEN_PHOTONS * bright)
 
 
 def pooled(counts: NDArray[Any]) -> Floats:
@@ -212,10 +182,10 @@ def pooled(counts: NDArray[Any]) -> Floats:
 
 
 @cache
-def peaks(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> dict[str, Peaks]:
+def peaks(speed_mm_s: float, sensor: Sensor) -> dict[str, Peaks]:
     """Peak responses of NDM and NDS to every crossing at one speed."""
-    noisy = pooled(record(speed_mm_s, sensor, light).counts)
-    ideal = pooled(_mean_readings(speed_mm_s, sensor, light))
+    noisy = pooled(record(speed_mm_s, sensor).counts)
+    ideal = pooled(_mean_readings(speed_mm_s, sensor))
     return {
         name: Peaks(crossing_peaks(detector(name), noisy), crossing_peaks(detector(name), ideal))
         for name in TIME_CONSTANTS_S
@@ -246,9 +216,6 @@ _SHARE_BEYOND = 0.25
 as a share of their difference."""
 _CLOSEST = FRAMES - 2
 """Frames between edges: half a frame before and after the middle may be lost to rounding."""
-
-_BRIGHTEST = 1e6
-"""Most photons that a pixel detects in a frame"""
 
 
 class _Edge(NamedTuple):
@@ -291,20 +258,6 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     return np.concatenate([counts[at : at + FRAMES] for pair in pairs for at in pair])
 
 
-def cut_rest(counts: NDArray[Any]) -> NDArray[Any]:
-    """Cut frames (T, rows, columns) of a plate at rest into segments of a passage to and fro.
-
-    Raises ValueError if they are too few, or an edge passes.
-    """
-    whole = len(counts) // (2 * FRAMES)
-    if whole < LEAST:
-        raise ValueError(f"{len(counts)} frames; record {LEAST * 2 * FRAMES} or more")
-    level = np.asarray(counts.mean(axis=(1, 2)), np.float64)
-    if _is_clear(level):
-        raise ValueError("an edge passes in a recording of a plate at rest; give its speed")
-    return counts[: whole * 2 * FRAMES]
-
-
 def _is_clear(level: Floats) -> bool:
     low, high = np.percentile(level, (5, 95))
     # For a normal distribution the median distance of neighbors is 0.954 σ.
@@ -316,7 +269,7 @@ def _edges(level: Floats) -> Iterator[_Edge]:
     if not _is_clear(level):
         raise ValueError(
             f"no edge passes, the mean count is {level.mean():.1f} per pixel in every frame; let "
-            "the plate pass, or give speed 0 for one at rest"
+            "the plate pass"
         )
     half = np.percentile(level, (5, 95)).mean()
     hidden, free = np.median(level[level < half]), np.median(level[level > half])
@@ -331,38 +284,3 @@ def _edges(level: Floats) -> Iterator[_Edge]:
         # The level of a frame is that at its middle.
         part = falling[last] / (falling[last] - falling[last + 1])
         yield _Edge(float(before + last + part + 0.5), hides)
-
-
-def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
-    """Return the light under which the model of a sensor has a recording's mean readings.
-
-    Counts (passages · 2 · FRAMES, rows, columns) are cut by `cut_passages`: in the first quarter of
-    a passage all pixels are open, in the last quarter of its first half all are hidden. Dark counts
-    are those of the sensor, which has the same exposure. Raises ValueError if counters are too
-    saturated to determine the light.
-    """
-    hiding = counts.reshape(-1, 2, FRAMES, *counts.shape[1:])[:, 0]
-    quarter = FRAMES // 4
-    factor = draw_fixed_pattern(sensor, (counts.shape[1], counts.shape[2])).efficiency_factor
-    one_hz = factor[None] / (factor.mean() * sensor.exposure_s)
-
-    def read(photons: float) -> float:
-        return float(reading_moments(photons * one_hz, sensor)[0].mean())
-
-    levels = hiding[:, :quarter].mean(), hiding[:, -quarter:].mean()
-    return BenchLight(*(_photons(read, float(level)) for level in levels))
-
-
-def _photons(read: Callable[[float], float], level: float) -> float:
-    """Return the photons at which a pixel has this mean reading."""
-    if level <= read(0.0):
-        return 0.0
-    most = 2 * level + 1
-    while read(most) < level:
-        most *= 2
-        if most > _BRIGHTEST:
-            raise ValueError(
-                f"an open pixel counts {level:.4g} on average, more than the model in any "
-                "light; record it with less light"
-            )
-    return float(brentq(lambda each: read(each) - level, 0.0, most, xtol=1e-3))

@@ -1,24 +1,18 @@
-"""A recording of the camera, or of another one: content, name, and opening.
+"""A recording of the camera: written while frames arrive, and opened at any moment.
 
     RECORDING/recording.yaml   header: the fields of `RecordingSettings`
     RECORDING/frames.bin       a record for each frame, as in `RECORD`
 
-Records are only appended, so a recording opens at any moment, even after its capture was killed;
-an incomplete one at the end is dropped and counted.
+Records are only appended, so a recording opens even after its capture was killed; an incomplete one
+at the end is dropped and counted.
 
-On the command line a recording is named RECORDING or RECORDING@LIGHT; another camera's file of
-counts (`megalopta.sensor.formats`) is FILE@LIGHT:EXPOSURE_S. A range of frames, for a recording of
-several lights, is RECORDING#0-100@LIGHT.
-
-Times are the camera's in the host's clock, from arrival times of frames. The delay of an arrival is
-never negative, often small and sometimes large: a USB hub, or the host, was busy. So host time over
-device time lies above a straight line and touches it again and again. The line goes through the
-earliest arrivals of a few equal parts of the connection. The delay of the fastest frame is unknown:
-all times are late by it.
+Times are the camera's. Each connection begins at the host's time of the frame that came fastest,
+since the delay of an arrival is never negative and sometimes large.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,27 +21,22 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from megalopta.core import strict_yaml
-from megalopta.core.arrays import Floats
-from megalopta.core.bounded import check_file, printable, quoted, read_text
-from megalopta.core.errors import UserError, refused_as
+from megalopta.core.bounded import check_file, printable, read_text
+from megalopta.core.errors import UserError
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.formats.protocol import COLUMNS, NOT_READ, ROWS
-from megalopta.sensor.formats.reading import FrameKind, read_frames
+from megalopta.sensor.formats import protocol
 from megalopta.sensor.spad.counters import counts_of_codes, nominal_pixels
 
 FRAMES = "frames.bin"
 SETTINGS = "recording.yaml"
 _SETTINGS_BYTES = 4 * 1024**2
-_MOST_LETTERS = 100
 _LARGEST_BYTES = 2**40
-_LARGEST_DRIFT = 1e-3
-"""No quartz is worse."""
-_CLOCK_PARTS = 16
+_WRAP = 2**32
 
 RECORD = np.dtype(
     [
@@ -55,7 +44,7 @@ RECORD = np.dtype(
         ("sequence", "<u4"),
         ("device_us", "<u8"),
         ("host_s", "<f8"),
-        ("adc", "<u2", (ROWS, COLUMNS)),
+        ("adc", "<u2", (protocol.ROWS, protocol.COLUMNS)),
     ]
 )
 """A frame: times that the camera was plugged in before, its frame counter, its clock at the end of
@@ -123,9 +112,7 @@ class Recording:
     adc: NDArray[np.uint16]
     """(T, 16, 16); slice it: `recording.counts[:]`."""
     times_s: NDArray[np.float64]
-    """(T,) float64: end of each exposure, by the host's clock, s from the start."""
-    times_error_s: float | None
-    """Mean delay of the earliest arrivals beyond the fastest, s; None: times are the camera's."""
+    """(T,) float64: end of each exposure, s from the start."""
     sequence_number: NDArray[np.uint32]
     """(T,) uint32: the camera's frame counter."""
     connection: NDArray[np.uint32]
@@ -157,6 +144,11 @@ class Recording:
         return len(self.adc)
 
 
+def is_recording(path: Path) -> bool:
+    """Return True for a recording of SPADCAM, which has codes of its ADC."""
+    return any((path / name).exists() for name in (SETTINGS, FRAMES))
+
+
 def open_recording(path: str | Path) -> Recording:
     """Open a recording, even one of a killed capture.
 
@@ -166,7 +158,7 @@ def open_recording(path: str | Path) -> Recording:
     for name in (SETTINGS, FRAMES):
         if (path / name).is_symlink():
             raise UserError(f"{path / name}: a link in a recording; remove it")
-    settings = _read_settings(path)
+    settings = _read_settings(path / SETTINGS)
     check_file(path / FRAMES, _LARGEST_BYTES)
     frames, dropped_bytes = divmod((path / FRAMES).stat().st_size, RECORD.itemsize)
     if not settings.finished or dropped_bytes:
@@ -176,15 +168,13 @@ def open_recording(path: str | Path) -> Recording:
     records = (
         np.memmap(path / FRAMES, RECORD, "r", shape=(frames,)) if frames else np.empty(0, RECORD)
     )
-    times_s, errors_s = np.empty(frames), [0.0]
     connection, sequence = (np.array(records[name]) for name in ("connection", "sequence"))
+    times_s, host_s = records["device_us"] * 1e-6, np.array(records["host_s"])
+    if not np.isfinite(host_s).all():
+        raise ValueError(f"{path / FRAMES}: times are no finite numbers; restore the file")
     restarts = np.diff(connection.astype(np.int64)) != 0
     for part in np.split(np.arange(frames), np.flatnonzero(restarts) + 1):
-        device_s, host_s = records["device_us"][part] * 1e-6, records["host_s"][part]
-        if not np.isfinite(host_s).all():
-            raise ValueError(f"{path / FRAMES}: times are no finite numbers; restore the file")
-        times_s[part], error_s = host_times(device_s, host_s)
-        errors_s.append(np.nan if error_s is None else error_s)
+        times_s[part] += np.min(host_s[part] - times_s[part], initial=np.inf)
     skipped = (np.diff(sequence) - np.uint32(1))[~restarts]  # modulo 2³², as the counter
     counts, saturated = counts_by_code(settings.sensor)
     return Recording(
@@ -194,33 +184,12 @@ def open_recording(path: str | Path) -> Recording:
         saturated=FramesByCode(records["adc"], saturated),
         adc=records["adc"],
         times_s=times_s,
-        times_error_s=None if np.isnan(errors_s).any() else max(errors_s),
         sequence_number=sequence,
         connection=connection,
         gaps=int(restarts.sum() + (skipped > 0).sum()),
         missing_frames=int(skipped.sum(dtype=np.int64)),
         dropped_bytes=dropped_bytes,
     )
-
-
-def host_times(device_s: Floats, host_s: Floats) -> tuple[Floats, float | None]:
-    """Return times of the camera's clock by the host's, and their error if it is known, s.
-
-    A connection's arrivals are cut into equal parts. The line goes through the earliest of each
-    part, and is lowered until none is before it.
-    """
-    delay_s = host_s - device_s
-    if device_s.size == 0:
-        return delay_s, 0.0
-    parts = np.array_split(np.arange(delay_s.size), min(delay_s.size, _CLOCK_PARTS))
-    earliest = np.array([part[np.argmin(delay_s[part])] for part in parts])
-    drift = 0.0
-    if earliest.size > 1 and np.ptp(device_s[earliest]) > 0:
-        drift = float(np.polyfit(device_s[earliest], delay_s[earliest], 1)[0])
-    is_possible = abs(drift) <= _LARGEST_DRIFT
-    late_s = delay_s - (drift if is_possible else 0.0) * device_s
-    times_s = host_s - (late_s - late_s.min())
-    return times_s, float((late_s[earliest] - late_s.min()).mean()) if is_possible else None
 
 
 def counts_by_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
@@ -230,16 +199,8 @@ def counts_by_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_
         raise ValueError(f"sensor {sensor.name}: has no analog counters; give one such as spadcam")
     known = nominal_pixels(counter, sensor.exposure_s)
     counts, saturated = counts_of_codes(np.arange(2**16).astype(np.uint16), counter, known)
-    counts[NOT_READ], saturated[NOT_READ] = 0, True
+    counts[protocol.NOT_READ], saturated[protocol.NOT_READ] = 0, True
     return counts, saturated
-
-
-def check_kind(kind: str) -> None:
-    """Refuse an invalid name of a stimulus. Raises UserError."""
-    if not 0 < len(kind) <= _MOST_LETTERS or kind != printable(kind) or "/" in kind:
-        raise UserError(
-            f"--kind: {quoted(kind)!r}; give 1 to {_MOST_LETTERS} letters without a slash"
-        )
 
 
 def write_settings(folder: Path, settings: RecordingSettings) -> None:
@@ -248,8 +209,7 @@ def write_settings(folder: Path, settings: RecordingSettings) -> None:
     write_text(folder / SETTINGS, strict_yaml.dump(stated))
 
 
-def _read_settings(folder: Path) -> RecordingSettings:
-    path = folder / SETTINGS
+def _read_settings(path: Path) -> RecordingSettings:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give the folder of a recording")
     try:
@@ -262,144 +222,78 @@ def _read_settings(folder: Path) -> RecordingSettings:
         raise ValueError(f"{path}: {error}") from None
 
 
-_PLANCK_TIMES_C = 1.98644586e-25
+class Recorder:
+    """Writes the header of a recording, and a record for each frame as it arrives.
 
-
-@dataclass(frozen=True)
-class Source:
-    """A recording and its light."""
-
-    path: Path
-    light: float = 0.0
-    """As given: photons per second and pixel, or watts of the beam; 0: dark."""
-    exposure_s: float | None = None
-    frames: tuple[int, int] | None = None
-    """First frame, and the frame after the last; none: all."""
-    kind: FrameKind | None = None
-    """Format of another camera's file; none: by its content, counts or bits of .npy by their type.
+    The sensor is the nominal one, with the camera's exposure and step; `start_s` is the host's
+    monotonic clock at the start of the recording, s.
     """
-    sums: int | None = None
-    """Binary frames that each frame of the file is the sum of; none: frames are as recorded."""
 
-    @classmethod
-    def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
-        """Parse RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
-
-        Raises UserError if light or exposure is not a number, or negative, or a range of frames is
-        invalid.
-        """
-        name, at, numbers = text.partition("@")
-        if not at and ":" in Path(name).name and not Path(name).exists():
-            raise UserError(f"{text!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
-        path, _, range_ = name.partition("#")
-        light, _, exposure = numbers.partition(":")
-        try:
-            values = float(light or 0), float(exposure) if exposure else None
-        except ValueError:
-            raise UserError(f"{text!r}: give RECORDING@LIGHT, with a number after the @") from None
-        if not 0 <= values[0] < np.inf or (values[1] is not None and not 0 < values[1] < np.inf):
-            raise UserError(f"{text!r}: invalid light or exposure; give positive numbers")
-        return cls(Path(path), *values, _range(range_, text), kind)
-
-
-def _range(text: str, source: str) -> tuple[int, int] | None:
-    if not text:
-        return None
-    first, _, end = text.partition("-")
-    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise UserError(f"{source!r}: give RECORDING#FIRST-END, such as #0-100 for 100 frames")
-    return int(first), int(end)
-
-
-@dataclass(frozen=True)
-class Beam:
-    """Light of flat frames, if it is known as a beam's power."""
-
-    wavelength_nm: float | None = None
-    area_mm2: float | None = None
-    """None: light is given as photons per second and pixel."""
-
-    def photons_hz(self, light: float, sensor: Sensor) -> float:
-        """Photons per second and pixel; relative if the wavelength is unknown.
-
-        Raises ValueError if the sensor's curve has no efficiency at the wavelength.
-        """
-        self._check(sensor)
-        if self.area_mm2 is None or self.wavelength_nm is None:
-            return light
-        photons_hz = light * self.wavelength_nm * 1e-9 / _PLANCK_TIMES_C
-        return photons_hz * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
-
-    def _check(self, sensor: Sensor) -> None:
-        curve, nm = sensor.efficiency, self.wavelength_nm
-        first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
-        if nm is not None and not (first <= nm <= last and curve(np.array(nm)) > 0):
-            raise ValueError(
-                f"--wavelength-nm {nm:g}: sensor {sensor.name!r} has no efficiency there, only "
-                f"within {first:g} to {last:g} nm; give the wavelength of the light"
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class RecordingFrames:
-    """Frames of a recording."""
-
-    counts: NDArray[Any]
-    """(n, rows, columns)"""
-    codes: NDArray[Any] | None
-    """Codes of the ADC, if recorded."""
-    exposure_s: float
-    sensor: Sensor | None
-    """Nominal sensor."""
-    times_s: Floats
-    """Start of each exposure; consecutive if not recorded."""
-    is_binary: bool = False
-    """True if counts are bits."""
-
-    def at(self, frames: tuple[int, int] | None) -> "RecordingFrames":
-        """Keep a range of the frames. Raises ValueError if there are fewer."""
-        if frames is None:
-            return self
-        if frames[1] > len(self.counts):
-            raise ValueError(f"frames {frames[0]} to {frames[1] - 1}; it has {len(self.counts)}")
-        part = slice(*frames)
-        codes = None if self.codes is None else self.codes[part]
-        return replace(self, counts=self.counts[part], codes=codes, times_s=self.times_s[part])
-
-
-def is_recording(path: Path) -> bool:
-    """Return True for a recording of SPADCAM, which has codes of its ADC."""
-    return any((path / name).exists() for name in (SETTINGS, FRAMES))
-
-
-def read_recorded(source: Source) -> RecordingFrames:
-    """Read a recording.
-
-    Raises UserError if there is none, it is damaged, or its exposure is unknown.
-    """
-    with refused_as("", OSError):
-        recorded = _captured(source) if is_recording(source.path) else _of_others(source)
-    with refused_as(f"{source.path}"):
-        return recorded.at(source.frames)
-
-
-def _captured(source: Source) -> RecordingFrames:
-    recording = open_recording(source.path)
-    times_s = recording.times_s - recording.exposure_s
-    return RecordingFrames(
-        recording.counts[:], recording.adc, recording.exposure_s, recording.sensor, times_s
-    )
-
-
-def _of_others(source: Source) -> RecordingFrames:
-    frames = read_frames(source.path, source.kind)
-    exposure = source.exposure_s or frames.exposure_s
-    if exposure is None:
-        raise ValueError(
-            f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in a list "
-            "exposure_s"
+    def __init__(
+        self,
+        folder: Path,
+        sensor: Sensor,
+        kind: str,
+        identity: protocol.Identity,
+        settings: protocol.Settings,
+        start_s: float,
+    ) -> None:
+        self._folder, self._start_s = folder, start_s
+        self._of_code = counts_by_code(sensor)
+        self.header = RecordingSettings(
+            kind=kind,
+            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            serial_number=identity.serial_number,
+            firmware=identity.firmware,
+            exposure_s=settings.exposure_us / 1e6,
+            frame_rate_hz=settings.frame_rate_mhz / 1e3,
+            step_bias=settings.step_bias,
+            row_window=(settings.first_row, settings.end_row),
+            sensor=sensor,
         )
-    if frames.counts.ndim != 3:
-        raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
-    times_s = exposure * np.arange(len(frames.counts), dtype=np.float64)
-    return RecordingFrames(frames.counts, None, exposure, None, times_s, frames.bit_depth == 1)
+        """Content of recording.yaml."""
+        self.frames = self.gaps = self.missing_frames = 0
+        """So far: frames, places where the counter skipped or restarted, and frames skipped."""
+        self._connection = -1
+        self._last: protocol.Packet | None = None
+        self._file = (folder / FRAMES).open("xb", buffering=0)
+        write_settings(folder, self.header)
+
+    def plugged(self) -> None:
+        """Begin a connection: the camera's counter and clock restart."""
+        self._connection += 1
+        self.gaps += self._connection > 0
+        self._last = None
+
+    def take(self, host_s: float, packet: protocol.Packet) -> None:
+        """Write a frame; one that came before is skipped. Raises OSError without room."""
+        if self._last is not None:
+            skipped = (packet.sequence - self._last.sequence - 1) % _WRAP
+            if skipped == _WRAP - 1:
+                return
+            if skipped >= _WRAP // 2:  # the camera restarted
+                self.plugged()
+            else:
+                self.gaps += skipped > 0
+                self.missing_frames += skipped
+        times = packet.device_us, host_s - self._start_s
+        values = self._connection, packet.sequence, *times, protocol.samples_of(packet)
+        record = np.array(values, RECORD).tobytes()
+        while record:  # a nearly full disk may take only a part
+            record = record[self._file.write(record) :]
+        self.frames += 1
+        self._last = packet
+
+    def finish(self, damaged_packets: int) -> None:
+        """Close the records, and state in the header that they are complete."""
+        self._file.close()
+        stated = {"finished": True, "damaged_packets": damaged_packets}
+        write_settings(self._folder, self.header.model_copy(update=stated))
+
+    def last(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]] | None:
+        """Counts and saturated pixels of the newest frame."""
+        if self._last is None:
+            return None
+        counts, saturated = self._of_code
+        adc = protocol.samples_of(self._last)
+        return counts[adc], saturated[adc]

@@ -18,16 +18,15 @@ from megalopta.cli.command import (
     out_file,
     positive,
     stopped_by_signals,
-    switch,
     verb,
     whole,
     within,
 )
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.camera.stimuli import Stimulus
+    from megalopta.camera.emulator import Film
 
 _RECORDINGS = (
     option(
@@ -80,21 +79,21 @@ def _list(options: Namespace) -> list[str]:
     option("--sensor", "preset or YAML file with the counters' nominal step", default="spadcam"),
 )
 def _capture(options: Namespace) -> str:
-    from megalopta.camera.camera_settings import CaptureSettings, named_sensor
-    from megalopta.camera.capturing import capture, recorded_line, viewing
+    from megalopta.camera import capture
     from megalopta.camera.link import find_port
 
-    options.sensor, options.row_window = named_sensor(options.sensor), tuple(options.row_window)
+    sensor, options.row_window = capture.named_sensor(options.sensor), tuple(options.row_window)
+    options.sensor = sensor
     out = options.out or Path("recordings") / f"{options.kind}-{datetime.now():%Y%m%d-%H%M%S}"
     stop = stopped_by_signals()
 
     def find() -> str:
         return options.port or find_port(options.usb_serial)
 
-    with viewing() as show:
-        settings = chosen(options, CaptureSettings)
-        recording = capture(find, out, settings, stop, show, wait_s=options.wait)
-    return recorded_line(recording)
+    with capture.viewing() as show:
+        settings = chosen(options, capture.CaptureSettings)
+        recording = capture.capture(find, out, settings, stop, show, wait_s=options.wait)
+    return capture.recorded_line(recording)
 
 
 @verb(
@@ -106,29 +105,23 @@ def _capture(options: Namespace) -> str:
     option("--preset", "sensor for what is not measured", default="spadcam"),
 )
 def _calibrate(options: Namespace) -> Iterator[object]:
-    from megalopta.camera.calibrating import calibrate_recordings, named_sources
-    from megalopta.camera.recording import Beam
+    from megalopta.camera import calibration, sources
+    from megalopta.camera.measurements import read_measurement
 
-    if all(each.endswith(".csv") for each in options.recordings):
-        yield from _calibrate_tables([Path(each) for each in options.recordings], options)
-        return
-    sources = named_sources(options.recordings)
-    beam = Beam(options.wavelength_nm, options.beam_area_mm2)
-    yield calibrate_recordings(sources, options.out, beam=beam, base=options.preset)
-    yield options.out
-    yield options.out.with_suffix(".html")
-
-
-def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]:
-    from megalopta.camera.capture_files import read_measurement
-    from megalopta.camera.device_files import write_array_device
-    from megalopta.core.errors import refused_as
-
-    with refused_as("calibrate"):
-        tables = [read_measurement(path) for path in paths]
+    words, out, preset = options.recordings, options.out, options.preset
+    if all(word.endswith(".csv") for word in words):
+        paths = [Path(word) for word in words]
         source = f"calibrated from {', '.join(path.name for path in paths)}"
-        yield write_array_device(options.out, tables, options.preset, source)
-    yield options.out
+        with refused_as("calibrate"):
+            tables = [read_measurement(path) for path in paths]
+            yield calibration.write_array_device(out, tables, preset, source)
+        yield out
+        return
+    beam = sources.Beam(options.wavelength_nm, options.beam_area_mm2)
+    named = sources.named_sources(words)
+    yield calibration.calibrate_recordings(named, out, beam=beam, base=preset)
+    yield out
+    yield out.with_suffix(".html")
 
 
 @verb(
@@ -139,8 +132,8 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]
     option(
         "--scene",
         "levels: darkness and uniform light; plate: the moving plate, LIGHT is then "
-        "its speed in mm/s; or a dataset's folder, or a configuration to render: LIGHT is "
-        "then the light level in lux (without: that of the rendering)",
+        "its speed in mm/s; or a rendered dataset's folder: LIGHT is then the light level in "
+        "lux (without: that of the rendering)",
         default="levels",
     ),
     option(
@@ -151,20 +144,15 @@ def _calibrate_tables(paths: list[Path], options: Namespace) -> Iterator[object]
     ),
     option("--margin", "relative difference to ignore", positive, 0.05),
     option("--seed", "seed of the simulation", at_least(0), 0),
-    switch(
-        "--own-light",
-        "plate: estimate the light from the recording's open and covered pixels "
-        "(default: the dissertation's 65 photons per frame and pixel)",
-    ),
     out_file("comparison.html", "page"),
 )
 def _compare(options: Namespace) -> tuple[str, Path]:
-    from megalopta.camera.device_comparison import CompareSettings, compare_captured
-    from megalopta.camera.recording import Beam, Source
+    from megalopta.camera.comparison import CompareSettings, compare_captured
+    from megalopta.camera.sources import Beam, Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
-    asked = CompareSettings(options.scene, beam, options.margin, options.seed, options.own_light)
+    asked = CompareSettings(options.scene, beam, options.margin, options.seed)
     return compare_captured(sources, options.device, options.out, asked), options.out
 
 
@@ -173,26 +161,20 @@ def _compare(options: Namespace) -> tuple[str, Path]:
     "draw the dissertation's figures 2.14 to 2.19 from recordings of the moving plate",
     option(
         "recordings RECORDING@SPEED",
-        "folders of recordings (--rate 10 --exposure 0.1), with the plate's speed in mm/s; "
-        "without a speed, the plate rests with its edge in the middle",
+        "folders of recordings (--rate 10 --exposure 0.1), with the plate's speed in mm/s",
         nargs="+",
     ),
     option(
         "--device", "device file to simulate with (default: the recordings' nominal sensor)", Path
     ),
-    switch(
-        "--own-light",
-        "estimate the light from open and covered pixels of the slowest plate's recording "
-        "(default: the dissertation's 65 photons per frame and pixel)",
-    ),
     out("out/plate"),
 )
 def _figures(options: Namespace) -> Iterator[Path]:
-    from megalopta.camera.recording import Source
+    from megalopta.camera.sources import Source
     from megalopta.reproduction.captured_edge import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
-    return reproduce_captured(sources, options.out, options.device, own_light=options.own_light)
+    return reproduce_captured(sources, options.out, options.device)
 
 
 @verb(
@@ -214,8 +196,7 @@ def _figures(options: Namespace) -> Iterator[Path]:
     out("tags"),
 )
 def _tags(options: Namespace) -> list[Path]:
-    from megalopta.camera.capture_files import write_measurements
-    from megalopta.core.errors import refused_as
+    from megalopta.camera.measurements import write_measurements
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
     with refused_as("spadcam tags"):
@@ -251,10 +232,10 @@ def _tags(options: Namespace) -> list[Path]:
     option("--link", "symbolic link to the terminal", Path),
 )
 def _emulate(options: Namespace) -> None:
-    from megalopta.camera.camera_settings import named_sensor
-    from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
+    from megalopta.camera.capture import named_sensor
+    from megalopta.camera.emulator import EmulatedCamera, EmulatedPort
 
-    camera = EmulatedCamera(named_sensor(options.sensor), _stimulus(options), options.seed)
+    camera = EmulatedCamera(named_sensor(options.sensor), _film(options), options.seed)
     port = EmulatedPort(
         camera,
         options.link,
@@ -268,24 +249,24 @@ def _emulate(options: Namespace) -> None:
     )
 
 
-def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.stimuli import Flat, Plate, Rendered
+def _film(options: Namespace) -> "Film":
+    from megalopta.camera.emulator import flat, plate, rendered
 
     match options.stimulus:
         case "dark":
-            return Flat()
+            return flat()
         case "flat":
             if options.photons and len(options.photons) > 1:
                 raise UserError("--photons: several values; give one for flat, or --stimulus steps")
-            return Flat(tuple(options.photons or (5e6,)))
+            return flat(tuple(options.photons or (5e6,)))
         case "steps":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
-            return Flat(tuple(map(float, levels)), options.step_s)
+            return flat(tuple(map(float, levels)), options.step_s)
         case "plate":
-            return Plate(options.speed)
+            return plate(options.speed)
     folder = Path(options.stimulus)
     if not folder.is_dir():
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
-    return Rendered(folder, options.lux)
+    return rendered(folder, options.lux)

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from megalopta.camera.comparison import captured_frames, light_at, passages_at
+from megalopta.camera.comparison import captured_frames, passages_at
 from megalopta.camera.motion_bench import (
     FRAME_RATE_HZ,
     FRAMES,
@@ -28,7 +28,6 @@ from megalopta.camera.motion_bench import (
     PIXELS,
     TIME_CONSTANTS_S,
     UNITS,
-    BenchLight,
     Peaks,
     crossing_peaks,
     detector,
@@ -38,7 +37,7 @@ from megalopta.camera.motion_bench import (
     pooled,
     record,
 )
-from megalopta.camera.recording import RecordingFrames, Source, read_recorded
+from megalopta.camera.sources import RecordingFrames, Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
@@ -282,32 +281,31 @@ def _csv_name(label: str) -> str:
     return label.lower().replace(" ", "_")
 
 
-def captured_figures(
-    captured: Mapping[float, NDArray[Any]], sensor: Sensor, light: BenchLight | None = None
-) -> Iterator[Figure]:
+def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> Iterator[Figure]:
     """Yield the figures.
 
     Parameters
     ----------
     captured : mapping
         Frames (passages · 2·FRAMES, 16, 16), as `cut_passages` cuts them, by the
-        plate's speed (mm/s), at least one of which is not 0.
+        plate's speed (mm/s).
     sensor : Sensor
         Sensor of the simulation, with the same exposure.
-    light : BenchLight, optional
-        Light of the simulation; default: the dissertation's.
     """
     speeds = sorted(captured)
-    slowest = next(speed for speed in speeds if speed > 0)
-    counts = {"Simulated": record(slowest, sensor, light).counts, "Captured": captured[slowest]}
+    slowest = speeds[0]
+    counts = {"Simulated": record(slowest, sensor).counts, "Captured": captured[slowest]}
     rows = {name: pooled(each)[:, 0] for name, each in counts.items()}
-    caption = f"{moves(slowest)}. {_lit(light)}"
+    caption = (
+        f"{moves(slowest)}. Simulated in the dissertation's light: an open pixel detects "
+        f"{OPEN_PHOTONS:g} photons per frame."
+    )
     yield _named("2.14", frames_figure(rows, caption))
     for number, method in (("2.15", "NDM"), ("2.16", "NDS")):
         yield _named(number, responses_figure(number, method, rows))
     divided = "Every curve is divided by its largest value; the time between passages is omitted."
     yield _named("2.17", transients_figure(rows, f"{caption} {divided}"))
-    direct = [peaks(speed, sensor, light) for speed in speeds]
+    direct = [peaks(speed, sensor) for speed in speeds]
     for number, method in (("2.18", "NDM"), ("2.19", "NDS")):
         ours = [each[method] for each in direct]
         theirs = [
@@ -323,30 +321,18 @@ def _named(number: str, figure: Figure) -> Figure:
     return replace(figure, name=f"fig-{number}", title=title)
 
 
-def _lit(light: BenchLight | None) -> str:
-    if light is None:
-        return (
-            f"Simulated in the dissertation's light: an open pixel detects {OPEN_PHOTONS:g} "
-            "photons per frame."
-        )
-    return f"Simulated in the light fitted to this recording, in which {light}."
-
-
 def reproduce_captured(
-    sources: Sequence[Source], out: Path, device: Path | None = None, *, own_light: bool = False
+    sources: Sequence[Source], out: Path, device: Path | None = None
 ) -> Iterator[Path]:
     """Draw figures 2.14 to 2.19 from recordings and simulations; yield the paths of their files.
 
     Sources are recordings of the plate, with its speed (mm/s) in place of the light; several of one
     speed are joined. A device file simulates, and its steps convert codes to counts; default: the
-    nominal sensor of the recordings. With `own_light`, the light is estimated from the recording of
-    the slowest plate, instead of the dissertation's. Files of the same name are replaced. Raises
+    nominal sensor of the recordings. Files of the same name are replaced. Raises
     UserError if device or recordings cannot be read, or show no passages; nothing is written then.
     """
-    if not any(source.light > 0 for source in sources):
-        raise UserError(
-            "figures: only a plate at rest; give recordings with its speed, such as a@5"
-        )
+    if not all(source.light > 0 for source in sources):
+        raise UserError("figures: no speed of the plate; give it with each recording, such as a@5")
     recorded = [_recorded(source) for source in sources]
     sensor = _sensor(sources, recorded, device)
     cut: dict[float, list[NDArray[Any]]] = {}
@@ -355,11 +341,9 @@ def reproduce_captured(
         counts = captured_frames(each, sensor, 0.0) if device else frames
         cut.setdefault(source.light, []).append(passages_at(source.light, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
-    slowest = min(speed for speed in captured if speed > 0)
-    light = light_at(slowest, captured[slowest], sensor) if own_light else None
     ensure_directory(out)
     with working("figures"):
-        for figure in captured_figures(captured, sensor, light):
+        for figure in captured_figures(captured, sensor):
             yield from write_figure(figure, out)
 
 

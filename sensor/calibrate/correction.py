@@ -23,7 +23,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.bad_pixels import hot_pixels
+from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.expectations import reading_moments
@@ -98,10 +98,20 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
         raise ValueError(
             f"sensor {sensor.name!r}: one event saturates its counter; nothing can be corrected"
         )
-    plain = _without_pattern(sensor)
+    # pixels that do not differ, neither as drawn nor as measured
+    alike: dict[str, Any] = {
+        part: {name: 0.0 for name in type(getattr(sensor, part)).model_fields if "sigma" in name}
+        for part in ("counter", "dead_time", "afterpulsing", "crosstalk")
+    }
+    plain = sensor.model_copy(update={"measured": MeasuredMaps()})
+    plain = changed(without(plain, "dark_counts"), **alike)
+    # arrivals beyond which readings no longer rise, due to the counter or the dead time
+    most = min(4.0 * plain.counter.capacity, MOST_ARRIVALS / 2)
+    if plain.dead_time.kind != "ideal" and plain.dead_time.dead_time_s:
+        most = min(most, 20 * plain.exposure_s / plain.dead_time.dead_time_s)
     # neighbors matter only with crosstalk
     side = 9 if plain.crosstalk.is_on else 1
-    arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, _most_arrivals(plain), _NODES)))
+    arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, most, _NODES)))
     rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
     mean, variance = (each[:, side // 2, side // 2] for each in reading_moments(rates, plain))
     slopes = np.diff(mean) / np.diff(arrivals)
@@ -119,24 +129,6 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
         variance[rising],
         _ambiguous_from(arrivals, mean, variance, plain),
     )
-
-
-def _without_pattern(sensor: Sensor) -> Sensor:
-    """Sensor whose pixels do not differ, neither as drawn nor as measured."""
-    alike: dict[str, Any] = {
-        part: {name: 0.0 for name in type(getattr(sensor, part)).model_fields if "sigma" in name}
-        for part in ("counter", "dead_time", "afterpulsing", "crosstalk")
-    }
-    plain = sensor.model_copy(update={"measured": MeasuredMaps()})
-    return changed(without(plain, "dark_counts"), **alike)
-
-
-def _most_arrivals(sensor: Sensor) -> float:
-    """Arrivals beyond which readings no longer rise, due to the counter or the dead time."""
-    most = 4.0 * sensor.counter.capacity
-    if sensor.dead_time.kind != "ideal" and sensor.dead_time.dead_time_s:
-        most = min(most, 20 * sensor.exposure_s / sensor.dead_time.dead_time_s)
-    return min(most, MOST_ARRIVALS / 2)
 
 
 def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Sensor) -> float:

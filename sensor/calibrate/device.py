@@ -1,15 +1,16 @@
 """A device from its recordings: all estimators in sequence."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.bad_pixels import hot_pixels
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
+from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
 from megalopta.sensor.calibrate.level import (
     Adc,
     Falls,
@@ -19,7 +20,7 @@ from megalopta.sensor.calibrate.level import (
     falls_of,
     photon_transfer,
 )
-from megalopta.sensor.calibrate.neighbors import Kernel, mean_kernel, neighbor_kernel
+from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
 
 _95 = 1.959964
@@ -30,7 +31,6 @@ _SHALLOW = 0.12
 _LOUDEST = 2.0
 """Residual, relative to the comb's median, above which a pixel's fit has failed."""
 _SURELY = 5.0
-_CLEAR_OF_END = 2.0
 _FAR_LEAK = 40.0
 """Distance from the median, relative to its median, above which a leak is implausible."""
 _SURE_OFFSET = 0.2
@@ -54,10 +54,15 @@ class Estimate:
         value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
         return cls(*(each.reshape(shape) for each in (value, value - spread, value + spread)))
 
-    def with_relative_error(self, error: Floats) -> "Estimate":
-        """Return the estimate times a factor of this relative standard error; at least 0."""
-        spread = np.hypot((self.high - self.low) / 2, _95 * error * self.value)
-        return Estimate(self.value, np.maximum(self.value - spread, 0), self.value + spread)
+    @property
+    def median(self) -> float:
+        """Median over the known pixels; NaN if none is known."""
+        return float(np.nanmedian(self.value)) if np.isfinite(self.value).any() else np.nan
+
+    def where(self, known: Mask, value: float = np.nan) -> "Estimate":
+        """Return the estimate with another value, and interval, where it is not known."""
+        ends = self.value, self.low, self.high
+        return Estimate(*(np.where(known, each, value) for each in ends))
 
     def scaled(self, factor: Floats | float) -> "Estimate":
         """Return the estimate in another unit."""
@@ -73,7 +78,6 @@ class Device:
     events do. `AnalogPixels.offset_v` and the map `offset` of a device file, which add to the
     output, have the opposite sign."""
     leak_v_s: Estimate
-    """Unknown where the comb is hidden"""
     step_v: Estimate
     read_noise_v: Estimate
     dark_counts_hz: Estimate
@@ -88,11 +92,9 @@ class Device:
     """Deviation of counts from the saturation curve, relative, if it does not hold: neither
     efficiency nor dead time is stated"""
     kernel: Kernel | None = None
-    """Crosstalk kernel; None where the comb is hidden"""
+    """Crosstalk kernel; None if too few pixels have neighbors"""
     hot: Mask
     """(rows, columns)"""
-    method: str
-    """Method that found the steps, "comb" or "photon transfer" """
     counts: MeanCounts
     """Mean counts behind the saturation curve"""
     falls: Falls
@@ -106,44 +108,12 @@ class Device:
         """True if the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
-    @property
-    def levels(self) -> tuple[tuple[float, float], ...]:
-        """Exposure (s) and light of each level."""
-        return tuple(zip(self.counts.exposure_s, self.counts.light_hz, strict=True))
-
     def counts_of(self, level: Level, adc: Adc) -> Floats:
         """Counts, not rounded, from the ADC codes of frames (n, rows, columns)."""
         leak = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
         fall = (adc.top - level.readings) * adc.lsb_v
         steps = (fall - self.offset_v.value - leak) / self.step_v.value
         return self.curve.numbers(steps, self.step_v.value)
-
-
-class _Recorded(NamedTuple):
-    """Recordings of all levels, and the requested settings."""
-
-    levels: Sequence[Level]
-    adc: Adc
-    hot_times: float
-    falls: Falls
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        rows, columns = self.levels[0].readings.shape[1:]
-        return rows, columns
-
-    def estimates(self, solution: Floats, errors: Floats) -> list[Estimate]:
-        """Estimates of the columns of a solution (P, k)."""
-        return [
-            Estimate.normal(*each, self.shape) for each in zip(solution.T, errors.T, strict=True)
-        ]
-
-    def mean_counts(self, mean: Floats, noise: Floats | float = 0.0) -> MeanCounts:
-        falls = self.falls
-        return MeanCounts(mean, falls.frames, falls.exposure_s, falls.light_hz, noise)
-
-    def hot(self, dark: Estimate) -> Mask:
-        return hot_pixels(dark.low, dark.value, dark.high, self.hot_times)
 
 
 def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10.0) -> Device:
@@ -161,15 +131,15 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     """
     check_levels(levels, adc)
     falls = falls_of(levels, adc)
-    recorded = _Recorded(levels, adc, hot_times, falls)
     transfer = photon_transfer(falls)
     step, noise = _comb(falls, transfer, adc)
     # outputs that the ADC cuts off look like a peak; the variance reveals them
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
-        clear = _CLEAR_OF_END if falls.is_cut else 0.0
-        transfer = photon_transfer(falls, above_noise=clear)
-        return _without_comb(recorded, transfer)
+        raise ValueError(
+            f"read noise of {np.median(louder):.2g} steps hides single events; lower it to "
+            f"{HIDDEN_AT:g} or less, or calibrate from counts"
+        )
     if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
         raise ValueError(
             "dark frames: the shortest exposure is too long to find the reading of no counts; add "
@@ -181,7 +151,52 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
             "the peaks of the comb cannot be followed through the swing, as if the step changed by "
             "more than a tenth over it; omit the levels with most counts"
         )
-    return _with_comb(recorded, fit)
+    rows, columns = levels[0].readings.shape[1:]
+    shape = rows, columns
+    errors = _standard_errors(fit.covariance)
+    failed = _failed(fit, errors, falls)
+    errors[failed], falls.frames[:, failed] = np.nan, 0
+    offset, leak, step_v = _estimates(fit.solution, errors, shape)
+    mean = fit.counts / np.maximum(falls.frames, 1)
+    counts = MeanCounts(mean, falls.frames, falls.exposure_s, falls.light_hz)
+    read = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
+    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1)) / np.maximum(read, 1e-12)
+    saturation = _saturation(counts, shape)
+    dark = _dark_counts(counts, fit.counts, shape)
+    if saturation["dead_time_kind"]:
+        # to first order, both kinds of dead time hide the same counts
+        dark = dark.scaled(1 + dark.value * float(np.nanmedian(saturation["dead_time_s"].value)))
+    device = Device(
+        offset_v=offset,
+        leak_v_s=leak,
+        step_v=step_v,
+        read_noise_v=Estimate.normal(read, read_error, shape),
+        dark_counts_hz=dark,
+        hot=hot_pixels(dark.low, dark.value, dark.high, hot_times),
+        counts=counts,
+        falls=falls,
+        curve=fit.curve,
+        slope_error=fit.slope_error,
+        **saturation,
+    )
+    kernels = []
+    for level, frames in zip(levels, counts.frames, strict=True):
+        if level.is_dark:
+            # pixels with a failed fit have no counts
+            seen = np.nan_to_num(np.rint(device.counts_of(level, adc)))
+            good = (frames.reshape(shape) > 0) & (seen.mean(axis=0) > 0)
+            with suppress(ValueError):  # too few pixels remain at this exposure
+                kernels.append(neighbor_kernel(seen, good))
+    if not kernels:
+        return device
+    kernel = mean_kernel(kernels)
+    # readings that noise moves to the next peak vary as afterpulses do
+    return replace(device, kernel=kernel if fit.is_clear else kernel.without_afterpulses)
+
+
+def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list[Estimate]:
+    """Estimates of the columns of a solution (P, k)."""
+    return [Estimate.normal(*each, shape) for each in zip(solution.T, errors.T, strict=True)]
 
 
 def _comb(falls: Falls, transfer: PhotonTransfer, adc: Adc) -> tuple[Floats, Floats]:
@@ -194,62 +209,6 @@ def _comb(falls: Falls, transfer: PhotonTransfer, adc: Adc) -> tuple[Floats, Flo
     within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
     is_shallow = falls.mean_v[falls.level, falls.pixel] < _SHALLOW * adc.swing_v
     return comb_period(falls.at(is_shallow), np.full(steps.size, typical), within)
-
-
-def _with_comb(recorded: _Recorded, fit: CombFit) -> Device:
-    falls, shape = recorded.falls, recorded.shape
-    errors = _standard_errors(fit.covariance)
-    failed = _failed(fit, errors, falls)
-    errors[failed], falls.frames[:, failed] = np.nan, 0
-    offset, leak, step = recorded.estimates(fit.solution, errors)
-    counts = recorded.mean_counts(fit.counts / np.maximum(falls.frames, 1))
-    read = np.sqrt(np.maximum(fit.noise_v**2 - recorded.adc.lsb_v**2 / 12, 0))
-    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1)) / np.maximum(read, 1e-12)
-    saturation = _saturation(recorded, counts)
-    dark = _dark_counts(counts, fit.counts, shape)
-    if saturation["dead_time_kind"]:
-        # to first order, both kinds of dead time hide the same counts
-        dark = dark.scaled(1 + dark.value * float(np.nanmedian(saturation["dead_time_s"].value)))
-    device = Device(
-        offset_v=offset,
-        leak_v_s=leak,
-        step_v=step,
-        read_noise_v=Estimate.normal(read, read_error, shape),
-        dark_counts_hz=dark,
-        hot=recorded.hot(dark),
-        method="comb",
-        counts=counts,
-        falls=falls,
-        curve=fit.curve,
-        slope_error=fit.slope_error,
-        **saturation,
-    )
-    return _with_kernel(device, recorded, fit.is_clear)
-
-
-def _without_comb(recorded: _Recorded, transfer: PhotonTransfer) -> Device:
-    """Device from photon transfer alone, where leak counts as dark counts."""
-    falls, shape = recorded.falls, recorded.shape
-    mean = (falls.mean_v - transfer.offset_v) / transfer.step_v
-    counts = recorded.mean_counts(mean, transfer.read_variance_v2 / transfer.step_v**2)
-    dark = _dark_counts(counts, np.maximum(mean, 0) * falls.frames, shape)
-    dark = dark.with_relative_error((transfer.step_error_v / transfer.step_v).reshape(shape))
-    unknown = np.full(shape, np.nan)
-    read = np.sqrt(transfer.read_variance_v2)
-    return Device(
-        offset_v=Estimate.normal(transfer.offset_v, transfer.offset_error_v, shape),
-        leak_v_s=Estimate(unknown, unknown, unknown),
-        step_v=Estimate.normal(transfer.step_v, transfer.step_error_v, shape),
-        read_noise_v=Estimate(read.reshape(shape), unknown, unknown),
-        dark_counts_hz=dark,
-        hot=recorded.hot(dark),
-        method="photon transfer",
-        counts=counts,
-        falls=falls,
-        curve=Curve(recorded.adc.swing_v),
-        slope_error=np.inf,
-        **_saturation(recorded, counts),
-    )
 
 
 def _standard_errors(covariance: Floats) -> Floats:
@@ -284,7 +243,7 @@ def _dark_counts(counts: MeanCounts, sums: Floats, shape: tuple[int, int]) -> Es
     return Estimate(*rates.reshape(3, *shape))
 
 
-def _saturation(recorded: _Recorded, counts: MeanCounts) -> Mapping[str, Any]:
+def _saturation(counts: MeanCounts, shape: tuple[int, int]) -> Mapping[str, Any]:
     """Fields of the device that follow from the saturation curve."""
     names = ("efficiency", "dead_time_s", "dead_time_kind", "kind_ratio")
     if len(np.unique(counts.light_hz)) < 3:
@@ -294,29 +253,9 @@ def _saturation(recorded: _Recorded, counts: MeanCounts) -> Mapping[str, Any]:
     left = misfit(counts, fit)
     if left.is_clear:
         return dict(zip(names, (None, None, None, 0.0), strict=True)) | {"misfit": left.share}
-    _, efficiency, dead_time = recorded.estimates(fit.solution, errors)
+    _, efficiency, dead_time = _estimates(fit.solution, errors, shape)
     # name the kind if there is dead time and the curve determines its kind
     known = errors[:, 2] > 0
     seen = np.sum((fit.solution / errors)[known, 2]) / np.sqrt(max(known.sum(), 1))
     kind = fit.kind if ratio > _CLEAR_KIND and seen > 5 else None
     return dict(zip(names, (efficiency, dead_time, kind, ratio), strict=True))
-
-
-def _with_kernel(device: Device, recorded: _Recorded, is_clear: bool) -> Device:
-    """Add crosstalk and afterpulses, averaged over all dark levels."""
-    kernels = []
-    for level, frames in zip(recorded.levels, device.counts.frames, strict=True):
-        if not level.is_dark:
-            continue
-        # pixels with a failed fit have no counts
-        counts = np.nan_to_num(np.rint(device.counts_of(level, recorded.adc)))
-        good = (frames.reshape(recorded.shape) > 0) & (counts.mean(axis=0) > 0)
-        try:
-            kernels.append(neighbor_kernel(counts, good))
-        except ValueError:
-            continue  # too few pixels remain at this exposure
-    if not kernels:
-        return device
-    kernel = mean_kernel(kernels)
-    # readings that noise moves to the next peak vary as afterpulses do
-    return replace(device, kernel=kernel if is_clear else kernel.without_afterpulses)

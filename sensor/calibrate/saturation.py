@@ -19,7 +19,7 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.dead_time import LAWS
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
-_KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
+KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
 
 _ROUNDS = 25
 _STARTS = 30
@@ -47,8 +47,6 @@ class MeanCounts(NamedTuple):
     """(levels,)"""
     light_hz: Floats
     """(levels,)"""
-    noise: Floats | float = 0.0
-    """Variance of a count beyond that of events, (P,)."""
 
 
 class Misfit(NamedTuple):
@@ -114,7 +112,7 @@ def fit_saturation(
     """
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
-    fits = [_fitted(counts, kind) for kind in _KINDS]
+    fits = [_fitted(counts, kind) for kind in KINDS]
     joint = [_fitted(counts, each.kind, pooled(each)) for each in fits] if pooled else fits
     totals = [_total(each) for each in joint]
     best = int(np.argmax(totals))
@@ -173,7 +171,7 @@ def _moments(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[
     d, eta, tau = solution.T
     rate = d + eta * counts.light_hz[:, None]
     mean, variance = dead_time_moments(rate, counts.exposure_s[:, None], tau, kind)
-    return mean, np.maximum(variance, 1e-9) + counts.noise
+    return mean, np.maximum(variance, 1e-9)
 
 
 def _likelihood(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> Floats:

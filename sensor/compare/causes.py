@@ -24,8 +24,8 @@ changes are allowed an error of `MODEL_ERROR`, those of covariances, which are f
 times as much.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -37,9 +37,8 @@ from scipy.stats import chi2, f, norm
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.change import changed
-from megalopta.sensor.compare.model import Change, Model
-from megalopta.sensor.compare.quantities import BLOCKS
-from megalopta.sensor.compare.two_sample import Difference, Quantity
+from megalopta.sensor.compare.model import Change, Model, Parts, Unsure
+from megalopta.sensor.compare.two_sample import BLOCKS, Difference
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.spad.counters import AnalogCounter
 
@@ -57,30 +56,12 @@ _FAINT = 0.01
 """Clearness of the comb below which it is not used."""
 _ERRORS = {"M": 2e-3, "V": 5e-3, "K": 1e-2}
 """Relative errors of expected features that are forgiven to the model."""
+_COMMON_ERROR = 1e-3
+"""Error of expected covariances over the mean that is forgiven"""
 _ROUNDS = 12
 _95, _90 = 1.959964, 1.644854
-_FIELDS = {
-    "dark counts": "dark_counts",
-    "efficiency": "efficiency",
-    "dead time": "dead_time_s",
-    "afterpulsing": "carriers",
-    "crosstalk": "neighbors",
-}
-"""Fields of `Change`"""
-_UNITS: Mapping[str, tuple[str, float]] = {
-    "dark counts": ("Hz", 0.0),
-    "efficiency": ("events per photon", 0.0),
-    "dead time": ("s", 1e-9),
-    "afterpulsing": ("carriers per event", 0.02),
-    "crosstalk": ("neighbors per event", 0.02),
-    "step": ("counts per event", 0.0),
-    "offset": ("counts", 1.0),
-    "read noise": ("counts", 0.05),
-}
-"""Units of parameters, and the values to which changes of smaller ones are relative"""
 _CROSS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]])
 _LARGEST_STEP = 8
-_STEPS = {"dark counts": 0.1, "efficiency": 0.1, "afterpulsing": 0.05, "crosstalk": 0.02}
 
 
 class Features(NamedTuple):
@@ -106,14 +87,14 @@ def features(levels: Sequence[Level], good: Sequence[Mask], has_comb: Sequence[b
     """Return the features of the good pixels of all levels."""
     values, covariances, places, frames = [], [], [], []
     kinds: list[str] = []
-    for at, (level, own, comb) in enumerate(zip(levels, good, has_comb, strict=True)):
-        if own.sum() < 2:
+    for at, (level, pixels, comb) in enumerate(zip(levels, good, has_comb, strict=True)):
+        if pixels.sum() < 2:
             continue
         names = ("M", "V", "C", "K") if comb else ("M", "V", "C")
         edges = np.linspace(0, len(level.readings), BLOCKS + 1).astype(int)
         blocks = np.array(
             [
-                _of_frames(np.asarray(level.signal[first:end], np.float32), own, comb)
+                _of_frames(np.asarray(level.signal[first:end], np.float32), pixels, comb)
                 for first, end in pairwise(edges)
             ]
         )
@@ -141,6 +122,211 @@ def _of_frames(signal: Floats, good: Mask, comb: bool) -> Floats:
     return np.array(found, np.float64)
 
 
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    """Recordings that the known device makes, and their features."""
+
+    features: Features
+    levels: Sequence[Level]
+    good: Sequence[Mask]
+    model: Model
+    parts: Sequence[Parts]
+    means: Sequence[Floats]
+    """Mean counts of the good pixels of each level"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cause:
+    """A parameter of the device that may differ: its change of features, and how it is told."""
+
+    name: str
+    field: str
+    """Field of `Unsure`"""
+    unit: str
+    expected: float
+    """Value of the known device"""
+    least: float = 0.0
+    """Differences are relative to the expected value, or to this if larger"""
+    lowest: float = -0.95
+    """Smallest change that is possible"""
+    is_relative: bool = False
+    """True if changes are relative to the expected value"""
+    small: float = 1e-3
+    """Change over which slopes are taken"""
+
+    def change(self, size: float) -> Floats | float:
+        """Return the change of all features by a change of the parameter."""
+        return 0.0
+
+    def gain(self, size: float) -> float:
+        """Return the factor on all counts."""
+        return 1.0
+
+    def value(self, size: float) -> float:
+        """Return the parameter after a change."""
+        return self.expected * (1 + size) if self.is_relative else self.expected + size
+
+    def difference(self, size: float, error: float, margin: float) -> Difference:
+        """Return the difference of the parameter for a fitted change and its standard error."""
+        values = [self.value(end) for end in (size, size - _95 * error, size + _95 * error)]
+        scale = max(abs(self.expected), self.least, 1e-300)
+        relative, low, high = ((value - self.expected) / scale for value in values)
+        p = float(2 * norm.sf(abs(size) / error)) if error > 0 else 1.0
+        half = (high - low) / 2 * _90 / _95
+        is_equivalent = bool(abs(relative) + half < margin)
+        return Difference(
+            self.name, values[0], self.expected, self.unit, relative, low, high, p, is_equivalent,
+            scale,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _OfEvents(Cause):
+    """A parameter that changes the moments of events, by their closed forms."""
+
+    seen: _Expected
+    parameter: str
+    """Field of `Change`"""
+    step: float
+    """Change through which, and twice which, a parabola is laid"""
+    is_linear: bool = False
+    """True if one change has to do: tables of afterpulses take seconds"""
+    bends: dict[float, tuple[Floats, Floats]] = field(default_factory=dict)
+    """Slope and curvature of the features, by the step"""
+
+    def change(self, size: float) -> Floats:
+        """Return the change by a parabola through two changes of about this size."""
+        step = self.step
+        largest = 0.0 if self.is_linear else _LARGEST_STEP * self.step
+        while abs(size) > 2.5 * step and step < largest:
+            step *= 2
+        if step not in self.bends:
+            one = self._moved(step)
+            two = 2 * one if self.is_linear else self._moved(2 * step)
+            self.bends[step] = (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
+        slope, bend = self.bends[step]
+        return slope * size + bend * size**2
+
+    def _moved(self, size: float) -> Floats:
+        expected, model = self.seen.features, self.seen.model
+        moved = np.zeros_like(expected.values)
+        for at, (level, good) in enumerate(zip(self.seen.levels, self.seen.good, strict=True)):
+            here = expected.level == at
+            if not here.any():
+                continue
+            light = np.asarray(model.rates_hz[at], np.float64).mean(axis=0)
+            before = model.moments(level, light, Change())
+            after = model.moments(level, light, Change(**{self.parameter: size}))
+            for kind, one, other in zip("MV", before, after, strict=True):
+                moved[here & expected.of(kind)] = float((other - one)[good].mean())
+            if self.parameter == "neighbors":
+                variance = float(before[1][good].mean())
+                moved[here & expected.of("C")] = variance * self._coincidences(size, at)
+        return moved
+
+    def _coincidences(self, neighbors: float, at: int) -> float:
+        """Covariance with the right and lower neighbor over the variance, by crosstalk."""
+        good, part = self.seen.good[at], self.seen.parts[at]
+        crosstalk = changed(self.seen.model.sensor.crosstalk, mean_fired_neighbors=0.1)
+        weights = neighborhoods(crosstalk).mean(axis=(0, 1))
+        # each of four nearest neighbors gets a share; both directions of a pair covary
+        nearest = convolve(weights, _CROSS, mode="constant")[tuple(np.array(weights.shape) // 2)]
+        share = neighbors * nearest / 4 / weights.sum()
+        pairs = (good[:, :-1] & good[:, 1:]).sum() + (good[:-1] & good[1:]).sum()
+        # of avalanches that crosstalk adds, dead time leaves as many as of more light
+        counted = float((part.light + part.dark)[good].sum() / max(part.mean[good].sum(), 1e-300))
+        return float(2 * share * counted * pairs / good.sum())
+
+
+class _Step(Cause):
+    """The step of the counters, which multiplies all counts."""
+
+    def gain(self, size: float) -> float:
+        """Return the factor on all counts."""
+        return 1 + size
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Offset(Cause):
+    seen: Features
+
+    def change(self, size: float) -> Floats:
+        """Return the same change of all means."""
+        return np.where(self.seen.of("M"), size, 0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _ReadNoise(Cause):
+    seen: Features
+
+    def change(self, size: float) -> Floats:
+        """Return the change of all variances, and of the clearness of the comb."""
+        clear = self.seen.values * np.expm1(np.clip(-4 * np.pi**2 * size, -50, 1))
+        noise = np.where(self.seen.of("V"), size, 0)
+        return np.asarray(noise + np.where(self.seen.of("K"), clear, 0))
+
+    def value(self, size: float) -> float:
+        """Return the noise, whose square changes."""
+        return float(np.sqrt(max(self.expected**2 + size, 0.0)))
+
+
+def _causes_of(seen: _Expected) -> tuple[Cause, ...]:
+    """All causes that recordings can tell."""
+    model, sensor = seen.model, seen.model.sensor
+    good = next((pixels for pixels in seen.good if pixels.any()), None)
+    lit = [
+        float(np.asarray(rate).mean(axis=0)[pixels].mean()) / level.light_hz
+        for level, pixels, rate in zip(seen.levels, seen.good, model.rates_hz, strict=True)
+        if pixels.any() and level.light_hz
+    ]
+    dead_s, carriers = sensor.dead_time.dead_time_s, sensor.afterpulsing.mean_carriers
+    neighbors = sensor.crosstalk.mean_fired_neighbors
+    # frames do not show the delay, which is assumed
+    of_carriers = f"carriers per event at a delay of {1e9 * model.delay_s:.3g} ns"
+    causes: list[Cause] = [
+        _OfEvents(
+            name="dark counts", field="dark_counts", unit="Hz", is_relative=True, seen=seen,
+            expected=model.dark_hz(good) if good is not None else 0.0,
+            parameter="dark_counts", step=0.1,
+        ),
+        _OfEvents(
+            name="efficiency", field="efficiency", unit="events per photon", is_relative=True,
+            expected=lit[0] if lit else 0.0, seen=seen, parameter="efficiency", step=0.1,
+        ),
+        _OfEvents(
+            name="dead time", field="", unit="s", expected=dead_s, least=1e-9, lowest=-dead_s,
+            small=1e-3 * (dead_s or 1e-7), seen=seen, parameter="dead_time_s",
+            step=0.1 * max(dead_s, 1e-7),
+        ),
+        _OfEvents(
+            name="afterpulsing", field="", unit=of_carriers, expected=carriers, least=0.02,
+            lowest=-carriers, seen=seen, parameter="carriers", step=0.05, is_linear=True,
+        ),
+        _OfEvents(
+            name="crosstalk", field="", unit="neighbors per event", expected=neighbors, least=0.02,
+            lowest=-neighbors, seen=seen, parameter="neighbors", step=0.02,
+        ),
+        _Step(name="step", field="step", unit="counts per event", expected=1.0),
+    ]  # fmt: skip
+    if not any(level.light_hz for level in seen.levels):
+        del causes[1]
+    if seen.levels[0].codes is not None:
+        counter, noise = sensor.counter, 0.0
+        if isinstance(counter, AnalogCounter):  # with rounding by the ADC
+            noise = np.hypot(counter.read_noise_v, counter.lsb_v / 12**0.5) / counter.step_v
+        causes += [
+            _Offset(
+                name="offset", field="offset", unit="counts", expected=0.0, least=1.0,
+                lowest=-20.0, seen=seen.features,
+            ),
+            _ReadNoise(
+                name="read noise", field="read_noise", unit="counts", expected=float(noise),
+                least=0.05, lowest=-1.0, seen=seen.features,
+            ),
+        ]  # fmt: skip
+    return tuple(causes)
+
+
 class Explanation(NamedTuple):
     """A set of causes and their sizes."""
 
@@ -155,13 +341,13 @@ class Explanation(NamedTuple):
 class Causes:
     """Explanations of a difference of features."""
 
-    p: float
+    p: float = 1.0
     """Chance of as large a difference between recordings of one device"""
-    p_forgiven: float
+    p_forgiven: float = 1.0
     """The same, if the model errs by what is forgiven"""
-    accepted: tuple[Explanation, ...]
+    accepted: tuple[Explanation, ...] = ()
     """Best explanation, and those nearly as good; empty if there is none or no difference"""
-    alone: tuple[Difference, ...]
+    alone: tuple[Difference, ...] = ()
     """Every parameter, fitted next to the accepted ones"""
 
     @property
@@ -175,48 +361,48 @@ class Causes:
         return self.is_different and not self.accepted
 
 
-class Doubts(NamedTuple):
-    """Uncertainties besides that of counting."""
-
-    fluctuations: Sequence[Mapping[str, float]]
-    """Uncertainties of each level's parameters, by name, and of "variance" (counts²)"""
-    maps: Mapping[str, float]
-    """Errors of the calibration: relative ones of dark counts and of efficiency of the array"""
-
-
 def find_causes(
     captured: Sequence[Level], expected: Sequence[Level], good: Sequence[Mask], model: Model,
-    *, margin: float, doubts: Doubts,
+    *, margin: float, unsure: Sequence[Unsure], maps: Unsure,
 ) -> Causes:  # fmt: skip
-    """Fit the parameters of a device to captured and expected levels and their good pixels."""
+    """Fit the parameters of a device to captured and expected levels and their good pixels.
+
+    `unsure` are the uncertainties of each level; `maps` those of the calibration, which all share.
+    """
     comb = [  # what was subtracted has moved the peaks
-        _has_comb(level, own) and not set(unsure) - {"read noise"}
-        for level, own, unsure in zip(expected, good, doubts.fluctuations, strict=True)
+        _has_comb(level, pixels) and not of_level._replace(read_noise=0.0).is_any
+        for level, pixels, of_level in zip(expected, good, unsure, strict=True)
     ]
     one, other = features(captured, good, comb), features(expected, good, comb)
     if not one.values.size:
-        return Causes(1.0, 1.0, (), ())
+        return Causes()
+    means = [
+        np.asarray(level.signal.mean(axis=0))[pixels].clip(0)
+        for level, pixels in zip(expected, good, strict=True)
+    ]
+    seen = _Expected(other, expected, good, model, model.parts(expected), means)
+    causes = _causes_of(seen)
     # in recordings of one device, those of single frames are equal
     counted = (one.covariance + other.covariance) / 2 * (1 / one.frames + 1 / other.frames)
-    fit = _Fit(one.values - other.values, counted, other, model, expected, good)
-    fit.doubted = fit.doubt(doubts)
+    doubted = _doubted(seen, causes, unsure, maps)
+    fit = _Fit(one.values - other.values, counted, doubted, seen)
     p = fit.explained(()).p
-    fit.doubted = fit.doubted + fit.forgiven()
+    # errors of the model are forgiven
+    off = np.select([other.of(kind) for kind in _ERRORS], list(_ERRORS.values()))
+    common = np.array([seen.means[level].mean() for level in other.level])
+    off = np.where(other.of("C"), _COMMON_ERROR * common, off * np.abs(other.values))
+    fit = fit._replace(doubted=doubted + np.diag(off**2))
     p_forgiven = fit.explained(()).p
-    accepted = _accepted(fit) if p_forgiven < FALSE_ALARMS else ()
+    accepted = _accepted(fit, causes) if p_forgiven < FALSE_ALARMS else ()
     names = accepted[0].names if accepted else ()
-    alone = tuple(fit.next_to(names, name, margin) for name in fit.names)
-    return Causes(p, p_forgiven, accepted, alone)
-
-
-def _accepted(fit: "_Fit") -> tuple[Explanation, ...]:
-    """Smallest sets of causes that are not refuted, the best first."""
-    for many in range(1, _MOST + 1):
-        tried = [fit.explained(names) for names in combinations(fit.names, many)]
-        held = sorted((each for each in tried if each.p > REFUTED), key=lambda e: e.chi_square)
-        if held:
-            return tuple(e for e in held if e.chi_square - held[0].chi_square < _AS_GOOD)
-    return ()
+    chosen = tuple(cause for name in names for cause in causes if cause.name == name)
+    alone = []
+    for cause in causes:
+        both = chosen if cause in chosen else (*chosen, cause)
+        explanation, at = fit.explained(both), both.index(cause)
+        size, error = float(explanation.sizes[at]), float(explanation.errors[at])
+        alone.append(cause.difference(size, error, margin))
+    return Causes(p, p_forgiven, accepted, tuple(alone))
 
 
 def _has_comb(level: Level, good: Mask) -> bool:
@@ -228,6 +414,51 @@ def _has_comb(level: Level, good: Mask) -> bool:
     n = len(signal)
     power = np.square(np.abs(np.exp(2j * np.pi * signal).mean(axis=0)))
     return float(((n * power - 1) / (n - 1)).mean()) > _FAINT
+
+
+def _doubted(
+    seen: _Expected, causes: Sequence[Cause], unsure: Sequence[Unsure], maps: Unsure
+) -> Floats:
+    """Covariance of the features due to fluctuations and calibration."""
+    expected, total = seen.features, np.zeros_like(seen.features.covariance)
+    for level, of_level in enumerate([*unsure, maps]):
+        here = expected.level == level if level < len(unsure) else np.full(total.shape[0], True)
+        slope = np.where(here & (expected.of("V") | expected.of("C")), 1.0, 0.0)
+        total += np.diag((of_level.variance * slope) ** 2)
+        for cause in causes:
+            size = getattr(of_level, cause.field) if cause.field else 0.0
+            if size:
+                moved = np.where(here, _change(seen, [cause], np.array([size])), 0.0)
+                total += np.outer(moved, moved)
+    return total
+
+
+def _change(seen: _Expected, causes: Sequence[Cause], sizes: Floats) -> Floats:
+    """Predicted change of features."""
+    expected = seen.features
+    total, gain = np.zeros_like(expected.values), 1.0
+    for cause, size in zip(causes, sizes, strict=True):
+        total = total + cause.change(float(size))
+        gain *= cause.gain(float(size))
+    if gain == 1:
+        return total
+    power = np.select([expected.of("M"), expected.of("V") | expected.of("C")], [1, 2])
+    total = total * gain**power + expected.values * (gain**power - 1)
+    for at in np.flatnonzero(expected.of("K")):  # the comb of Poisson counts, by a wrong step
+        mean = seen.means[expected.level[at]]
+        blur = np.exp(-2 * mean * (1 - np.cos(2 * np.pi * (gain - 1))))
+        total[at] += expected.values[at] * (float(blur.mean()) - 1)
+    return total
+
+
+def _accepted(fit: "_Fit", causes: Sequence[Cause]) -> tuple[Explanation, ...]:
+    """Smallest sets of causes that are not refuted, the best first."""
+    for many in range(1, _MOST + 1):
+        tried = [fit.explained(some) for some in combinations(causes, many)]
+        held = sorted((each for each in tried if each.p > REFUTED), key=lambda e: e.chi_square)
+        if held:
+            return tuple(e for e in held if e.chi_square - held[0].chi_square < _AS_GOOD)
+    return ()
 
 
 def _as_if_known(left: Floats, counted: Floats, level: Ints) -> tuple[Floats, int]:
@@ -255,231 +486,46 @@ def _inverse(covariance: Floats) -> Floats:
     return np.asarray(scale[:, None] * inverse * scale)
 
 
-class _Fit:
-    """Fit of causes to a difference of features."""
+class _Fit(NamedTuple):
+    """Difference of features, and its covariance by counting and by doubts."""
 
-    def __init__(
-        self, difference: Floats, counted: Floats, expected: Features, model: Model,
-        levels: Sequence[Level], good: Sequence[Mask],
-    ) -> None:  # fmt: skip
-        self.difference, self.counted, self.expected = difference, counted, expected
-        self.doubted = np.zeros_like(counted)
-        self.model, self.levels, self.good = model, levels, good
-        self._bends: dict[tuple[str, float], tuple[Floats, Floats]] = {}
-        self._means = [
-            np.asarray(level.signal.mean(axis=0))[own].clip(0)
-            for level, own in zip(levels, good, strict=True)
-        ]
-        self._parts = model.parts(levels)
-        lit = any(level.light_hz for level in levels)
-        names = ["dark counts", *(["efficiency"] if lit else []), "dead time", "afterpulsing"]
-        names += ["crosstalk", "step"]
-        if levels[0].codes is not None:
-            names += ["offset", "read noise"]
-        self.names = tuple(names)
+    difference: Floats
+    counted: Floats
+    doubted: Floats
+    seen: _Expected
 
-    def doubt(self, doubts: Doubts) -> Floats:
-        """Covariance of the features due to fluctuations and calibration."""
-        expected, total = self.expected, np.zeros_like(self.counted)
-        for level, unsure in enumerate(doubts.fluctuations):
-            here = expected.level == level
-            for name, size in unsure.items():
-                if name == "variance":
-                    slope = np.where(here & (expected.of("V") | expected.of("C")), 1.0, 0.0)
-                    total += np.diag((size * slope) ** 2)
-                elif name in self.names:
-                    moved = np.where(here, self.change([name], np.array([size])), 0.0)
-                    total += np.outer(moved, moved)
-        for name, error in doubts.maps.items():
-            if error and name in self.names:
-                moved = self.change([name], np.array([error]))
-                total += np.outer(moved, moved)
-        return total
-
-    def forgiven(self) -> Floats:
-        """Covariance of the features due to errors of the model."""
-        kinds, shares = [self.expected.of(kind) for kind in _ERRORS], list(_ERRORS.values())
-        common = np.array([self._means[int(level)].mean() for level in self.expected.level])
-        off = np.select(kinds, shares) * np.abs(self.expected.values)
-        return np.diag(np.where(self.expected.of("C"), 1e-3 * common, off) ** 2)
-
-    def change(self, names: Sequence[str], sizes: Floats) -> Floats:
-        """Predicted change of features."""
-        total = np.zeros_like(self.difference)
-        gain, expected = 1.0, self.expected
-        for name, size in zip(names, sizes, strict=True):
-            if name == "step":
-                gain = 1 + size
-            elif name == "offset":
-                total += np.where(expected.of("M"), size, 0)
-            elif name == "read noise":
-                noise = np.where(expected.of("V"), size, 0)
-                clear = expected.values * np.expm1(np.clip(-4 * np.pi**2 * size, -50, 1))
-                total += noise + np.where(expected.of("K"), clear, 0)
-            else:
-                slope, bend = self._bend(name, float(size))
-                total += slope * size + bend * size**2
-        if gain != 1:
-            power = np.array([{"M": 1, "V": 2, "C": 2}.get(each, 0) for each in expected.kind])
-            total = total * gain**power + expected.values * (gain**power - 1)
-            total += np.where(expected.of("K"), self._blurred(gain - 1), 0)
-        return total
-
-    def _blurred(self, step: float) -> Floats:
-        """Change of the comb's clearness by a wrong step, for Poisson counts."""
-        change = np.zeros_like(self.difference)
-        for at in np.flatnonzero(self.expected.of("K")):
-            level = int(self.expected.level[at])
-            mean = self._means[level]
-            blur = np.exp(-2 * mean * (1 - np.cos(2 * np.pi * step)))
-            change[at] = self.expected.values[at] * (float(blur.mean()) - 1)
-        return change
-
-    def _bend(self, name: str, size: float) -> tuple[Floats, Floats]:
-        """Slope and curvature of the features over the size of a cause, at sizes like this one."""
-        step = _STEPS.get(name) or 0.1 * max(self.model.sensor.dead_time.dead_time_s, 1e-7)
-        is_linear = name == "afterpulsing"  # tables take seconds
-        largest = 0.0 if is_linear else _LARGEST_STEP * _STEPS.get(name, step)
-        while abs(size) > 2.5 * step and step < largest:
-            step *= 2
-        if (name, step) not in self._bends:
-            one = self._moved(name, step)
-            two = 2 * one if is_linear else self._moved(name, 2 * step)
-            self._bends[name, step] = (4 * one - two) / (2 * step), (two - 2 * one) / (2 * step**2)
-        return self._bends[name, step]
-
-    def _moved(self, name: str, size: float) -> Floats:
-        """Change of the features' closed forms."""
-        change = Change(**{_FIELDS[name]: size})
-        found = np.zeros_like(self.difference)
-        for at, (level, own) in enumerate(zip(self.levels, self.good, strict=True)):
-            here = self.expected.level == at
-            if not here.any():
-                continue
-            light = np.asarray(self.model.rates_hz[at], np.float64).mean(axis=0)
-            moments = [self.model.moments(level, light, each) for each in (Change(), change)]
-            mean, variance = (
-                float((after - before)[own].mean()) for before, after in zip(*moments, strict=True)
-            )
-            found[here & self.expected.of("M")] = mean
-            found[here & self.expected.of("V")] = variance
-            if name == "crosstalk":
-                base = float(moments[0][1][own].mean())
-                found[here & self.expected.of("C")] = base * self._coincidences(size, at)
-        return found
-
-    def _coincidences(self, neighbors: float, at: int) -> float:
-        """Covariance with the right and lower neighbor over the variance, by crosstalk."""
-        own, part = self.good[at], self._parts[at]
-        crosstalk = changed(self.model.sensor.crosstalk, mean_fired_neighbors=0.1)
-        weights = neighborhoods(crosstalk).mean(axis=(0, 1))
-        # each of four nearest neighbors gets a share; both directions of a pair covary
-        nearest = convolve(weights, _CROSS, mode="constant")[tuple(np.array(weights.shape) // 2)]
-        share = neighbors * nearest / 4 / weights.sum()
-        pairs = (own[:, :-1] & own[:, 1:]).sum() + (own[:-1] & own[1:]).sum()
-        # of avalanches that crosstalk adds, dead time leaves as many as of more light
-        counted = float((part.light + part.dark)[own].sum() / max(part.mean[own].sum(), 1e-300))
-        return float(2 * share * counted * pairs / own.sum())
-
-    def explained(self, names: tuple[str, ...]) -> Explanation:
+    def explained(self, causes: tuple[Cause, ...]) -> Explanation:
         """Fit the sizes of some causes."""
-        sizes = np.zeros(len(names))
+        sizes, errors = np.zeros(len(causes)), np.zeros(len(causes))
+        lowest = np.array([cause.lowest for cause in causes])
         doubted, covariance = self.doubted, self.counted + self.doubted
-        for _ in range(_ROUNDS if names else 0):
-            base = self.change(names, sizes)
-            error = np.where(self.expected.of("C"), 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
+        for _ in range(_ROUNDS if causes else 0):
+            base = _change(self.seen, causes, sizes)
+            is_common = self.seen.features.of("C")
+            error = np.where(is_common, 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
             doubted = self.doubted + np.diag(error**2)
             covariance = self.counted + doubted
-            slopes = self._slopes(names, sizes, base)
+            slopes = self._slopes(causes, sizes, base)
             weighted = _inverse(covariance) @ slopes
             normal = np.linalg.pinv(slopes.T @ weighted, hermitian=True)
             step = normal @ (weighted.T @ (self.difference - base))
-            sizes = np.clip(sizes + np.clip(step, -1, 1), self._least(names), 20.0)
-        left = self.difference - self.change(names, sizes)
-        errors = np.zeros(len(names))
-        if names:
-            slopes = self._slopes(names, sizes, self.change(names, sizes))
+            sizes = np.clip(sizes + np.clip(step, -1, 1), lowest, 20.0)
+        change = _change(self.seen, causes, sizes)
+        left = self.difference - change
+        if causes:
+            slopes = self._slopes(causes, sizes, change)
             information = slopes.T @ _inverse(covariance) @ slopes
             errors = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)).clip(0))
-        known, freedom = _as_if_known(left, self.counted, self.expected.level)
+        known, freedom = _as_if_known(left, self.counted, self.seen.features.level)
         square = float(left @ _inverse(known + doubted) @ left)
-        freedom = max(freedom - len(names), 1)
+        freedom = max(freedom - len(causes), 1)
+        names = tuple(cause.name for cause in causes)
         return Explanation(names, sizes, errors, square, float(chi2.sf(square, freedom)))
 
-    def next_to(self, names: tuple[str, ...], name: str, margin: float) -> Difference:
-        """Difference of one parameter, fitted with the accepted causes."""
-        both = names if name in names else (*names, name)
-        found = self.explained(both)
-        at = both.index(name)
-        size, error = float(found.sizes[at]), float(found.errors[at])
-        quantity, base = self._quantity(name)
-        ends = [size, size - _95 * error, size + _95 * error]
-        values = [self._value(name, base, each) for each in ends]
-        scale = max(abs(base), quantity.least, 1e-300)
-        relative, low, high = ((each - base) / scale for each in values)
-        p = float(2 * norm.sf(abs(size) / error)) if error > 0 else 1.0
-        half = (high - low) / 2 * _90 / _95
-        is_equivalent = bool(abs(relative) + half < margin)
-        return Difference(
-            name, values[0], base, quantity.unit, relative, low, high, p, is_equivalent, scale
-        )
-
-    def _quantity(self, name: str) -> tuple[Quantity, float]:
-        """Unit of a parameter, and its expected value."""
-        sensor = self.model.sensor
-        expected = {
-            "dark counts": self._rate(is_dark=True),
-            "efficiency": self._rate(is_dark=False),
-            "dead time": sensor.dead_time.dead_time_s,
-            "afterpulsing": sensor.afterpulsing.mean_carriers,
-            "crosstalk": sensor.crosstalk.mean_fired_neighbors,
-            "step": 1.0,
-            "offset": 0.0,
-            "read noise": self._read_noise(),
-        }
-        unit, least = _UNITS[name]
-        if name == "afterpulsing":  # frames do not show the delay, which is assumed
-            unit += f" at a delay of {1e9 * self.model.delay_s:.3g} ns"
-        return Quantity(name, unit, least), expected[name]
-
-    def _rate(self, *, is_dark: bool) -> float:
-        """Mean dark counts, Hz, or events per unit of light."""
-        for level, own, rate in zip(self.levels, self.good, self.model.rates_hz, strict=True):
-            if own.any() and is_dark:
-                return self.model.dark_hz(own)
-            if own.any() and level.light_hz:
-                return float(np.asarray(rate).mean(axis=0)[own].mean()) / level.light_hz
-        return 0.0
-
-    def _read_noise(self) -> float:
-        """Read noise of the device in counts, rounding by the ADC included."""
-        counter = self.model.sensor.counter
-        if not isinstance(counter, AnalogCounter):
-            return 0.0
-        return float(np.hypot(counter.read_noise_v, counter.lsb_v / 12**0.5) / counter.step_v)
-
-    def _value(self, name: str, base: float, size: float) -> float:
-        """Value of a parameter after a change of this size."""
-        if name == "read noise":
-            return float(np.sqrt(max(base**2 + size, 0.0)))
-        if name in ("dark counts", "efficiency"):
-            return base * (1 + size)
-        return base + size
-
-    def _least(self, names: Sequence[str]) -> Floats:
-        dead = self.model.sensor.dead_time.dead_time_s
-        least = {"dark counts": -0.95, "efficiency": -0.95, "step": -0.95, "dead time": -dead,
-                 "afterpulsing": -self.model.sensor.afterpulsing.mean_carriers,
-                 "crosstalk": -self.model.sensor.crosstalk.mean_fired_neighbors,
-                 "offset": -20.0, "read noise": -1.0}  # fmt: skip
-        return np.array([least[name] for name in names])
-
-    def _slopes(self, names: Sequence[str], sizes: Floats, base: Floats | float) -> Floats:
-        found = []
-        for at, name in enumerate(names):
+    def _slopes(self, causes: Sequence[Cause], sizes: Floats, base: Floats) -> Floats:
+        slopes = []
+        for at, cause in enumerate(causes):
             moved = sizes.copy()
-            step = 1e-3 * (self.model.sensor.dead_time.dead_time_s or 1e-7
-                           if name == "dead time" else 1.0)  # fmt: skip
-            moved[at] += step
-            found.append((self.change(names, moved) - base) / step)
-        return np.array(found).T
+            moved[at] += cause.small
+            slopes.append((_change(self.seen, causes, moved) - base) / cause.small)
+        return np.array(slopes).T

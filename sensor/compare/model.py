@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.change import changed
-from megalopta.sensor.compare.in_time import Parts
 from megalopta.sensor.expectations import event_moments, reading_moments
 from megalopta.sensor.exposure import expose_adc, expose_rate
 from megalopta.sensor.spad.counters import AnalogCounter, counts_of_codes
@@ -42,6 +42,65 @@ def level_of_codes(
     return Level(
         counts, exposure_s, light_hz, counts >= full, times_s, codes, unrounded.astype(np.float32)
     )
+
+
+class Varying(Enum):
+    """Quantity that changes the counts of all pixels, or of a line."""
+
+    LIGHT = "light", "efficiency"
+    GAIN = "gain", "step"
+    DARK_COUNTS = "dark counts", "dark_counts"
+    OFFSET = "offset", "offset"
+
+    def __init__(self, word: str, parameter: str) -> None:
+        self.word = word
+        self.parameter = parameter
+        """Field of `Unsure` that it makes uncertain"""
+
+
+class Unsure(NamedTuple):
+    """Uncertainty of a recording's parameters, by fluctuations or calibration."""
+
+    dark_counts: float = 0.0
+    efficiency: float = 0.0
+    step: float = 0.0
+    """Relative"""
+    offset: float = 0.0
+    """Counts"""
+    read_noise: float = 0.0
+    variance: float = 0.0
+    """Counts²"""
+
+    @property
+    def is_any(self) -> bool:
+        """True if anything is uncertain."""
+        return any(self)
+
+    def more(self, **sizes: float) -> "Unsure":
+        """Return these with further uncertainties of some parameters."""
+        sums = {name: float(np.hypot(getattr(self, name), size)) for name, size in sizes.items()}
+        return self._replace(**sums)
+
+
+class Parts(NamedTuple):
+    """Expected counts of one level, and how they follow light and dark counts (rows, columns)."""
+
+    mean: Floats
+    light: Floats
+    """Derivative with respect to the logarithm of the light, in counts"""
+    dark: Floats
+    """Derivative with respect to the logarithm of dark counts"""
+
+    def shape_of(self, cause: Varying) -> Floats:
+        """Return the change of counts if a cause changes by its own size (an offset by 1)."""
+        match cause:
+            case Varying.LIGHT:
+                return self.light
+            case Varying.GAIN:
+                return self.mean
+            case Varying.DARK_COUNTS:
+                return self.dark
+        return np.ones_like(self.dark)
 
 
 class Change(NamedTuple):

@@ -1,33 +1,38 @@
-"""Faults of lines and single pixels, listed and located.
+"""Faults of lines and single pixels, listed and located, and uneven light.
 
     dead               almost no counts, though many are expected; a whole line: dead row, column
     stuck              one reading in all frames of all recordings, which is not that of no counts
     line               rows and columns that differ by one voltage (offset), or in proportion to
                        light, dark counts or both
-    telegraph noise    readings correlated from frame to frame, over and above other pixels
     hot, deviating     single pixels far from what the others' means let expect
+    uneven light       a smooth surface in every lit recording alike, and not in the dark
 
 Differences of pixels from a robust fit to their expected means, these squared, and the means of
 their neighbors, in standard errors, show lines and pixels in spite of a wrong global parameter. The
 standard error is that of counting and calibration, or the scatter of pixels about that fit where
 larger.
+
+**Uneven light.** Deviations of pixels under light, relative to their expected signal, are fitted by
+a surface of mean 0: tilt and curvature in rows and columns. An efficiency that changed smoothly
+would look the same. The surface is subtracted, so that it is neither taken for a fault of lines nor
+of the device.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance, robust_sigma
-from megalopta.sensor.calibrate.bad_pixels import constant_pixels, dead_pixels
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
-from megalopta.sensor.compare.in_time import Parts
+from megalopta.sensor.compare.model import Parts, Varying
 
 _OF_LINE = 0.75
 """Share of a line's pixels above which the fault is the line's."""
 _LINE_Z = 6.0
-_SMALLEST_OF_LINE = (0.03, 0.05)
+_SMALLEST_OF_LINE, _SMALLEST_OFFSET = 0.03, 0.05
 """Smallest relative difference of a line, and smallest offset (counts)."""
 _PIXEL_Z = 8.0
 _LARGE = 0.1
@@ -35,80 +40,81 @@ _LARGE = 0.1
 _HOT = 2.0
 """Dark counts over the expected ones above which a pixel is hot."""
 _ROUNDS = 8
+_CHI2 = 60.0
+"""Limit of the chi-squared of five coefficients; chance exceeds it once in 1e11."""
+_FEWEST = 50
+_SMALLEST = 0.03
+"""Smallest range of uneven light over the array, relative."""
 
 
 class Deviations(NamedTuple):
-    """Means of pixels at one level less the robust parabola through expected ones."""
+    """Means of good pixels at one level less the robust parabola through expected ones."""
 
     counts: Floats
     """(rows, columns)"""
     error: Floats
+    good: Mask
+    parts: Parts
+    """Expected counts of the level"""
 
 
-def unresponsive(
-    captured: Sequence[Level], expected: Sequence[Level]
-) -> tuple[Mask, Mask, list[Fault]]:
-    """Find dead and stuck pixels, (rows, columns) each, and their lines."""
+def unresponsive(captured: Sequence[Level], expected: Sequence[Level]) -> tuple[Mask, list[Fault]]:
+    """Find dead and stuck pixels (rows, columns), and their lines."""
     frozen = constant_pixels([level.recorded for level in captured])
     frozen &= ~constant_pixels([level.recorded for level in expected])
     counts, reference = (
-        np.sum([_sum(level) for level in levels], axis=0) for levels in (captured, expected)
+        np.sum([level.signal.sum(axis=0, dtype=np.float64) for level in levels], axis=0)
+        for levels in (captured, expected)
     )
     dead = dead_pixels(counts, reference)
     stuck = frozen & ~dead
-    found = []
-    rest = dead | stuck
+    faults = []
+    single = dead | stuck
     for name, axis in (("row", 1), ("column", 0)):
         lines = (dead | stuck).mean(axis=axis) > _OF_LINE
         if lines.any() and not lines.all():
             plural = name + ("s" if lines.sum() > 1 else "")
             text = f"dead {plural} {listed(np.flatnonzero(lines))}"
-            found.append(Fault(f"dead {name}", text))
-            rest &= ~(lines[:, None] if name == "row" else lines[None, :])
-    if (rest & dead).any():
-        found.append(Fault("dead pixel", f"dead {pixels_of(rest & dead)}"))
-    if (rest & stuck).any():
-        reading = captured[0].recorded[0][rest & stuck]
+            faults.append(Fault(f"dead {name}", text))
+            single &= ~(lines[:, None] if name == "row" else lines[None, :])
+    if (single & dead).any():
+        faults.append(Fault("dead pixel", f"dead {pixels_of(single & dead)}"))
+    if (single & stuck).any():
+        reading = captured[0].recorded[0][single & stuck]
         kind = "reading" if captured[0].codes is None else "code"
-        text = f"stuck {pixels_of(rest & stuck)}, at {kind} {listed(reading)}"
-        found.append(Fault("stuck pixel", text))
-    return dead, stuck, found
+        text = f"stuck {pixels_of(single & stuck)}, at {kind} {listed(reading)}"
+        faults.append(Fault("stuck pixel", text))
+    return dead | stuck, faults
 
 
-def _sum(level: Level) -> Floats:
-    return np.asarray(level.signal.sum(axis=0, dtype=np.float64))
-
-
-def deviations(captured: Level, expected: Level, good: Mask, error: Floats) -> Deviations:
+def deviations(
+    captured: Level, expected: Level, good: Mask, error: Floats, parts: Parts
+) -> Deviations:
     """Return the deviations of pixels at a level; `error` is that of the calibration, in counts."""
-    means, parts = [], np.square(np.broadcast_to(error, good.shape)).astype(float)
+    means, squares = [], np.square(np.broadcast_to(error, good.shape)).astype(float)
     for level in (captured, expected):
         mean, variance = mean_and_variance(level.signal)
         frames = len(level.signal)
-        parts += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
+        squares += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
         means.append(mean)
-    apart, sigma = means[0] - means[1], np.sqrt(parts)
+    apart, sigma = means[0] - means[1], np.sqrt(squares)
     scale = max(float(np.abs(means[1]).max()), 1e-12)
+    # the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border
+    wide = np.pad(means[1], 1)
+    neighbors = wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:]
     columns = np.stack(
-        [*((means[1] / scale) ** power for power in range(3)), _neighbors(means[1]) / scale],
-        axis=-1,
+        [*((means[1] / scale) ** power for power in range(3)), neighbors / scale], axis=-1
     )
-    trend = columns @ robust_fit(columns[good], apart[good], sigma[good])
+    trend = columns @ _robust_fit(columns[good], apart[good], sigma[good])
     # pixels that counted nothing may have counted as much as the trend
-    sigma = np.sqrt(parts + np.abs(trend) / len(captured.readings))
-    left = np.where(good, apart - trend, 0)
-    z = left[good] / sigma[good]
+    sigma = np.sqrt(squares + np.abs(trend) / len(captured.readings))
+    counts = np.where(good, apart - trend, 0)
+    z = counts[good] / sigma[good]
     scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
-    return Deviations(left, scatter * sigma)
+    return Deviations(counts, scatter * sigma, good, parts)
 
 
-def _neighbors(means: Floats) -> Floats:
-    """Sum of the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border."""
-    wide = np.pad(means, 1)
-    return np.asarray(wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:])
-
-
-def robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
+def _robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     """Combination of columns nearest to values, by iterated least squares (Huber's weights)."""
     weight: Floats = 1 / sigma
     solution: Floats = np.zeros(columns.shape[-1])
@@ -120,101 +126,113 @@ def robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     return solution
 
 
-class LineOffset(NamedTuple):
-    """Row or column with its own offset."""
+def uneven_light(
+    levels: Sequence[Level], apart: Sequence[Deviations]
+) -> tuple[Floats, Fault] | None:
+    """Return light relative to its mean, less 1, (rows, columns), if it is uneven."""
+    lit = [each for level, each in zip(levels, apart, strict=True) if not level.is_dark]
+    if not lit:
+        return None
+    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in lit[0].good.shape), indexing="ij")
+    shapes = np.stack((x, y, x * y, x**2, y**2), axis=-1)
+    shapes -= shapes.mean(axis=(0, 1))
+    columns = np.concatenate([shapes[e.good] * e.parts.light[e.good][:, None] for e in lit])
+    values, sigma = (
+        np.concatenate([values[e.good] for values, e in zip(maps, lit, strict=True)])
+        for maps in ([e.counts for e in lit], [e.error for e in lit])
+    )
+    if len(values) < _FEWEST:
+        return None
+    solution = _robust_fit(columns, values, sigma)
+    surface = np.asarray(shapes @ solution)
+    span = float(np.ptp(surface))
+    if np.sum((columns @ solution / sigma) ** 2) < _CHI2 or span < _SMALLEST:
+        return None
+    return surface, Fault(
+        "uneven light", f"the light is uneven, by {100 * span:.2g} % over the array"
+    )
 
-    axis: int
-    """0 for a row, 1 for a column"""
-    place: int
-    counts: float
+
+_NAMES = {
+    Varying.GAIN: "gain",
+    Varying.LIGHT: "efficiency",
+    Varying.DARK_COUNTS: "dark count rate",
+}
 
 
 def odd_lines(
-    captured: Sequence[Level], found: Sequence[Deviations], good: Sequence[Mask],
-    parts: Sequence[Parts], volts_per_count: float,
-) -> tuple[list[LineOffset], Mask, list[Fault]]:  # fmt: skip
-    """Find rows and columns that differ; return offsets, other odd lines' pixels, and faults."""
-    shape = good[0].shape
+    apart: Sequence[Deviations], volts_per_count: float
+) -> tuple[list[Floats], Mask, list[Fault]]:
+    """Find rows and columns that differ.
+
+    Returns the counts (rows, columns) of each offset, other odd lines' pixels, and faults.
+    """
+    shape = apart[0].good.shape
     offsets, masked, faults = [], np.zeros(shape, np.bool_), []
     for axis, name in ((0, "row"), (1, "column")):
-        turned = [_turned(each.counts / each.error, own, axis)
-                  for each, own in zip(found, good, strict=True)]  # fmt: skip
-        z = np.array(turned)
+        z = np.array([_line_z(each, axis) for each in apart])
         for index in np.flatnonzero((np.abs(z) > _LINE_Z).any(axis=0)):
-            take = (index, slice(None)) if axis == 0 else (slice(None), index)
-            cause, size = _cause_of_line(found, good, parts, take)
-            if abs(size) < _SMALLEST_OF_LINE[cause == "offset"]:
-                continue
-            if cause == "offset":
-                offsets.append(LineOffset(axis, int(index), size))
+            line = np.zeros(shape, np.bool_)
+            line[(index,) if axis == 0 else (slice(None), index)] = True
+            cause, size = _cause_of_line(apart, line)
+            if cause == Varying.OFFSET and abs(size) >= _SMALLEST_OFFSET:
+                offsets.append(np.where(line, size, 0.0))
                 unit = f"{size:+.2g} counts"
                 if volts_per_count:  # counts lower the output
                     unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
-            else:
-                masked[take] = True
-                what = {"gain": "gain", "light": "efficiency", "dark counts": "dark count rate"}[
-                    cause
-                ]
-                text = f"{what} of {name} {index} differs by {100 * size:+.2g} %"
+            elif cause != Varying.OFFSET and abs(size) >= _SMALLEST_OF_LINE:
+                masked |= line
+                text = f"{_NAMES[cause]} of {name} {index} differs by {100 * size:+.2g} %"
                 faults.append(Fault(f"odd {name}", text))
     return offsets, masked, faults
 
 
-def _turned(z: Floats, good: Mask, axis: int) -> Floats:
+def _line_z(apart: Deviations, axis: int) -> Floats:
     """Median of z over the good pixels of each line, in its standard errors."""
-    lines = np.where(good, z, np.nan) if axis == 0 else np.where(good, z, np.nan).T
+    lines = np.where(apart.good, apart.counts / apart.error, np.nan)
+    lines = lines if axis == 0 else lines.T
     number = np.isfinite(lines).sum(axis=1)
     medians = np.zeros(len(lines))
     enough = number > 3
     if enough.any():
         medians[enough] = np.nanmedian(lines[enough], axis=1)
-    others = medians - np.median(medians)
+    medians -= np.median(medians)
     # lines of hot pixels scatter more than counting explains
-    scatter = robust_sigma(others)
-    return np.asarray(others / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
+    scatter = robust_sigma(medians)
+    return np.asarray(medians / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
 
 
-def _cause_of_line(
-    found: Sequence[Deviations], good: Sequence[Mask], parts: Sequence[Parts], take: Any,
-) -> tuple[str, float]:  # fmt: skip
+def _cause_of_line(apart: Sequence[Deviations], line: Mask) -> tuple[Varying, float]:
     """Best of four causes, and its size."""
-    misfits: Mapping[str, tuple[float, float]] = {}
-    best: dict[str, tuple[float, float]] = dict(misfits)
-    for cause in ("offset", "light", "dark counts", "gain"):
+    best, smallest = (Varying.OFFSET, 0.0), np.inf
+    for cause in (Varying.OFFSET, Varying.LIGHT, Varying.DARK_COUNTS, Varying.GAIN):
         products = squares = total = 0.0
-        for each, own, part in zip(found, good, parts, strict=True):
-            use = own[take]
-            x, y = part.shape_of(cause)[take][use], each.counts[take][use]
-            w = 1 / each.error[take][use] ** 2
+        for each in apart:
+            use = line & each.good
+            x, y = each.parts.shape_of(cause)[use], each.counts[use]
+            w = 1 / each.error[use] ** 2
             products += float((w * x * y).sum())
             squares += float((w * x * x).sum())
             total += float((w * y * y).sum())
-        if squares > 0:
-            best[cause] = total - products**2 / squares, products / squares
-    cause = min(best, key=lambda each: best[each][0])
-    return cause, best[cause][1]
-
-
-def telegraph_fault(mask: Mask) -> list[Fault]:
-    """Describe pixels with telegraph noise."""
-    return [Fault("telegraph noise", f"telegraph noise in {pixels_of(mask)}")] if mask.any() else []
+        if squares > 0 and total - products**2 / squares < smallest:
+            best, smallest = (cause, products / squares), total - products**2 / squares
+    return best
 
 
 def odd_pixels(
-    captured: Sequence[Level], expected: Sequence[Level], found: Sequence[Deviations],
-    good: Sequence[Mask], parts: Sequence[Parts],
-) -> tuple[Mask, list[Fault]]:  # fmt: skip
+    captured: Sequence[Level], expected: Sequence[Level], apart: Sequence[Deviations]
+) -> tuple[Mask, list[Fault]]:
     """Mark and describe single pixels that deviate."""
-    hot = np.zeros(good[0].shape, np.bool_)
+    hot = np.zeros(apart[0].good.shape, np.bool_)
     odd = np.zeros_like(hot)
-    for one, other, each, own, part in zip(captured, expected, found, good, parts, strict=True):
+    for level, other, each in zip(captured, expected, apart, strict=True):
         reference = np.asarray(other.signal.mean(axis=0, dtype=np.float64))
-        far = own & (np.abs(each.counts) > _PIXEL_Z * each.error)
+        far = each.good & (np.abs(each.counts) > _PIXEL_Z * each.error)
         far &= np.abs(each.counts) > _LARGE * np.maximum(reference, 0)
         odd |= far
-        if one.is_dark:
-            hot |= far & (each.counts > (_HOT - 1) * part.dark)
+        if level.is_dark:
+            hot |= far & (each.counts > (_HOT - 1) * each.parts.dark)
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))

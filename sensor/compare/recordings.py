@@ -2,12 +2,12 @@
 
 Steps, each of which leaves to the next what it cannot explain:
 
-1. repeated and missing frames (`in_time`), bits and codes of the ADC (`converter`)
-2. order of the pixels (`arrangement`), which is undone
+1. repeated and missing frames (`in_time`), bits and codes of the ADC (`faults`)
+2. order of the pixels (`faults`), which is undone
 3. dead and stuck lines and pixels (`pattern`), which are masked
 4. frames that depend on those before, beside which no test that assumes independent ones is made;
    drift, flicker, banding, common noise (`in_time`), which are subtracted
-5. light that is uneven over the array (`uneven`), which is subtracted
+5. light that is uneven over the array (`pattern`), which is subtracted
 6. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
    which are masked (`pattern`)
 7. parameters of the device that explain the rest, or none (`causes`)
@@ -22,46 +22,25 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.calibrate.telegraph import correlation
-from megalopta.sensor.compare.arrangement import Arrangement, arrangement
-from megalopta.sensor.compare.causes import Causes, Doubts, find_causes
-from megalopta.sensor.compare.converter import stuck_bits, uneven_codes
-from megalopta.sensor.compare.faults import Fault, pixels_of
-from megalopta.sensor.compare.in_time import (
-    dependent_frames,
-    missing_frames,
-    steadied,
-    without_repeats,
+from megalopta.sensor.calibrate.pixels import correlation
+from megalopta.sensor.compare import in_time, pattern, two_sample
+from megalopta.sensor.compare.causes import Causes, find_causes
+from megalopta.sensor.compare.faults import (
+    Arrangement,
+    Fault,
+    arrangement,
+    pixels_of,
+    stuck_bits,
+    uneven_codes,
 )
-from megalopta.sensor.compare.model import Model, level_of_codes
-from megalopta.sensor.compare.pattern import (
-    LineOffset,
-    deviations,
-    odd_lines,
-    odd_pixels,
-    telegraph_fault,
-    unresponsive,
-)
-from megalopta.sensor.compare.quantities import BLOCKS
-from megalopta.sensor.compare.two_sample import (
-    Difference,
-    Distances,
-    PixelTest,
-    Sample,
-    discoveries,
-    distances_by_chance,
-    histogram_test,
-    mean_test,
-    variance_test,
-)
-from megalopta.sensor.compare.uneven import uneven_light
+from megalopta.sensor.compare.model import Model, Unsure, level_of_codes
 
 FALSE_ALARMS = 0.01
 """Largest share of comparisons of a device with itself that raise an alarm."""
 MARGIN = 0.05
 """Negligible relative difference."""
 _FAMILIES = 5
-_FEWEST_FRAMES = 3 * BLOCKS
+_FEWEST_FRAMES = 3 * two_sample.BLOCKS
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,23 +53,20 @@ class Comparison:
     """Faults found before anything was fitted"""
     explained: Causes
     """Parameters of the device that explain the rest"""
-    differences: tuple[Difference, ...]
+    differences: tuple[two_sample.Difference, ...]
     """Quantities of the device, or of a scene"""
-    tests: Mapping[str, PixelTest]
+    tests: Mapping[str, two_sample.PixelTest]
     """Tests of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
-    distances: Distances
-    """Distances between histograms, (levels, rows, columns), and of samples of one distribution"""
-    by_chance: Distances
     margin: float
 
     @property
-    def causes(self) -> tuple[Difference, ...]:
+    def causes(self) -> tuple[two_sample.Difference, ...]:
         """Quantities that explain the difference and exceed the margin, largest first."""
         real = [each for each in self.significant if not each.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
 
     @property
-    def significant(self) -> list[Difference]:
+    def significant(self) -> list[two_sample.Difference]:
         """Quantities that explain the difference."""
         if not self.explained.is_different and not self.explained.alone:
             return beyond_chance(self.differences)  # of a scene
@@ -139,7 +115,7 @@ _NONE = "none of the known causes explains the difference"
 _NONE_OF_REST = "none of the known causes explains the rest of the difference"
 
 
-def beyond_chance(tested: Sequence[Difference]) -> list[Difference]:
+def beyond_chance(tested: Sequence[two_sample.Difference]) -> list[two_sample.Difference]:
     """Return the significant differences of one family of tests."""
     limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
     return [each for each in tested if each.p < limit]
@@ -153,36 +129,42 @@ class _Cleaned:
     expected: list[Level]
     model: Model
     errors: Sequence[Floats]
+    masked: Mask
+    unsure: list[Unsure]
     faults: list[Fault] = field(default_factory=list)
-    masked: Mask = field(default_factory=lambda: np.zeros((0, 0), np.bool_))
     is_uneven: bool = False
     """True if codes of the ADC are missing or uneven."""
-    unsure: list[dict[str, float]] = field(default_factory=list)
     are_dependent: bool = False
     """True if frames depend on those before."""
 
     @property
+    def pairs(self) -> list[tuple[Level, Level]]:
+        """Captured and expected recording of every level."""
+        return list(zip(self.captured, self.expected, strict=True))
+
+    @property
     def good(self) -> list[Mask]:
         """Usable pixels of every level."""
-        pairs = zip(self.captured, self.expected, strict=True)
-        return [one.usable & other.usable & ~self.masked for one, other in pairs]
+        return [one.usable & other.usable & ~self.masked for one, other in self.pairs]
 
     def check_frames(self) -> None:
         """Repeated and missing frames."""
         by_level = []
-        for at, (one, other) in enumerate(zip(self.captured, self.expected, strict=True)):
-            gaps = missing_frames(one)
-            self.captured[at], repeated = without_repeats(one, other)
+        for at, (one, other) in enumerate(self.pairs):
+            gaps = in_time.missing_frames(one)
+            self.captured[at], repeated = in_time.without_repeats(one, other)
             by_level.append([*repeated, *gaps])
         self.faults += _merged(by_level, self.captured)
 
     def check_codes(self) -> None:
         """Bits and codes of the ADC."""
-        codes = [[level.codes for level in each if level.codes is not None]
-                 for each in (self.captured, self.expected)]  # fmt: skip
-        if not codes[0] or not codes[1]:
+        seen, known = (
+            [level.codes for level in levels if level.codes is not None]
+            for levels in (self.captured, self.expected)
+        )
+        if not seen or not known:
             return
-        stuck = stuck_bits(*codes)
+        stuck = stuck_bits(seen, known)
         for bit in stuck:
             self.faults.append(bit.fault)
             for at, level in enumerate(self.expected):
@@ -191,78 +173,84 @@ class _Cleaned:
                     self.expected[at] = level_of_codes(
                         spoilt, self.model.sensor, level.exposure_s, level.light_hz, level.times_s
                     )
-        uneven = [] if stuck else uneven_codes(*codes)
+        uneven = [] if stuck else uneven_codes(seen, known)
         self.faults += uneven
         self.is_uneven = bool(uneven)
 
-    def reorder(self, found: Arrangement) -> None:
-        """Undo another order of the pixels."""
+    def reorder(self) -> Arrangement:
+        """Find another order of the pixels, and undo it."""
+        # the dark level of the most counts shows the pattern best
+        one, other = max(
+            self.pairs, key=lambda pair: float(pair[1].readings.sum()) * pair[1].is_dark
+        )
+        order = arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))
         names = "readings", "saturated", "codes", "unrounded"
-        for at, level in enumerate(self.captured):
+        for at, level in enumerate(self.captured if order.is_other else ()):
             kept = {name: getattr(level, name) for name in names}
             turned: dict[str, Any] = {
-                name: found.undone(each) for name, each in kept.items() if each is not None
+                name: order.undone(each) for name, each in kept.items() if each is not None
             }
             self.captured[at] = replace(level, **turned)
+        return order
 
     def mask_unresponsive(self) -> None:
         """Dead and stuck pixels and lines."""
-        dead, stuck, faults = unresponsive(self.captured, self.expected)
-        self.masked = dead | stuck
+        masked, faults = pattern.unresponsive(self.captured, self.expected)
+        self.masked = self.masked | masked
         self.faults += faults
 
     def steady(self) -> None:
         """Frames that depend on those before, or drift, flicker, banding and common noise."""
         levels = zip(self.captured, self.expected, self.good, strict=True)
-        dependent = [dependent_frames(*each) for each in levels]
+        dependent = [in_time.dependent_frames(*each) for each in levels]
         self.are_dependent = any(dependent)
         if self.are_dependent:
             self.faults += _merged(dependent, self.captured)
             return
-        found = steadied(self.captured, self.good, self.model.parts(self.expected))
+        found = in_time.steadied(self.captured, self.good, self.model.parts(self.expected))
         self.captured = [each.level for each in found]
         self.unsure = [each.unsure for each in found]
         if self.is_uneven:  # as noise of some codes would
-            for each in self.unsure:
-                each["read noise"] = self.model.counts_per_code**2
+            noise = self.model.counts_per_code**2
+            self.unsure = [each._replace(read_noise=noise) for each in self.unsure]
         self.faults += _merged([each.faults for each in found], self.captured)
 
     def check_light(self) -> None:
         """Light that is uneven over the array."""
-        parts = self.model.parts(self.expected)
-        found = uneven_light(self.captured, self._deviations(), self.good, parts)
-        if found is not None:
-            self.faults.append(found.fault)
-            for at, part in enumerate(parts):
-                self._subtract(at, found.surface * part.light)
+        apart = self._deviations()
+        uneven = pattern.uneven_light(self.captured, apart)
+        if uneven is not None:
+            self.faults.append(uneven[1])
+            for at, each in enumerate(apart):
+                self._subtract(at, uneven[0] * each.parts.light)
 
     def check_pattern(self) -> None:
-        """Lines and single pixels."""
+        """Telegraph noise, lines and single pixels."""
         flickering, known = np.zeros((2, *self.masked.shape), np.bool_)
         if not self.are_dependent:
-            for one, other, own in zip(self.captured, self.expected, self.good, strict=True):
-                flickering |= correlation(one.signal, own).is_telegraph
-                known |= correlation(other.signal, own).is_telegraph
+            for (one, other), good in zip(self.pairs, self.good, strict=True):
+                flickering |= correlation(one.signal, good).is_telegraph
+                known |= correlation(other.signal, good).is_telegraph
         self.masked = self.masked | flickering | known
-        parts, volts = self.model.parts(self.expected), self.model.volts_per_count
-        volts = volts if self.captured[0].codes is not None else 0.0
-        offsets, odd, faults = odd_lines(self.captured, self._deviations(), self.good, parts, volts)
-        for each in offsets:
-            self._take_out(each)
+        has_codes = self.captured[0].codes is not None
+        volts = self.model.volts_per_count if has_codes else 0.0
+        offsets, odd, faults = pattern.odd_lines(self._deviations(), volts)
+        for counts in offsets:
+            for at in range(len(self.captured)):
+                self._subtract(at, counts)
         self.masked = self.masked | odd
-        alone, more = odd_pixels(self.captured, self.expected, self._deviations(), self.good, parts)
+        alone, more = pattern.odd_pixels(self.captured, self.expected, self._deviations())
         self.masked = self.masked | alone
-        self.faults += [*faults, *telegraph_fault(flickering & ~known), *more]
+        self.faults += faults
+        if (flickering & ~known).any():
+            text = f"telegraph noise in {pixels_of(flickering & ~known)}"
+            self.faults.append(Fault("telegraph noise", text))
+        self.faults += more
 
-    def _deviations(self) -> list[Any]:
-        each = zip(self.captured, self.expected, self.good, self.errors, strict=True)
-        return [deviations(*one) for one in each]
-
-    def _take_out(self, line: LineOffset) -> None:
-        counts = np.zeros(self.masked.shape)
-        counts[(line.place,) if line.axis == 0 else (slice(None), line.place)] = line.counts
-        for at in range(len(self.captured)):
-            self._subtract(at, counts)
+    def _deviations(self) -> list[pattern.Deviations]:
+        parts = self.model.parts(self.expected)
+        levels = zip(self.captured, self.expected, self.good, self.errors, parts, strict=True)
+        return [pattern.deviations(*each) for each in levels]
 
     def _subtract(self, at: int, counts: Floats) -> None:
         """Subtract counts (rows, columns) from all frames of a level."""
@@ -275,6 +263,41 @@ class _Cleaned:
             readings = np.array(level.readings)
             readings[:, take] = np.rint(signal[:, take].clip(0)).astype(readings.dtype)
             self.captured[at] = replace(level, unrounded=signal, readings=readings)
+
+    def causes(self, margin: float) -> Causes:
+        """Parameters that explain what is left."""
+        # errors of the calibration, relative ones of the array's dark counts and efficiency
+        maps = Unsure()
+        parts = self.model.parts(self.expected)
+        for part, error, good, level in zip(
+            parts, self.errors, self.good, self.expected, strict=True
+        ):
+            total = max(float(part.mean[good].sum()), 1e-300)
+            share = float(np.sqrt(np.square(error[good]).sum())) / total
+            if level.is_dark:
+                maps = maps._replace(dark_counts=max(maps.dark_counts, share))
+            else:
+                maps = maps._replace(efficiency=max(maps.efficiency, share))
+        return find_causes(
+            self.captured, self.expected, self.good, self.model,
+            margin=margin, unsure=self.unsure, maps=maps,
+        )  # fmt: skip
+
+    def pixel_tests(self) -> dict[str, two_sample.PixelTest]:
+        """Tests of mean, variance and histogram of every pixel."""
+        p_values = []
+        for (one, other), good, error in zip(self.pairs, self.good, self.errors, strict=True):
+            samples = two_sample.Sample.of(one.readings), two_sample.Sample.of(other.readings)
+            tests = (
+                two_sample.mean_test(*samples, error),
+                two_sample.variance_test(*samples),
+                two_sample.histogram_test(one.readings, other.readings),
+            )
+            is_tested = good & (not self.are_dependent)
+            p_values.append([np.where(is_tested, p, np.nan) for p in tests])
+        families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
+        rate = FALSE_ALARMS / _FAMILIES
+        return {name: two_sample.discoveries(np.array(p), rate) for name, p in families}
 
 
 def _merged(by_level: Sequence[Sequence[Fault]], levels: Sequence[Level]) -> list[Fault]:
@@ -301,7 +324,7 @@ def compare_recordings(
     model: Model,
     *,
     margin: float = MARGIN,
-    errors: Sequence[Floats | float] | None = None,
+    errors: Sequence[Floats] | None = None,
     is_scene: bool = False,
 ) -> Comparison:
     """Compare recordings level by level.
@@ -324,64 +347,24 @@ def compare_recordings(
     """
     _check(captured, expected)
     shape = captured[0].readings.shape[1:]
-    unsure = [np.broadcast_to(each, shape) for each in errors or [0.0] * len(captured)]
-    cleaned = _Cleaned(list(captured), list(expected), model, unsure)
+    errors = errors or [np.zeros(shape)] * len(captured)
+    known = np.isfinite(np.sum(errors, axis=0))
+    cleaned = _Cleaned(
+        list(captured), list(expected), model, errors,
+        masked=~known, unsure=[Unsure()] * len(captured),
+    )  # fmt: skip
     cleaned.check_frames()
     cleaned.check_codes()
-    order = _arrangement(list(zip(cleaned.captured, cleaned.expected, strict=True)))
-    if order.is_other:
-        cleaned.reorder(order)
+    order = cleaned.reorder()
     cleaned.mask_unresponsive()
-    cleaned.masked = cleaned.masked | ~np.isfinite(np.sum(unsure, axis=0))
-    causes = Causes(1.0, 1.0, (), ())
+    causes = Causes()
     if not is_scene:
         cleaned.steady()
         cleaned.check_light()
         cleaned.check_pattern()
-        causes = causes if cleaned.are_dependent else _causes(cleaned, margin)
-    tests, distances, chance = _pixel_tests(cleaned)
-    return Comparison(
-        order, tuple(cleaned.faults), causes, causes.alone, tests, distances, chance, margin
-    )
-
-
-def _causes(cleaned: _Cleaned, margin: float) -> Causes:
-    maps = {"dark counts": 0.0, "efficiency": 0.0}
-    parts = cleaned.model.parts(cleaned.expected)
-    for part, error, own, level in zip(
-        parts, cleaned.errors, cleaned.good, cleaned.expected, strict=True
-    ):
-        total = max(float(part.mean[own].sum()), 1e-300)
-        name = "dark counts" if level.is_dark else "efficiency"
-        maps[name] = max(maps[name], float(np.sqrt(np.square(error[own]).sum())) / total)
-    doubts = Doubts(cleaned.unsure, maps)
-    return find_causes(
-        cleaned.captured, cleaned.expected, cleaned.good, cleaned.model,
-        margin=margin, doubts=doubts,
-    )  # fmt: skip
-
-
-def _pixel_tests(cleaned: _Cleaned) -> tuple[dict[str, PixelTest], Distances, Distances]:
-    p_values, distances, chance = [], [], []
-    for one, other, own, error in zip(
-        cleaned.captured, cleaned.expected, cleaned.good, cleaned.errors, strict=True
-    ):
-        a, b = one.readings, other.readings
-        of_histograms, apart = histogram_test(a, b)
-        samples = Sample.of(a), Sample.of(b)
-        tests = mean_test(*samples, error), variance_test(*samples), of_histograms
-        is_tested = own & (not cleaned.are_dependent)
-        p_values.append([np.where(is_tested, p, np.nan) for p in tests])
-        distances.append(apart)
-        chance.append(distances_by_chance(a, b))
-    families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
-    rate = FALSE_ALARMS / _FAMILIES
-    found = {name: discoveries(np.array(p), rate) for name, p in families}
-    return found, _stacked(distances), _stacked(chance)
-
-
-def _stacked(levels: Sequence[Distances]) -> Distances:
-    return Distances(*(np.array(each) for each in zip(*levels, strict=True)))
+        causes = causes if cleaned.are_dependent else cleaned.causes(margin)
+    tests = cleaned.pixel_tests()
+    return Comparison(order, tuple(cleaned.faults), causes, causes.alone, tests, margin)
 
 
 def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
@@ -396,12 +379,3 @@ def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
         fewest = min(len(one.readings), len(other.readings))
         if fewest < _FEWEST_FRAMES:
             raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
-
-
-def _arrangement(pairs: Sequence[tuple[Level, Level]]) -> Arrangement:
-    """Arrangement by the dark level of the most counts, which shows the pattern best.
-
-    Without a dark one, by the first level.
-    """
-    one, other = max(pairs, key=lambda each: float(each[1].readings.sum()) * each[1].is_dark)
-    return arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))

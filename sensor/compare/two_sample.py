@@ -6,13 +6,7 @@ Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
 
 **Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part due to
 different means (the trend over bins, one degree of freedom), which have their own test with their
-own uncertainty. Distances, with F and G the cumulative distributions of readings:
-
-    total variation   ½·Σ |f − g|
-    Wasserstein       Σ |F − G|           mean shift of readings, in counts
-    energy            (2·Σ (F − G)²)^½    counts^½; Székely and Rizzo, J. Stat. Plan. Inference 2013
-
-All are above 0 for finite samples of one distribution; `distances_by_chance` gives by how much.
+own uncertainty.
 
 **False discovery rates**: Benjamini and Hochberg; recordings that differ in no pixel raise an alarm
 at most at this rate.
@@ -20,6 +14,10 @@ at most at this rate.
 **One quantity**: one value per block of frames, so that their scatter includes correlations within
 a block. Welch's t test shows whether the means differ. Two one-sided tests (Schuirmann 1987) show
 whether they differ by less than a margin: the 90 % CI lies inside it.
+
+**A scene** has no dark and no uniform light, so its quantities mix those of the device: brightness,
+and contrast, the slope of counts over the light that the model expects, which dark counts do not
+change. Both are computed and compared block by block, since the scene is the same in both.
 """
 
 from typing import Any, NamedTuple
@@ -30,7 +28,11 @@ from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.core.compiling import compiled
+from megalopta.sensor.calibrate.level import Level
 
+BLOCKS = 20
+SEGMENT = 32
+"""Frames per segment of a spectrum."""
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
 _FEWEST = 12.0
@@ -55,7 +57,7 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
 
 
 class Sample(NamedTuple):
-    """Mean and variance of the counts of pixels (rows, columns), over so many frames."""
+    """Mean and variance of values, of any shape, over so many frames or blocks."""
 
     mean: Floats
     variance: Floats
@@ -63,8 +65,19 @@ class Sample(NamedTuple):
 
     @classmethod
     def of(cls, counts: NDArray[Any]) -> "Sample":
-        """Return those of counts (n, rows, columns)."""
+        """Return those of counts (n, …)."""
         return cls(*mean_and_variance(counts), len(counts))
+
+
+def _welch(one: Sample, other: Sample, error: Floats | float) -> tuple[Floats, Floats]:
+    """Standard error of the difference of means, and its degrees of freedom.
+
+    `error` is a standard error of the expected mean that more frames do not reduce.
+    """
+    parts = [sample.variance / sample.frames for sample in (one, other)]
+    total = parts[0] + parts[1] + np.square(error)
+    squares = parts[0] ** 2 / (one.frames - 1) + parts[1] ** 2 / (other.frames - 1)
+    return np.sqrt(total), np.maximum(total**2 / np.maximum(squares, 1e-300), 1)
 
 
 def mean_test(one: Sample, other: Sample, error: Floats | float = 0.0) -> Floats:
@@ -73,21 +86,16 @@ def mean_test(one: Sample, other: Sample, error: Floats | float = 0.0) -> Floats
     `error` is the standard error of the second sample's expected mean, if it comes from a
     calibration.
     """
-    n, k = one.frames, other.frames
-    parts = [each.variance / each.frames for each in (one, other)]
-    total = parts[0] + parts[1] + np.square(error)
+    spread, freedom = _welch(one, other, error)
     apart = one.mean - other.mean
-    spread = np.where(total > 0, total, 1)
-    freedom = spread**2 / np.maximum(parts[0] ** 2 / (n - 1) + parts[1] ** 2 / (k - 1), 1e-300)
-    p = 2 * t.sf(np.abs(apart) / np.sqrt(spread), np.maximum(freedom, 1))
-    first, second = (np.rint(each.frames * each.mean).clip(0) for each in (one, other))
-    both, share = first + second, n / (n + k)
+    p = 2 * t.sf(np.abs(apart) / np.where(spread > 0, spread, 1), freedom)
+    first, second = (np.rint(sample.frames * sample.mean).clip(0) for sample in (one, other))
+    both, share = first + second, one.frames / (one.frames + other.frames)
     few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
     # two-sided, of a binomial number: twice the smaller tail
     tails = np.minimum(binom.cdf(first, both, share), binom.sf(first - 1, both, share))
     p = np.where(few, np.minimum(2 * tails, 1), p)
-    same = (total == 0) & ~few
-    return np.where(same, np.where(apart == 0, 1.0, 0.0), p)
+    return np.where((spread == 0) & ~few, np.where(apart == 0, 1.0, 0.0), p)
 
 
 def variance_test(one: Sample, other: Sample) -> Floats:
@@ -101,62 +109,29 @@ def variance_test(one: Sample, other: Sample) -> Floats:
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
 
 
-class Distances(NamedTuple):
-    """Distances between histograms of pixels, each (rows, columns)."""
+def histogram_test(one: NDArray[Any], other: NDArray[Any]) -> Floats:
+    """Return p-values (rows, columns) of equal distributions of counts (n, rows, columns).
 
-    total_variation: Floats
-    wasserstein: Floats
-    energy: Floats
-
-
-def histogram_test(one: NDArray[Any], other: NDArray[Any]) -> tuple[Floats, Distances]:
-    """Return p-values of equal distributions of counts (n, rows, columns), and distances.
-
-    Each (rows, columns); NaN where bins are too few.
+    NaN where bins are too few.
     """
-    shape = one.shape[1:]
-    samples = [_whole(each).reshape(len(each), -1) for each in (one, other)]
-    at_once = max(_ENTRIES_AT_ONCE // _values(samples), 1)
-    pieces = [
-        _of_pixels([each[:, first : first + at_once] for each in samples])
-        for first in range(0, samples[0].shape[1], at_once)
+    samples = [
+        (np.rint(counts) if counts.dtype.kind == "f" else counts)
+        .astype(np.int32)
+        .reshape(len(counts), -1)
+        for counts in (one, other)
     ]
-    p, *distances = (np.concatenate(each).reshape(shape) for each in zip(*pieces, strict=True))
-    return p, Distances(*distances)
-
-
-def distances_by_chance(one: NDArray[Any], other: NDArray[Any]) -> Distances:
-    """Return distances within one distribution: frames (n, rows, columns) of both are shuffled."""
-    both = np.concatenate([_whole(one), _whole(other)])
-    order = np.random.default_rng(0).permutation(len(both))
-    return histogram_test(both[order[: len(one)]], both[order[len(one) :]])[1]
-
-
-def _whole(counts: NDArray[Any]) -> NDArray[np.int32]:
-    rounded = np.rint(counts) if counts.dtype.kind == "f" else counts
-    return rounded.astype(np.int32, copy=False)
-
-
-def _values(samples: list[NDArray[np.int32]]) -> int:
-    return int(max(each.max() for each in samples) - min(each.min() for each in samples)) + 1
-
-
-def _of_pixels(samples: list[NDArray[np.int32]]) -> tuple[Floats, Floats, Floats, Floats]:
-    """P-values and three distances of pixels, of samples (n, P)."""
-    least, size = min(int(each.min()) for each in samples), _values(samples)
-    pixels = samples[0].shape[1]
-    seen = np.zeros((2, pixels, size))
-    for histograms, each in zip(seen, samples, strict=True):
-        _count(each, least, histograms)
-    totals = np.array([len(each) for each in samples], np.float64)
-    apart = np.subtract(*(seen / totals[:, None, None]))
-    cumulative = np.cumsum(apart, axis=1)
-    return (
-        _chi_square_p(seen, totals),
-        np.abs(apart).sum(axis=1) / 2,
-        np.abs(cumulative).sum(axis=1),
-        np.sqrt(2 * np.square(cumulative).sum(axis=1)),
-    )
+    least = min(int(sample.min()) for sample in samples)
+    size = max(int(sample.max()) for sample in samples) - least + 1
+    at_once = max(_ENTRIES_AT_ONCE // size, 1)
+    totals = np.array([len(one), len(other)], np.float64)
+    p = []
+    for first in range(0, samples[0].shape[1], at_once):
+        some = [sample[:, first : first + at_once] for sample in samples]
+        seen = np.zeros((2, some[0].shape[1], size))
+        for histograms, readings in zip(seen, some, strict=True):
+            _count(readings, least, histograms)
+        p.append(_chi_square_p(seen, totals))
+    return np.concatenate(p).reshape(one.shape[1:])
 
 
 @compiled
@@ -168,6 +143,7 @@ def _count(readings: NDArray[np.int32], least: int, histograms: Floats) -> None:
 
 
 def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
+    """P-values of histograms (2, P, values) of so many readings each, without their trend."""
     both = seen.sum(axis=0)
     pixels, size = both.shape
     expected = both * totals.min() / totals.sum()
@@ -191,15 +167,6 @@ def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
     freedom = (all_ > 0).sum(axis=1) - 2
     p = chi2.sf(np.maximum(squares - trend, 0), np.maximum(freedom, 1))
     return np.where(freedom > 0, p, np.nan)
-
-
-class Quantity(NamedTuple):
-    """Name and unit of a compared quantity."""
-
-    name: str
-    unit: str = ""
-    least: float = 0.0
-    """Differences are relative to the expected value, or to this if larger."""
 
 
 class Difference(NamedTuple):
@@ -233,7 +200,7 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         """Describe it in a phrase."""
         if self.base:
-            low, high = (self.expected + self.scale * each for each in (self.low, self.high))
+            low, high = (self.expected + self.scale * end for end in (self.low, self.high))
             values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
             return f"{values} (95 %: {low:.2g} to {high:.2g})"
         way = "higher" if self.relative > 0 else "lower"
@@ -248,24 +215,72 @@ def _percent(share: float) -> float | int:
 
 
 def difference(
-    quantity: Quantity, captured: Floats, expected: Floats, margin: float, unsure: float = 0.0
-) -> Difference:
+    name: str, unit: str, captured: Floats, expected: Floats, margin: float,
+    unsure: float = 0.0, least: float = 0.0,
+) -> Difference:  # fmt: skip
     """Compare the values of blocks, (blocks,) each.
 
     `margin` is the negligible relative difference; `unsure` the standard error of the expected
-    values, for example from a calibration, which further blocks do not reduce.
+    values, for example from a calibration, which further blocks do not reduce. Differences are
+    relative to the expected value, or to `least` if larger.
     """
-    samples = captured, expected
-    means = float(captured.mean()), float(expected.mean())
-    parts = [each.var(ddof=1) / each.size for each in samples]
-    error = float(np.sqrt(sum(parts) + unsure**2))
-    squares = (p**2 / (each.size - 1) for p, each in zip(parts, samples, strict=True))
-    freedom = max(sum(parts) ** 2 / max(sum(squares), 1e-300), 1)
-    scale = max(abs(means[1]), quantity.least, 1e-300)
+    samples = Sample.of(captured), Sample.of(expected)
+    error, freedom = (float(each) for each in _welch(*samples, unsure))
+    means = float(samples[0].mean), float(samples[1].mean)
+    scale = max(abs(means[1]), least, 1e-300)
     apart = means[0] - means[1]
     p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
     wide, narrow = (float(t.ppf(level, freedom)) * error / scale for level in (0.975, 0.95))
     relative = apart / scale
     interval = relative, relative - wide, relative + wide
-    is_equivalent = abs(relative) + narrow < margin
-    return Difference(quantity.name, *means, quantity.unit, *interval, p, is_equivalent, scale)
+    return Difference(name, *means, unit, *interval, p, abs(relative) + narrow < margin, scale)
+
+
+def scene_differences(
+    captured: Level,
+    expected: Level,
+    light_hz: Floats,
+    margin: float,
+    errors_hz: Floats | float = 0.0,
+) -> tuple[Difference, ...]:
+    """Compare brightness and contrast, frame by frame, of the same scene.
+
+    `light_hz` (n, rows, columns): the model's detection rate of always-live pixels; `margin`:
+    negligible relative difference; `errors_hz` (rows, columns) or float: standard errors of
+    expected rates that come from a calibration.
+    """
+    good = captured.usable & expected.usable
+    blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
+    light = light_hz[:, good]
+    errors = np.broadcast_to(errors_hz, good.shape)[good]
+    unsure = float(np.sqrt(np.square(errors).sum())) / max(errors.size, 1)
+
+    def slope(counts: Floats, light: Floats) -> float:
+        """Slope of counts over light, by least squares."""
+        apart = light - light.mean()
+        return float((apart * counts).sum() / max((apart**2).sum(), 1e-300))
+
+    def compared(name: str, unit: str, measure: Any, error: float) -> Difference:
+        one, other = (
+            np.array([measure(level.readings[at][:, good], light[at]) for at in blocks])
+            / level.exposure_s
+            for level in (captured, expected)
+        )
+        typical = np.full(BLOCKS, other.mean())
+        return difference(name, unit, one - other + typical, typical, margin, error)
+
+    bright = compared("brightness", "counts per second", lambda counts, _: counts.mean(), unsure)
+    if light.std() <= 1e-6 * light.mean():
+        return (bright,)
+    return bright, compared("contrast", "counts per photon detected", slope, 0.0)
+
+
+def segment_spectra(counts: NDArray[np.floating]) -> Floats:
+    """Return the power over frequency of segments of frames, (segments, SEGMENT/2 + 1).
+
+    Mean over the pixels.
+    """
+    segments = len(counts) // SEGMENT
+    pieces = np.asarray(counts[: segments * SEGMENT], np.float64).reshape(segments, SEGMENT, -1)
+    transform = np.fft.rfft(pieces - pieces.mean(axis=1, keepdims=True), axis=1)
+    return np.asarray(np.square(np.abs(transform)).mean(axis=-1) / SEGMENT)

@@ -25,7 +25,7 @@ import yaml
 from PIL import Image
 
 from megalopta.benchmark.scores import add_entries, score_submission
-from megalopta.camera.recorder import Recorder
+from megalopta.camera.recording import Recorder
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.config.yaml_model import to_yaml

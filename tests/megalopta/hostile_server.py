@@ -18,10 +18,10 @@ CPU_S, WALL_S, DATA_BYTES = 20, 90, 5 * 10**9
 WARM = (
     "av", "cv2", "h5py", "mitsuba", "numpy", "onnxruntime", "OpenEXR", "scipy.spatial.transform", "tifffile",
     "trimesh", "zarr", "megalopta.benchmark.pairs_on_disk", "megalopta.benchmark.ranking_run",
-    "megalopta.benchmark.scores", "megalopta.benchmark.without_truth", "megalopta.camera.calibrating",
-    "megalopta.camera.device_comparison", "megalopta.flow", "megalopta.stages.make", "megalopta.render",
+    "megalopta.benchmark.scores", "megalopta.benchmark.without_truth", "megalopta.camera.calibration",
+    "megalopta.camera.comparison", "megalopta.flow", "megalopta.stages.make", "megalopta.render",
     "megalopta.render.exporting", "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
-    "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.capture_files",
+    "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.measurements",
     "megalopta.verification.files", "megalopta.verification.truth",
 )  # fmt: skip
 

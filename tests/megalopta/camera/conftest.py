@@ -14,23 +14,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from megalopta.camera.camera_settings import CaptureSettings, sensor_as_set
-from megalopta.camera.emulated import EmulatedCamera, EmulatedPort
-from megalopta.camera.stimuli import Flat
+from megalopta.camera.capture import CaptureSettings, sensor_as_set
+from megalopta.camera.emulator import EmulatedCamera, EmulatedPort, flat
 from megalopta.sensor import expose_adc, preset
 from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
 
 from ..process_group import wait_for
 
 SENSOR = preset("spadcam")
-STIMULUS = Flat((5e6,))
+FILM = flat((5e6,))
 
 
 @contextmanager
 def emulating(link, clock_rate=1.0, **camera):
     """Run a camera; `sent` holds its bytes."""
     sent, stop = bytearray(), threading.Event()
-    given = {"sensor": SENSOR, "stimulus": STIMULUS} | camera
+    given = {"sensor": SENSOR, "film": FILM} | camera
     port = EmulatedPort(
         EmulatedCamera(**given),
         link,
@@ -57,7 +56,7 @@ def acting(then, answered=lambda packet: packet):
     tty.setraw(other_end)
     os.set_blocking(end, False)
     stop = threading.Event()
-    camera = EmulatedCamera(SENSOR, STIMULUS)  # takes a while
+    camera = EmulatedCamera(SENSOR, FILM)  # takes a while
     acts = partial(_act, end, camera, then, answered, stop)
     thread = threading.Thread(target=acts, daemon=True)
     thread.start()
@@ -116,7 +115,7 @@ def expected_adc(settings: Settings, number: int):
     # Frames of 64 ms, and at most 64, share a stream.
     together = min(max(64_000 // settings.period_us, 1), 64)
     place = number % together
-    rate = STIMULUS.rates_hz(np.zeros(place + 1), sensor)
+    rate = FILM(sensor).at(np.zeros(place + 1))
     drawn = {"seed": 0, "stream": 0, "together": together}
     return expose_adc(rate, sensor, first_frame=number - place, **drawn)[place]
 

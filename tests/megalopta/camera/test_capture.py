@@ -1,4 +1,8 @@
-"""Captures of the emulated camera over a real pseudo-terminal."""
+"""Captures of the emulated camera over a real pseudo-terminal.
+
+What a camera says of itself and cannot be is refused, its texts are shown, never obeyed; and what
+answers, but then sends no frames, is given up.
+"""
 
 import os
 import pty
@@ -10,19 +14,28 @@ import sys
 import threading
 import time
 import tty
+from itertools import islice, repeat
 
 import numpy as np
 import pytest
 import serial
 
-from megalopta.camera.capturing import capture
-from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.link import Link, open_port
+from megalopta.camera.capture import capture
+from megalopta.camera.emulator import EmulatedCamera, flat
+from megalopta.camera.link import Link, find_port, open_port, port_lines
 from megalopta.camera.recording import open_recording
-from megalopta.camera.stimuli import Flat
+from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.formats.protocol import Kind, Packet, Parser, Settings, command
+from megalopta.sensor.formats.protocol import (
+    Identity,
+    Kind,
+    Packet,
+    Parser,
+    Settings,
+    command,
+    encode,
+)
 
 from ..process_group import wait_for
 from .conftest import RUN, acting, emulating, expected_adc, frames, running, wanted
@@ -47,7 +60,7 @@ def test_what_arrives_is_what_the_sensor_model_reads(emulated, tmp_path):
     for place, number in enumerate(recording.sequence_number):
         np.testing.assert_array_equal(recording.adc[place], expected_adc(FAST, int(number)))
     nominal = changed(preset("spadcam"), exposure_s=0.005, counter={"calibrated": False})
-    rate = Flat((5e6,)).rates_hz(np.zeros(1), nominal)
+    rate = flat((5e6,))(nominal).rates_hz
     # Frames of 64 ms share a stream, named by the first of them.
     place = int(np.flatnonzero(recording.sequence_number % 12 == 0)[0])
     first = int(recording.sequence_number[place])
@@ -141,14 +154,14 @@ def test_1000_frames_a_second(emulated, tmp_path):
 
 
 def test_what_the_sensor_cannot_do_is_refused_and_changes_nothing():
-    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), Flat((5e6,)))
+    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), flat((5e6,)))
     before = camera.settings
     for kind, payload in (command(Kind.SET_FRAME_RATE, 1000), command(Kind.SET_EXPOSURE, 900_000)):
         reply = camera.answer(Packet(kind, 1, 0, payload), 0)
     assert Settings.of(reply.payload).refused  # by then the leak has emptied the counters
     assert camera.settings.exposure_us == before.exposure_us
     with pytest.raises(UserError, match="leakage has taken"):
-        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), Flat())
+        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), flat())
 
 
 def test_a_port_that_is_missing_is_told(tmp_path):
@@ -194,15 +207,6 @@ def test_a_busy_port_is_told(terminal):
         open_port(terminal[1])
 
 
-def test_a_port_that_is_not_permitted_is_told(monkeypatch):
-    def refuse(*_, **__):
-        raise serial.SerialException(13, "Permission denied")
-
-    monkeypatch.setattr(serial, "Serial", refuse)
-    with pytest.raises(UserError, match="dialout.*udev"):
-        open_port("/dev/ttyACM0")
-
-
 def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     end, path = terminal
     with pytest.raises(UserError, match="is silent"):
@@ -221,14 +225,6 @@ def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     finally:
         stop.set()
         thread.join()
-    assert not (tmp_path / "a").exists()
-
-
-def test_stopped_before_it_began(emulated, tmp_path):
-    stop = threading.Event()
-    stop.set()
-    with emulated() as camera, pytest.raises(UserError, match="before the camera answered"):
-        capture(camera.find, tmp_path / "a", wanted(frames=1), stop)
     assert not (tmp_path / "a").exists()
 
 
@@ -288,3 +284,136 @@ def test_without_room_the_frames_before_are_kept(tmp_path, capsys):
 
 def on(port, out):
     return ("--port", port, "--out", out, "--rate", 200, "--exposure", 0.005, "--kind", "flat")
+
+
+ESCAPES = "\x1b[31mA\x07\x00\r\nB"
+
+
+def saying(kind, **fields):
+    """Change what a camera says in its replies of a kind."""
+
+    def answered(packet):
+        if packet.kind != kind:
+            return packet
+        said = (Identity if kind == Kind.IDENTITY else Settings).of(packet.payload)
+        return packet._replace(payload=said._replace(**fields).payload())
+
+    return answered
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "value"),
+    [
+        (Kind.SETTINGS, "exposure_us", 2**32 - 1),
+        (Kind.IDENTITY, "rows", 255),
+        (Kind.IDENTITY, "adc_bits", 40),
+        (Kind.IDENTITY, "supply_mv", 0),
+    ],
+)
+def test_what_no_camera_can_be_is_refused(tmp_path, kind, field, value):
+    refused = pytest.raises(UserError, match=f"the camera reports {field} {value}.*; flash")
+    with acting(frames, saying(kind, **{field: value})) as port, refused:
+        capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
+    assert not (tmp_path / "a").exists()
+
+
+def test_control_codes_of_a_serial_number_go_nowhere(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "a"
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
+    answered = saying(Kind.IDENTITY, serial_number=ESCAPES, firmware="\x1b]0;x\x07")
+    with acting(frames, answered) as port:
+        words = f"--port {port} --out {out} --frames 5 --rate 200 --exposure 0.005"
+        cli.main(["spadcam", "capture", *words.split()])
+    printed, told = capsys.readouterr()
+    assert r"frames of \x1b[31mA\x07\x00\r\nB," in printed
+    written = (out / "recording.yaml").read_text()
+    for text in (printed, told, written):
+        assert not any(ord(each) < 32 and each != "\n" for each in text)
+        assert r"[31mA" in text or text is told
+    assert open_recording(out).settings.serial_number == r"\x1b[31mA\x07\x00\r\nB"
+
+
+def test_control_codes_of_a_usb_device_are_escaped(monkeypatch):
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    def port(path):
+        info = ListPortInfo(path)
+        info.vid, info.serial_number, info.description = 0x16C0, "\x1b[31m", "a\x1b]0;b\x07"
+        return info
+
+    monkeypatch.setattr(list_ports, "comports", lambda: [port("/dev/none1"), port("/dev/none2")])
+    assert all(line.isprintable() for line in port_lines())
+    with pytest.raises(UserError, match="several cameras") as refused:
+        find_port()
+    assert str(refused.value).isprintable()
+
+
+@pytest.mark.parametrize("kind", ["", "a/../../b", "\x1b[31m", "\udcff", "x" * 101])
+def test_a_kind_is_a_short_name(kind, tmp_path):
+    with pytest.raises(UserError, match="--kind: .*; give 1 to 100 letters"):
+        capture(lambda: "/none", tmp_path / "a", wanted(kind=kind), threading.Event())
+
+
+GARBAGE = np.random.default_rng(0).integers(0, 256, 4096, np.uint8).tobytes()
+PATIENCE_S = 0.5
+
+
+def nothing(camera):
+    yield from ()
+
+
+def garbage(camera):
+    yield from repeat(GARBAGE)
+
+
+def half_packets(camera):
+    while True:
+        yield encode(camera.next_frame())[:300]
+
+
+def the_same_frame(camera):
+    line = [*islice(frames(camera), 20)][-1]
+    yield from repeat(line)
+
+
+def frames_then(what):
+    def then(camera):
+        yield from islice(frames(camera), 20)
+        yield from what(camera)
+
+    return then
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    monkeypatch.setattr("megalopta.camera.capture.PATIENCE_S", PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("then", "limit", "told"),
+    [
+        (nothing, {"seconds": 8}, "nothing came"),
+        (garbage, {"frames": 9}, r"\d+ bytes came"),
+        (half_packets, {}, r"\d+ bytes came"),
+    ],
+)
+def test_a_capture_without_a_frame_ends_and_leaves_nothing(impatient, tmp_path, then, limit, told):
+    refused = pytest.raises(UserError, match=rf"no new frame in 0\.5 s, {told} instead; unplug")
+    with acting(then) as port, refused:
+        capture(lambda: port, tmp_path / "a", wanted(**limit), threading.Event())
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("what", [nothing, garbage, the_same_frame])
+def test_a_capture_that_frames_leave_ends_and_keeps_them(impatient, tmp_path, what):
+    out = tmp_path / "a"
+    with (
+        acting(frames_then(what)) as port,
+        pytest.raises(UserError, match="no new frame") as refused,
+    ):
+        capture(lambda: port, out, wanted(frames=100), threading.Event())
+    recording = open_recording(out)
+    assert str(refused.value).endswith(f"; the {len(recording)} earlier frames are kept in {out}")
+    # The first one was exposed before the settings held.
+    assert len(recording) >= 19 and recording.settings.finished

@@ -111,7 +111,6 @@ SENSORS = {
     "map": "measured: {{dark_counts: {0}}}",
     "map without hash": "measured: {{dark_counts: {{path: {0}, sha256: null}}}}",
     "kernel": "crosstalk: {{mean_fired_neighbors: 0.1, kernel: {{path: {0}}}}}",
-    "surface": "bias: {{reference_v: 3, efficiency_surface: {{path: {0}}}}}",
 }
 SCENES = {
     "sensor": "sensors: [{0}]",

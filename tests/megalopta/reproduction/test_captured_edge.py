@@ -2,9 +2,9 @@
 
 import pytest
 
+from megalopta.camera.emulator import plate
 from megalopta.camera.motion_bench import cut_passages, record
 from megalopta.camera.recording import open_recording
-from megalopta.camera.stimuli import Plate
 from megalopta.cli import main as cli
 from megalopta.reproduction.captured_edge import captured_figures
 from megalopta.sensor import changed, preset
@@ -22,7 +22,7 @@ def recording(tmp_path, request, monkeypatch):
     """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
     monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
     link, out = tmp_path / "cam", tmp_path / "plate"
-    with emulating(link, clock_rate=20.0, stimulus=Plate(request.param), seed=3):
+    with emulating(link, clock_rate=20.0, film=plate(request.param), seed=3):
         words = f"--port {link} --kind plate --rate 10 --exposure 0.1 --frames 600 --out {out}"
         cli.main(["spadcam", "capture", *words.split()])
     return out
@@ -52,13 +52,13 @@ def test_a_camera_of_half_the_signal_differs_by_half():
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (["{0}@0"], "only a plate at rest; give recordings with its speed"),
+        (["{0}@0"], "no speed of the plate; give it with each recording"),
         (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
         (["nothing@5"], "nothing: no such file; give the path of a recording"),
     ],
 )
 def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, refused):
-    from megalopta.camera.recorder import Recorder
+    from megalopta.camera.recording import Recorder
     from megalopta.sensor.formats.protocol import Identity, Settings
 
     identity = Identity(16, 16, 12, 3300, "A", "test 1")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from megalopta.sensor import DarkCounts, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.calibrate.sums import summed
+from megalopta.sensor.calibrate.counts import summed
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (24, 24)

@@ -85,18 +85,6 @@ def test_the_curve_is_that_of_dead_time():
         np.testing.assert_allclose(curve.mean, mean_of(curve.arrivals, tau), rtol=1e-9, atol=atol)
 
 
-def test_the_curve_does_not_depend_on_the_pixels_of_one_device(tmp_path):
-    sensor = changed(
-        preset("ideal"),
-        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3),
-        counter=DigitalCounter(capacity=90),
-    )
-    np.save(tmp_path / "times.npy", np.full((3, 5), 2.0))
-    files = {"dead_time": {"path": str(tmp_path / "times.npy")}}
-    own = changed(sensor, dead_time={"mismatch_sigma": 0.5}, measured=files)
-    np.testing.assert_array_equal(response_curve(own).mean, response_curve(sensor).mean)
-
-
 def test_dim_and_bright_readings_of_a_paralyzable_pixel_are_ambiguous_near_its_peak(calibrations):
     calibration = calibrations["paralyzable"]
     readings = np.full((1, *SHAPE), 0.95 * calibration.curve.largest)
@@ -117,16 +105,6 @@ def test_hot_pixels_are_those_beyond_the_median():
     assert np.argwhere(calibrate(*counted(dark), preset("ideal")).bad).tolist() == [[1, 2]]
     with pytest.raises(ValueError, match="hot_times"):
         calibrate(*counted(np.array([[1.0, 90, 90, 90]])), preset("ideal"), hot_times=0.5)
-
-
-def test_where_most_pixels_have_no_count_hot_ones_are_those_beyond_the_mean():
-    """The median is 0, and the mean of the pixels with hardly a count 0.3."""
-    dark = np.zeros((10, 10))
-    dark[:3], dark[5, 5] = 1, 20
-    for times, hot in ((10, True), (100, False)):
-        found = calibrate(*counted(dark), preset("ideal"), hot_times=times)
-        assert found.bad[5, 5] == hot
-        assert found.bad.sum() == hot
 
 
 @pytest.mark.parametrize("capacity", [3, 15])
@@ -158,14 +136,6 @@ def test_frames_near_capacity_are_as_much_too_dark_as_documented(capacity, share
 def test_bits_are_not_corrected():
     with pytest.raises(ValueError, match="one event saturates"):
         simulated_calibration(changed(preset("ideal"), counter=DigitalCounter(capacity=1)), SHAPE)
-
-
-def test_pixels_with_a_few_dark_counts_more_than_none_are_not_hot():
-    """0.6 counts in all frames; 10 would be hot, which one in 10¹⁰ pixels has."""
-    sensor = changed(preset("richardson-130nm"), exposure_s=1e-4)
-    dark = simulated_calibration(sensor, (64, 64)).dark
-    assert np.median(dark) == 0 < dark.mean()
-    assert not simulated_calibration(sensor, (64, 64)).bad.any()
 
 
 def test_a_hole_is_the_mean_of_its_neighbors_with_their_variance():

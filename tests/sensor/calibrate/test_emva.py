@@ -83,12 +83,6 @@ def test_nonuniform_efficiency_is_prnu(tmp_path):
     assert found.prnu == pytest.approx(factors.std() / factors.mean(), rel=1e-6)
 
 
-def test_dead_time_makes_the_response_no_line():
-    device = changed(DEVICE, dead_time={"kind": "nonparalyzable", "dead_time_s": 2e-6})
-    found = emva(*device_steps(device, SHAPE, 550.0))
-    assert found.linearity_error > 0.03
-
-
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
 def test_efficiency_is_corrected_for_dead_time(kind):
     # a counter that dead time fills to a half: R/K is a fifth too large
@@ -104,11 +98,6 @@ def test_efficiency_is_corrected_for_dead_time(kind):
     # n = 4096 pixels × 100 frames a level: 5 standard errors of a variance are 1.1 %
     found = emva(recorded[0], recorded[1:], factors=factors)
     assert found.efficiency == pytest.approx(EFFICIENCY, rel=0.011)
-
-
-def test_without_dead_time_nothing_is_corrected():
-    _, steps = device_steps(DEVICE, SHAPE, 550.0)
-    assert without_dead_time(DEVICE, SHAPE, 550.0, steps) == (1, 1)
 
 
 def test_what_does_not_suffice_is_refused():

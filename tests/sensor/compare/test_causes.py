@@ -27,7 +27,10 @@ def level(frames):
     "shares",
     [
         {"distance_two": 0.5, "distance_three": 1.0},
-        {"kernel": [[np.where(np.arange(25) == 12, 0.0, 1.0).reshape(5, 5).tolist()]]},
+        pytest.param(
+            {"kernel": [[np.where(np.arange(25) == 12, 0.0, 1.0).reshape(5, 5).tolist()]]},
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_crosstalk_of_any_kernel_is_found_with_its_size(shares):

@@ -58,6 +58,7 @@ def test_another_order_of_pixels_is_told(words, move):
     assert words in compared(2, spoil=of_readings(move)).sentence
 
 
+@pytest.mark.slow
 def test_sizes_are_those_that_were_made():
     found = compared(4, **CODES["afterpulsing"][1]).causes[0]
     # 0.05 carriers, known to about 3 %: five standard errors
@@ -84,7 +85,7 @@ def test_explanations_that_are_as_good_are_all_stated():
     assert "or else step" in replace(found, explained=both).sentence
 
 
-@pytest.mark.parametrize("kind", ["counts", "bits"])
+@pytest.mark.parametrize("kind", [pytest.param("counts", marks=pytest.mark.slow), "bits"])
 def test_counts_and_bits_are_compared_likewise(kind):
     camera = CAMERAS[kind]._replace(shape=(32, 32))
     assert not compared(2, camera).alarms

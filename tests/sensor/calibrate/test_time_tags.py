@@ -1,20 +1,62 @@
 """Crosstalk and afterpulses from time tags against those that made them."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
 
-from megalopta.camera.capture_files import read_measurement
+from megalopta.camera.measurements import read_measurement
 from megalopta.cli import main as cli
 from megalopta.sensor import Afterpulsing, Crosstalk
-from megalopta.sensor.calibrate.autocorrelation import fit_exponential
-from megalopta.sensor.calibrate.pair_crosstalk import fit_crosstalk
-from megalopta.sensor.calibrate.tag_statistics import autocorrelation_of, coincidences
+from megalopta.sensor.calibrate.crosstalk import fit_crosstalk
+from megalopta.sensor.calibrate.time_tags import (
+    Autocorrelation,
+    afterpulses_between,
+    autocorrelation_of,
+    coincidences,
+    fit_exponential,
+    fit_table,
+)
 from megalopta.sensor.formats.time_tags import TimeTags
 from megalopta.sensor.spad.model import AvalancheEffects
 from megalopta.sensor.spad.simulation import simulate_frame
 
-ROWS, COLUMNS, RATE_HZ, DURATION_S = 4, 12, 2000.0, 20.0
+EDGES_S = 1e-9 * np.concatenate(([0, 25, 50, 75], np.geomspace(100, 4000, 16)))
+
+
+def test_a_table_holds_the_same_delays(tags):
+    found = autocorrelation_of(tags, EDGES_S)
+    lags = np.array([0.0, 50e-9, 200e-9, 1e-6])
+    table, curve = (afterpulses_between(fit(found), lags) for fit in (fit_table, fit_exponential))
+    assert np.allclose(table, curve, rtol=0.05, atol=3e-4)
+
+
+def test_a_dead_time_alone_is_refused():
+    even = np.zeros((20, EDGES_S.size - 1)) + 1e4 * np.diff(EDGES_S)
+    even[:, :4] = 0  # a dead time
+    with pytest.raises(ValueError, match="give lags at which some are seen"):
+        fit_table(Autocorrelation(EDGES_S, even, np.full(20, 2e4)))
+
+
+@pytest.mark.parametrize("array", [1, 2])
+def test_a_table_holds_the_tail_of_a_real_array_that_an_exponential_misses(array):
+    arrays = Path(__file__).parents[3] / "docs/public_arrays"
+    pulses = read_measurement(arrays / f"autocorrelation-{array}.csv").of(slice(None), 8e-6)
+    fitted, tested = pulses.of(slice(0, None, 2)), pulses.of(slice(1, None, 2))
+    lags = np.array([400e-9, 800e-9])
+    sums = np.cumsum(tested.afterpulses * np.diff(tested.edges_s), axis=1)
+    of_pixels = np.array([np.diff(np.interp(lags, tested.edges_s[1:], row))[0] for row in sums])
+    error = of_pixels.std(ddof=1) * np.sqrt(2 / of_pixels.size)
+    exponential, table = (
+        (of_pixels.mean() - afterpulses_between(fit(fitted), lags)[0]) / error
+        for fit in (fit_exponential, fit_table)
+    )
+    assert exponential > 3
+    assert abs(table) < 1
+
+
+ROWS, COLUMNS, DARK_HZ, DURATION_S = 4, 12, 2000.0, 20.0
 LIGHT = Crosstalk(mean_fired_neighbors=0.01, diagonal=0.2)
 TRAPS = Afterpulsing(mean_carriers=0.02, delay_s=200e-9)
 
@@ -22,7 +64,7 @@ TRAPS = Afterpulsing(mean_carriers=0.02, delay_s=200e-9)
 @pytest.fixture(scope="module")
 def tags():
     """Two million events of an array of 4 × 12 pixels in the dark."""
-    rates = np.full((ROWS, COLUMNS), RATE_HZ)
+    rates = np.full((ROWS, COLUMNS), DARK_HZ)
     effects = AvalancheEffects(crosstalk=LIGHT, afterpulsing=TRAPS)
     frame = simulate_frame(np.random.default_rng(1), rates, DURATION_S, effects)
     order = np.argsort(frame.times_s, kind="stable")

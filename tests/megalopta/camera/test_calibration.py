@@ -1,21 +1,40 @@
-"""Recordings of other cameras to a device file, through the command line's door."""
+"""Recordings and tables to a device file and a page, through the command line's door."""
 
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from megalopta.camera.calibrating import calibrate_recordings, listed_sources, named_sources
-from megalopta.camera.calibration import primary
-from megalopta.camera.recording import Beam, Source
+from megalopta.camera.calibration import (
+    adc_of,
+    calibrate_recordings,
+    calibration_of_codes,
+    primary,
+    write_array_device,
+    write_device,
+)
+from megalopta.camera.measurements import read_measurement
+from megalopta.camera.sources import Beam, Source, named_sources, read_recorded
+from megalopta.cli.main import main
 from megalopta.core.errors import UserError
-from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
-from megalopta.sensor.calibrate.counting import calibrate_counts
-from megalopta.sensor.calibrate.sums import summed
-from megalopta.sensor.calibrate.telegraph import correlation
+from megalopta.sensor import (
+    changed,
+    expose_rate,
+    load_sensor,
+    preset,
+    reading_moments,
+)
+from megalopta.sensor.calibrate.crosstalk import Kernel
+from megalopta.sensor.calibrate.device import Estimate, calibrate_device
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.formats.recorded_frames import tiff_writer
 from megalopta.sensor.spad.device import draw_fixed_pattern
+
+from ..recordings import write_recording
 
 SHAPE = (12, 16)
 DARK_HZ, EFFICIENCY = 400.0, 0.3
@@ -121,60 +140,7 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
     assert again.mean() == pytest.approx(
         reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
     )
-    assert "the pixel below" in page
-
-
-@pytest.mark.parametrize("nm", [5000.0, 1.0])
-def test_a_wavelength_without_efficiency_is_refused(tmp_path, nm):
-    np.save(tmp_path / "flat.npy", np.ones((60, 4, 4), np.uint16))
-    source = Source(tmp_path / "flat.npy", 1e6, 1e-3)
-    with pytest.raises(UserError, match=rf"--wavelength-nm {nm:g}: sensor 'ideal' has no eff"):
-        calibrate_recordings([source], tmp_path / "x.yaml", beam=Beam(nm), base="ideal")
-
-
-def test_an_exposure_without_light_tells_how_to_write_it():
-    with pytest.raises(UserError, match=r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"):
-        Source.parse("dark.npy:1e-2")
-
-
-def test_coincidences_give_crosstalk_and_rates_without_it(tmp_path):
-    dark = {"bulk_mean_hz_um2": 0.2, "bulk_sigma_hz_um2": 0.04}
-    crosstalk = {"mean_fired_neighbors": 0.04}
-    true = changed(preset("ideal"), exposure_s=2e-3, dark_counts=dark, crosstalk=crosstalk)
-    exposed(tmp_path, true, 400, (48, 48), 1e4)
-    listed = "path: dark.npy, exposure_s: 0.002", "path: flat.npy, exposure_s: 0.002, light: 1.0e+4"
-    found, _, _ = calibrated(tmp_path, *listed)
-    # coincidences of 400 frames of 2304 pixels: 0.0007 for each of six offsets, twice; 5 errors
-    assert found.crosstalk.mean_fired_neighbors == pytest.approx(0.04, abs=0.012)
-    own = draw_fixed_pattern(true, (48, 48)).dark_counts_hz
-    primary = np.load(tmp_path / "device" / "dark_counts.npy")
-    # 1.3 million dark counts, 0.1 %, and the error of the crosstalk
-    assert primary.mean() == pytest.approx(own.mean(), rel=0.015)
-    assert not found.afterpulsing.is_on
-
-
-@pytest.mark.slow
-def test_intervals_cover_as_stated_with_crosstalk():
-    shape, covered = (48, 48), []
-    dark = {"bulk_mean_hz_um2": 0.2, "bulk_sigma_hz_um2": 0.04}
-    for seed in range(6):
-        true = changed(preset("ideal"), device_seed=seed, dark_counts=dark,
-                       crosstalk={"mean_fired_neighbors": 0.04})  # fmt: skip
-        efficiency = EFFICIENCY * np.random.default_rng(seed).uniform(0.9, 1.1, shape)
-        levels = []
-        for seconds, light in ((2e-3, 0.0), (2e-4, 0.0), (2e-4, 2e5)):
-            rate = np.broadcast_to(light * efficiency, (300, *shape))
-            own, name = changed(true, exposure_s=seconds), f"{seconds} {light}"
-            counts = expose_rate(rate, own, seed=seed, stream=name).counts
-            levels.append(summed(counts, seconds, light, is_binary=False))
-        found = calibrate_counts(levels)
-        own = draw_fixed_pattern(true, shape).dark_counts_hz
-        for estimate, truth in ((found.dark_counts_hz, own), (found.efficiency, efficiency)):
-            held = primary(estimate, found.kernel)
-            covered.append(((held.low <= truth) & (truth <= held.high)).mean())
-    # 13 824 pixels, and an error of the crosstalk that those of a device share: 95.4 and 95.0 %
-    assert 0.93 < np.mean(covered[::2]) < 0.97
-    assert 0.93 < np.mean(covered[1::2]) < 0.97
+    assert "all around, of hot pixels" in page
 
 
 def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
@@ -251,8 +217,162 @@ def test_lists_are_checked(words, text, tmp_path):
     assert not (tmp_path / "out.yaml").exists()
 
 
-def test_a_list_that_is_not_there_is_one_sentence(tmp_path):
-    with pytest.raises(
-        UserError, match=r"cannot be read \(No such file or directory\); give a YAML"
-    ):
-        listed_sources(tmp_path / "list.yaml")
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"),
+        ("flat@bright", "with a number after the @"),
+        ("flat@-1", "invalid light or exposure"),
+        ("flat@1:0", "invalid light or exposure"),
+        ("steps#30@2e6", "#FIRST-END"),
+        ("nothing.yaml", r"cannot be read \(No such file or directory\); give a YAML"),
+    ],
+)
+def test_names_of_recordings_are_checked(text, told):
+    with pytest.raises(UserError, match=told):
+        named_sources([text])
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ({"light": 1e6, "exposure_s": 1e-3}, "--wavelength-nm 5000: sensor 'ideal' has no eff"),
+        ({"light": 1e6}, "exposure is unknown"),
+        ({"exposure_s": 1e-3, "frames": (10, 99)}, "it has 60"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(source, told, tmp_path):
+    np.save(tmp_path / "flat.npy", np.ones((60, 4, 4), np.uint16))
+    with pytest.raises(UserError, match=told):
+        calibrate_recordings([Source(tmp_path / "flat.npy", **source)], tmp_path / "x.yaml",
+                             beam=Beam(5000.0), base="ideal")  # fmt: skip
+
+
+SIDES = (16, 16)
+DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
+LIGHTS_HZ = (2e8, 1e9, 4e9)
+SPADCAM = changed(preset("spadcam"), device_seed=9)
+OF_SPADCAM = 1.1e-4
+"""Of the photons on a pixel at 700 nm: 0.11 % on a tenth of its area."""
+
+
+def recorded(folder, exposure_s, light_hz, frames=100, seed=0):
+    """A recording of codes that counts and read noise make."""
+    sensor = changed(SPADCAM, exposure_s=exposure_s)
+    pattern, counter = draw_fixed_pattern(sensor, SIDES), sensor.counter
+    rates = np.broadcast_to(light_hz * OF_SPADCAM * pattern.efficiency_factor, (frames, *SIDES))
+    counts = expose_rate(rates, sensor, seed=seed, stream=folder.name).counts
+    volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
+    noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
+    codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
+    return Source(write_recording(folder, sensor, codes), light_hz)
+
+
+@pytest.fixture(scope="module")
+def spadcam(tmp_path_factory):
+    """Folder of recordings and the device file from them."""
+    folder = tmp_path_factory.mktemp("camera")
+    levels = [(exposure, 0.0) for exposure in DARK_EXPOSURES_S]
+    levels += [(2e-4, light) for light in LIGHTS_HZ]
+    sources = [recorded(folder / f"{at}", *each) for at, each in enumerate(levels)]
+    sentence = calibrate_recordings(sources, folder / "device.yaml", beam=Beam(700.0))
+    return folder, sources, sentence
+
+
+@pytest.mark.slow
+def test_the_device_file_loads_with_its_maps(spadcam):
+    folder, _, sentence = spadcam
+    device = load_sensor(folder / "device.yaml")
+    found, truth = (draw_fixed_pattern(each, SIDES) for each in (device, SPADCAM))
+    # a pixel's dark counts are known to 1 to 2 %, its efficiency to 1.5 %, its step to 0.02 %
+    np.testing.assert_allclose(found.dark_counts_hz, truth.dark_counts_hz, rtol=0.15)
+    np.testing.assert_allclose(found.efficiency_factor, truth.efficiency_factor, rtol=0.1)
+    np.testing.assert_allclose(found.counters.step_v, truth.counters.step_v, rtol=2e-3)
+    assert device.dead_time.kind == "paralyzable"
+    assert "256 of 256 pixels" in sentence
+    page = (folder / "device.html").read_text("utf-8")
+    assert "Saturation" in page
+    assert "absolute sensitivity threshold" in page
+
+
+@pytest.mark.slow
+def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(spadcam, tmp_path):
+    _, sources, _ = spadcam
+    levels = [Level(read_recorded(s).codes, read_recorded(s).exposure_s, s.light) for s in sources]
+    device = calibrate_device(levels, adc_of(SPADCAM))
+    share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
+    kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
+    path = tmp_path / "fired.yaml"
+    fired = calibration_of_codes(replace(device, kernel=kernel), preset("spadcam"), 700.0)
+    write_device(path, fired, "spadcam")
+    found = changed(load_sensor(path), exposure_s=0.05)
+    assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
+    assert found.crosstalk.diagonal == pytest.approx(0.2)
+    counts = expose_rate(np.zeros((150, *SIDES)), found, seed=1, stream="dark").counts
+    # 150 000 events, of a variance a quarter above Poisson's: 5 standard errors are 1.5 %; dead
+    # time hides 0.03 %, and of afterpulses, a second time, below 0.1 %
+    expected = device.dark_counts_hz.value.mean()
+    assert counts.mean() / 0.05 == pytest.approx(expected, rel=0.016)
+
+
+def test_light_of_a_beam():
+    # dissertation §2.4.5: 17.5 nW over 100 mm² at 450 nm are 396 photons per µm² and second
+    pixel = changed(preset("spadcam"), pitch_m=1e-6)
+    assert Beam(450, 100).photons_hz(17.5e-9, pixel) == pytest.approx(396, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_intervals_include_the_error_of_what_crosstalk_adds(spadcam):
+    folder, _, _ = spadcam
+    dark = np.load(folder / "device" / "dark_counts.npy")
+    sure = Estimate(dark, dark, dark)
+    kernel = Kernel(np.array([0.01, 0.01, 0, 0, 0, 0]), np.full(6, 1e-3), np.nan, np.nan)
+    found = primary(sure, kernel)
+    # of 4 neighbors at 1 % each; the total has an error of 2·√6·0.1 % of an event
+    half = 1.959964 * (dark - found.value) * 2 * np.sqrt(6) * 1e-3 / 0.04
+    np.testing.assert_allclose(found.high - found.value, half)
+    np.testing.assert_allclose(found.value - found.low, half)
+
+
+ARRAYS = Path(__file__).parents[3] / "docs/public_arrays"
+KINDS = "dark-counts", "crosstalk", "autocorrelation"
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_command_writes_the_files_that_ship(number, tmp_path):
+    out = tmp_path / f"array-{number}.yaml"
+    tables = [str(ARRAYS / f"{kind}-{number}.csv") for kind in KINDS]
+    main(["spadcam", "calibrate", *tables, "--preset", "ideal", "--out", str(out)])
+    shipped = ARRAYS / out.name
+    assert out.read_text("utf-8") == shipped.read_text("utf-8")
+    np.testing.assert_allclose(
+        np.load(tmp_path / out.stem / "dark_counts.npy"),
+        np.load(ARRAYS / out.stem / "dark_counts.npy"),
+    )
+
+
+def test_tables_of_one_kind_and_without_dark_counts_are_refused(tmp_path):
+    rates = np.ones((4, 12))
+    with pytest.raises(ValueError, match="2 tables of one kind"):
+        write_array_device(tmp_path / "a.yaml", [rates, rates], "ideal", "")
+    pairs = read_measurement(ARRAYS / "crosstalk-1.csv")
+    with pytest.raises(ValueError, match="no map of dark counts"):
+        write_array_device(tmp_path / "a.yaml", [pairs], "ideal", "")
+    assert not (tmp_path / "a.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty"),
+        ("1,2\n3,four", "could not convert"),
+        ("1,2\n3,4", "4 rates, of which 24 are needed"),
+        ("pix1,pix2,distance,crosstalk,error\n0,1,1,1e-3,1e-5", "1 pairs"),
+        ("events,duration_s,1-2\n5,1,3", "1 pixels with events"),
+    ],
+)
+def test_other_files_are_refused_in_a_sentence(tmp_path, text, message):
+    path = tmp_path / "other.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match=message):
+        read_measurement(path)

@@ -1,5 +1,10 @@
-"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal."""
+"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
 
+It sees a film: uniform light, the plate of the motion bench, or a rendered dataset. The last two
+load scenes and the renderer on first use.
+"""
+
+import math
 import os
 import pty
 import select
@@ -8,89 +13,173 @@ import time
 import tty
 from collections import deque
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.camera_settings import sensor_as_set
-from megalopta.camera.stimuli import Stimulus
+from megalopta.camera.capture import sensor_as_set
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import (
     AnalogCounter,
     Sensor,
+    changed,
+    detection_rate,
     expose_adc,
+    photon_rate,
 )
-from megalopta.sensor.formats.protocol import (
-    COLUMNS,
-    NOT_READ,
-    ROWS,
-    Identity,
-    Kind,
-    Packet,
-    Parser,
-    Settings,
-    encode,
-    frame_packet,
-)
+from megalopta.sensor.formats import protocol
 
+BAND_NM = (699.99, 700.01)
+"""Band of the flat light, narrow like a laser's, so that efficiency is that of one wavelength."""
 _LARGEST_SEED = 2**63 - 1
 _AHEAD_S = 0.064
 _MOST_AHEAD = 64
+BUFFER_BYTES = 24576 + 65536
+"""Buffer of unread bytes, in the firmware and in the host's driver, which for a USB port has 64 KiB
+and for a pseudo-terminal a sixth of it; a frame that does not fit is dropped."""
+_LONGEST_WAIT_S = 0.05
+
+
+class Cycle(NamedTuple):
+    """Detection rates of frames that repeat without end."""
+
+    rates_hz: Floats
+    """(n, rows, columns)"""
+    frame_rate_hz: float
+
+    def at(self, times_s: Floats) -> Floats:
+        """Return the rates (n, 16, 16), Hz, of frames that begin at these times."""
+        # A frame that begins early by a rounding error is not the previous one.
+        places = np.floor(times_s * self.frame_rate_hz + 1e-6).astype(int)
+        return np.asarray(self.rates_hz[places % len(self.rates_hz)])
+
+
+Film = Callable[[Sensor], Cycle]
+"""Light on a sensor; raises UserError"""
+
+
+def flat(photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Film:
+    """The same light on all pixels: none, one level, or a cycle of levels of this duration.
+
+    `photons_hz` are photons per second on a pixel of pitch × pitch, at 700 nm.
+    """
+
+    @cache
+    def film(sensor: Sensor) -> Cycle:
+        light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
+        efficiency = detection_rate(light, (BAND_NM,), sensor) / photon_rate(
+            light, (BAND_NM,), sensor
+        )
+        return Cycle(np.array(photons_hz)[:, None, None] * efficiency[0], 1 / step_s)
+
+    return film
+
+
+def plate(speed_mm_s: float) -> Film:
+    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
+
+    In its light an open pixel detects 65 photons in 0.1 s.
+    """
+
+    @cache
+    def film(sensor: Sensor) -> Cycle:
+        from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
+
+        as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+        return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
+
+    return film
+
+
+def rendered(path: Path, lux: float | None = None) -> Film:
+    """Frames of a dataset, at their rate: the middle square, averaged to 16 × 16.
+
+    `lux` is the light level; default: that of the rendering.
+    """
+
+    @cache
+    def film(sensor: Sensor) -> Cycle:
+        from megalopta.config.light_scale import light_scale
+        from megalopta.dataset.frames import read_radiance_frame
+        from megalopta.dataset.store import open_sequence
+
+        dataset = open_sequence(path)
+        configuration, camera = dataset.configuration, dataset.configuration.camera
+        block = min(camera.height, camera.width) // protocol.ROWS
+        if block == 0:
+            raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
+        side = block * protocol.ROWS
+        top, left = (camera.height - side) // 2, (camera.width - side) // 2
+        scale = 1.0 if lux is None else light_scale(configuration, lux)
+        frames = []
+        for index in range(configuration.trajectory.frames):
+            image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
+            blocks = image.reshape(protocol.ROWS, block, protocol.COLUMNS, block, -1)
+            frames.append(blocks.mean(axis=(1, 3), dtype=np.float64) * scale)
+        rates = detection_rate(np.array(frames), configuration.render.bands_nm, sensor)
+        return Cycle(rates, configuration.trajectory.frame_rate_hz)
+
+    return film
 
 
 class EmulatedCamera:
-    """Frames and replies as a function of sensor, stimulus, seed and commands.
+    """Frames and replies as a function of sensor, film, seed and commands.
 
     A frame depends only on these, its number and the settings. Raises UserError if the sensor has
-    no analog counters with an ADC, or cannot see the stimulus, or the seed is invalid.
+    no analog counters with an ADC, or cannot see the film, or the seed is invalid.
     """
 
-    settings: Settings
+    settings: protocol.Settings
 
-    def __init__(self, sensor: Sensor, stimulus: Stimulus, seed: int = 0) -> None:
+    def __init__(self, sensor: Sensor, film: Film, seed: int = 0) -> None:
         if not 0 <= seed <= _LARGEST_SEED:
             raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
-        self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
+        self.sensor, self.film, self.seed = sensor, film, seed
         self._number = self._start_us = 0
-        self._set(Settings())
+        self._set(protocol.Settings())
 
     @property
     def due_us(self) -> int:
         """Time of the next exposure by the camera's clock, µs."""
         return self._start_us + self.settings.exposure_us
 
-    def answer(self, command: Packet, now_us: int) -> Packet:
+    def answer(self, command: protocol.Packet, now_us: int) -> protocol.Packet:
         """Execute a command. Raises ValueError if it is not a command."""
-        if command.kind < Kind.IDENTIFY:
+        kinds = protocol.Kind
+        if command.kind < kinds.IDENTIFY:
             raise ValueError(f"{command.kind.name}: not a command")
-        if command.kind == Kind.IDENTIFY:
-            return Packet(Kind.IDENTITY, command.sequence, now_us, self._identity().payload())
+        if command.kind == kinds.IDENTIFY:
+            payload = self._identity().payload()
+            return protocol.Packet(kinds.IDENTITY, command.sequence, now_us, payload)
         settings = self.settings.after(command)
         if not settings.refused:
             try:
                 self._set(settings)
             except UserError:
                 settings = self.settings._replace(refused=True)
-        return Packet(Kind.SETTINGS, command.sequence, now_us, settings.payload())
+        return protocol.Packet(kinds.SETTINGS, command.sequence, now_us, settings.payload())
 
-    def next_frame(self) -> Packet:
+    def next_frame(self) -> protocol.Packet:
         """Expose and read a frame."""
         if not self._drawn:
             self._drawn.extend(self._draw(self.settings, self._as_set))
-        packet = frame_packet(self._number, self.due_us, self._drawn.popleft())
+        packet = protocol.frame_packet(self._number, self.due_us, self._drawn.popleft())
         self._number += 1
         self._start_us += self.settings.period_us
         return packet
 
-    def _set(self, settings: Settings) -> None:
+    def _set(self, settings: protocol.Settings) -> None:
         as_set = sensor_as_set(self.sensor, settings)
         # Drawn at once, so that errors of the sensor show now.
         self._drawn = deque(self._draw(settings, as_set))
         self._as_set, self.settings = as_set, settings
 
-    def _draw(self, settings: Settings, sensor: Sensor) -> NDArray[np.uint16]:
+    def _draw(self, settings: protocol.Settings, sensor: Sensor) -> NDArray[np.uint16]:
         """Draw the next frame and those after it that share its stream.
 
         Streams begin at fixed numbers, so that frames do not depend on the time of the settings.
@@ -102,30 +191,24 @@ class EmulatedCamera:
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
         with refused_as(f"sensor {sensor.name}, emulated"):
             samples = expose_adc(
-                self.stimulus.rates_hz(times_s, sensor),
+                self.film(sensor).at(times_s),
                 sensor,
                 seed=self.seed,
                 stream=0,
                 first_frame=self._number - gone,
                 together=together,
             )[gone:]
-        samples[:, : settings.first_row] = NOT_READ
-        samples[:, settings.end_row :] = NOT_READ
+        samples[:, : settings.first_row] = protocol.NOT_READ
+        samples[:, settings.end_row :] = protocol.NOT_READ
         return samples
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> protocol.Identity:
         counter = self.sensor.counter
         assert isinstance(counter, AnalogCounter) and counter.adc_bits
         supply_mv = round(counter.supply_v * 1000)
         name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
-        return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, "EMULATED", name)
-
-
-BUFFER_BYTES = 24576 + 65536
-"""Buffer of unread bytes, in the firmware and in the host's driver, which for a USB port has 64 KiB
-and for a pseudo-terminal a sixth of it; a frame that does not fit is dropped."""
-
-_LONGEST_WAIT_S = 0.05
+        size = protocol.ROWS, protocol.COLUMNS
+        return protocol.Identity(*size, counter.adc_bits, supply_mv, "EMULATED", name)
 
 
 class EmulatedPort:
@@ -173,7 +256,7 @@ class EmulatedPort:
 
     def _serve(self, end: int, stop: threading.Event) -> None:
         """Send frames when they are due, and answer, until stopped."""
-        parser, self._start_s = Parser(), time.monotonic()
+        parser, self._start_s = protocol.Parser(), time.monotonic()
         while not stop.is_set():
             if self._camera.due_us <= self._now_us():
                 self._post(self._camera.next_frame())
@@ -182,7 +265,7 @@ class EmulatedPort:
             writing = [end] if self._waiting else []
             can_read, can_write, _ = select.select([end], writing, [], pause_s)
             for command in parser.feed(os.read(end, 4096)) if can_read else ():
-                if command.kind >= Kind.IDENTIFY:
+                if command.kind >= protocol.Kind.IDENTIFY:
                     self._post(self._camera.answer(command, self._now_us()))
             if can_write:
                 count = os.write(end, self._waiting)
@@ -192,9 +275,9 @@ class EmulatedPort:
     def _now_us(self) -> int:
         return int((time.monotonic() - self._start_s) * 1e6 * self._clock_rate)
 
-    def _post(self, packet: Packet) -> None:
+    def _post(self, packet: protocol.Packet) -> None:
         """Queue a packet, if it fits into the buffer."""
-        line = encode(packet)
+        line = protocol.encode(packet)
         if len(self._waiting) + len(line) <= BUFFER_BYTES:
             self._waiting += line
         else:

@@ -19,9 +19,9 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import TEXT_BYTES, check_count, plain_array, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import write_text
-from megalopta.sensor.calibrate.autocorrelation import Autocorrelation
-from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk
-from megalopta.sensor.calibrate.tag_statistics import (
+from megalopta.sensor.calibrate.crosstalk import PairCrosstalk
+from megalopta.sensor.calibrate.time_tags import (
+    Autocorrelation,
     Coincidences,
     autocorrelation_of,
     coincidences,

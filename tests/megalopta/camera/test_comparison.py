@@ -1,20 +1,65 @@
-"""Passages of an edge, cut out of frames, and the responses of detectors to them."""
+"""`megalopta spadcam compare`: a scene beside its simulation, and passages of the plate."""
 
 import numpy as np
 import pytest
 
-from megalopta.camera.comparison import plate_responses
-from megalopta.camera.device_comparison import motion_page
+from megalopta.camera.comparison import CompareSettings, compare_captured, plate_responses
+from megalopta.camera.comparison_page import motion_page
+from megalopta.camera.emulator import rendered
 from megalopta.camera.motion_bench import (
     FRAMES,
-    BenchLight,
     cut_passages,
-    cut_rest,
-    fitted_light,
     record,
 )
-from megalopta.sensor import preset
+from megalopta.camera.sources import Source, read_recorded
+from megalopta.config.model import load
+from megalopta.sensor import expose_rate, load_sensor, preset
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.formats.recorded_frames import tiff_writer
+from megalopta.stages.run import run_stage
+
+from ..small import small
+
+LUX = 3e-4
+
+
+@pytest.fixture(scope="module")
+def forest(tmp_path_factory):
+    """A rendered dataset of a few small frames."""
+    out = tmp_path_factory.mktemp("scene") / "grating"
+    return run_stage(out, load("grating", small(32, 32, 6, samples=4)), "render").root
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("brighter", "words"),
+    [(1.0, "No difference is statistically significant."), (1.2, "brightness 20 % higher")],
+)
+def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
+    rate_hz = load("grating", {}).trajectory.frame_rate_hz
+    path = tmp_path / "device.yaml"
+    path.write_text(f"preset: ideal\nname: other\nexposure_s: {1 / rate_hz}\n")
+    sensor = load_sensor(path)
+    # frames that begin anywhere in the dataset, at its rate
+    rates = brighter * rendered(forest, LUX)(sensor).at((3.4 + np.arange(240)) / rate_hz)
+    counts = expose_rate(rates, sensor, seed=4, stream="seen").counts
+    with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
+        write(counts.astype(np.uint16))
+    page = tmp_path / "page.html"
+    source = Source(tmp_path / "seen.tif", LUX)
+    sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
+    assert words in sentence
+    assert "aligned in time" in page.read_text("utf-8")
+
+
+def test_a_range_of_frames_is_one_light(tmp_path):
+    counts = np.arange(60)[:, None, None] * np.ones((1, 4, 4), np.uint16)
+    np.save(tmp_path / "steps.npy", counts.astype(np.uint16))
+    source = Source.parse(f"{tmp_path}/steps.npy#10-30@2e6:0.5")
+    recorded = read_recorded(source)
+    assert (source.light, recorded.exposure_s) == (2e6, 0.5)
+    np.testing.assert_array_equal(recorded.counts, counts[10:30])
+
 
 RNG = np.random.default_rng(0)
 OPEN, HIDDEN, DARK = 65.0, 27.0, 60.0
@@ -65,48 +110,25 @@ def test_what_shows_no_passages_is_refused():
         cut_passages(recorded(200, [30, 70, 90, 130], 5.0))
 
 
-def test_a_plate_at_rest_is_cut_into_equal_parts():
-    assert len(cut_rest(recorded(300, [], 5.0))) == 4 * 2 * FRAMES
-    with pytest.raises(ValueError, match="127 frames; record 128"):
-        cut_rest(recorded(127, [], 5.0))
-    with pytest.raises(ValueError, match="an edge passes"):
-        cut_rest(recorded(200, [30, 70], 5.0))
-
-
 SENSOR = preset("spadcam")
 
 
 @pytest.mark.slow
 def test_a_camera_of_half_the_signal_responds_half_as_much():
     counts = record(5.0, SENSOR).counts // 2
-    responses = plate_responses({5.0: Level(counts, 0.1)}, SENSOR, margin=0.05)
+    responses = plate_responses({5.0: Level(counts, 0.1)}, SENSOR, CompareSettings())
     sizes = {each.name: each.difference.relative for each in responses}
     # a sum of responses halves, a product is a quarter; halves are rounded down
     assert sizes["NDS"] == pytest.approx(-0.5, abs=0.05)
     assert sizes["NDM"] == pytest.approx(-0.75, abs=0.05)
-    _, sentence, _ = motion_page("half", responses)
-    assert "NDM response at 5 mm/s" in sentence
+    assert "NDM response at 5 mm/s" in motion_page("half", responses).sentence
 
 
 def test_a_recording_may_begin_anywhere():
     counts = record(5.0, SENSOR, seed=1).counts
     begun = Level(counts[150:500], 0.1, times_s=3.7 + 0.1 * np.arange(350))
-    responses = plate_responses({5.0: begun}, SENSOR, margin=0.05)
+    responses = plate_responses({5.0: begun}, SENSOR, CompareSettings())
     # passages of 64 frames begin at 192, 256, 320 and 384
     assert [each.captured.size for each in responses] == [8, 8]
     # Welch's test at 1e-6, of the same device
     assert min(each.difference.p for each in responses) > 1e-6
-
-
-@pytest.mark.slow
-def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
-    light = BenchLight(open_photons=110.0, hidden_photons=20.0)
-    frames = Level(record(5.0, SENSOR, light, seed=1).counts, 0.1)
-    fitted = fitted_light(frames.readings, SENSOR)
-    # of 16 passages, 8 frames and 256 pixels each: 33000 counts of some 130 on average, 0.1 %;
-    # that edges are in the middle to a frame is another
-    assert fitted == pytest.approx(light, rel=0.01)
-    own = plate_responses({5.0: frames}, SENSOR, margin=0.05, own_light=True)
-    assert min(each.difference.p for each in own) > 1e-6
-    other = plate_responses({5.0: frames}, SENSOR, margin=0.05)
-    assert max(each.difference.p for each in other) < 1e-6

@@ -1,20 +1,53 @@
-"""Telegraph noise of single pixels, from readings of consecutive frames.
+"""Single pixels: dead or stuck ones, hot ones, and telegraph noise.
 
-Readings of independent events are uncorrelated from frame to frame. A rate that switches between
-two levels correlates them: with a trap that is active half of the time and correlated over τ, the
-covariance of frames k apart is (A/2)²·exp(−k·T/τ), A the difference of the two mean readings. The
-decay of all marked pixels together gives τ, the size of each pixel's covariances its A. Both are
-too small by a relative 2·τ/T over the number of frames, as the mean is that of the same frames.
-
-Fluctuations that all pixels share correlate readings, too: they have to be taken out before.
+**Telegraph noise**, from readings of consecutive frames. Readings of independent events are
+uncorrelated from frame to frame. A rate that switches between two levels correlates them: with a
+trap that is active half of the time and correlated over τ, the covariance of frames k apart is
+(A/2)²·exp(−k·T/τ), A the difference of the two mean readings. The decay of all marked pixels
+together gives τ, the size of each pixel's covariances its A. Both are too small by a relative 2·τ/T
+over the number of frames, as the mean is that of the same frames. Fluctuations that all pixels
+share correlate readings, too: they have to be taken out before.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
+
+DEAD_BELOW = 0.05
+"""Share of the reference's counts below which a pixel is dead."""
+_ENOUGH = 50.0
+"""Counts of the reference that show a pixel to be dead."""
+
+
+def dead_pixels(counts: Floats, reference: Floats) -> Mask:
+    """Mark pixels that count almost nothing, by sums over all frames of every recording.
+
+    `counts` and `reference`, of one shape, are those of the pixels and of healthy ones.
+    """
+    return np.asarray((reference > _ENOUGH) & (counts < DEAD_BELOW * reference))
+
+
+def constant_pixels(recordings: Sequence[NDArray[np.generic]]) -> Mask:
+    """Mark pixels (rows, columns) with one reading in all frames (n, rows, columns) of each."""
+    first = recordings[0][0]
+    return np.asarray(np.logical_and.reduce([(each == first).all(axis=0) for each in recordings]))
+
+
+def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float) -> Mask:
+    """Mark pixels with surely more dark counts than `times` the median, by 95 % CI (low, high).
+
+    NaN: unknown. Where most pixels have no count, the median is 0, though the array has dark
+    counts: instead of it, the mean of pixels that may have no more than it. Noise of the readings
+    can make both negative: instead of them, 0.
+    """
+    ordinary = dark[dark <= np.nanmedian(high)]
+    typical = max(0.0, float(np.nanmedian(dark)), float(ordinary.mean()) if ordinary.size else 0.0)
+    return np.asarray(low > times * typical)
+
 
 LAGS = 6
 _Z = 7.0
@@ -46,6 +79,11 @@ class Correlation(NamedTuple):
     def is_telegraph(self) -> Mask:
         """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
         return np.asarray(self.deviation > _Z)
+
+
+def uncorrelated(shape: tuple[int, ...], frames: int) -> Correlation:
+    """Return the correlation of readings of which only the sum is known."""
+    return Correlation(np.zeros((LAGS, *shape)), np.zeros(shape), frames)
 
 
 def correlation(readings: NDArray[Any], good: Mask) -> Correlation:

@@ -1,0 +1,613 @@
+"""Device of a counting or binary camera, from recordings in the dark and under uniform light.
+
+Arrivals of rate r = d + η·φ, with d dark counts, η the efficiency and φ the light, make mean counts
+M(r), without dead time r·T. Of binary frames a share p = 1 − exp(−r·T) is 1, whatever the dead
+time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frames.
+
+    dark counts    exact intervals of Poisson or binomial sums (Garwood; Clopper and Pearson),
+                   through the inverse of M; needs the dark
+    dead time      saturation curve (`saturation`) of 2048 pixels at most; needs counts, two lights
+    efficiency     weighted line through rates over light; needs light, and the dark or two lights
+    bad pixels     dead: no counts under light; stuck: one reading in all frames; saturated in every
+                   recording. Hot: dark counts surely above ten times the median
+    telegraph      readings in the dark correlated from frame to frame (`pixels`), with the two
+                   rates between which dark counts switch
+
+Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
+widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk and
+afterpulses, p per avalanche, make arrivals a = r + p·m from m counted avalanches per second, fewer
+of which come from busy pixels: lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is
+fitted. A dead time whose curve does not fit is not stated. Pixels of a level are
+omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance
+from megalopta.sensor.calibrate import crosstalk, pixels, saturation
+from megalopta.sensor.calibrate.device import Estimate, garwood_interval
+from megalopta.sensor.calibrate.level import check_steadiness, drift
+
+_FEWEST_FRAMES = 50
+_MOST_COUNTS = 2**25
+"""Counts of a recording that are looked at for coincidences, 256 MiB of numbers."""
+_FEWEST_ZEROS = 10
+_BRIGHTER_Z = 6.0
+_MOST_FITTED = 2048
+_SEEN, _CLEAR_KIND = 5.0, 6.0
+_NOT_LINEAR = 8.0
+_SURE, _OF_MEDIAN = 4.0, 1.2533
+_HIDDEN = 0.36
+"""Error of the dead time over afterpulses per event: half of what those lost in it, of a delay not
+shorter than it, extend a paralyzable one"""
+_PILED = 0.5
+"""Share of frames at the largest reading of all that shows it to be the counter's capacity."""
+_GRID = 4000
+_LARGEST_STEP = 50.0
+"""Largest ratio of two levels of dark counts that data can distinguish from an infinite one."""
+_ROUNDS = 4
+
+
+class Summed(NamedTuple):
+    """Statistics of one recording of counts or bits, maps (rows, columns)."""
+
+    exposure_s: float
+    light_hz: float
+    """Photons per second on a pixel, or any unit that all recordings share; 0: dark"""
+    is_binary: bool
+    frames: int
+    total: Floats
+    """Sum of all frames"""
+    variance: Floats
+    largest: Floats
+    at_largest: Floats
+    """Number of frames at the pixel's own largest reading"""
+    correlation: pixels.Correlation
+    kernel: crosstalk.Kernel | None
+    """Crosstalk and afterpulses by coincidences, of counts in the dark that determine them"""
+
+    @property
+    def mean(self) -> Floats:
+        """Mean reading."""
+        return self.total / self.frames
+
+    def __str__(self) -> str:
+        """Short description for readers."""
+        light = f"light of {self.light_hz:g}" if self.light_hz else "dark"
+        return f"{light}, exposure of {self.exposure_s:g} s"
+
+
+def summed(
+    readings: NDArray[Any], exposure_s: float, light_hz: float, *, is_binary: bool
+) -> Summed:
+    """Sum up a recording: counts, or bits as 0 and 1, (n, rows, columns).
+
+    Frames are read one by one: a copy of all as numbers would take eight times the memory of bits.
+    Raises ValueError if there are too few frames, or readings drift.
+    """
+    n = len(readings)
+    if readings.ndim != 3 or n < _FEWEST_FRAMES:
+        raise ValueError(f"{n} frames; capture {_FEWEST_FRAMES} or more")
+    mean, variance = mean_and_variance(readings)
+    largest, at_largest = readings.max(axis=0), np.zeros(mean.shape)
+    for frame in readings:
+        at_largest += frame == largest
+    correlation = pixels.correlation(readings, np.ones(mean.shape, np.bool_))
+    kernel = None
+    if not is_binary and not light_hz:
+        frames = max(_MOST_COUNTS // mean.size, _FEWEST_FRAMES)
+        varies = (variance > 0) & ~correlation.is_telegraph
+        try:
+            kernel = crosstalk.neighbor_kernel(readings[:frames], varies)
+        except ValueError:
+            kernel = None  # too few pixels have neighbors
+    sums = Summed(
+        exposure_s,
+        light_hz,
+        is_binary,
+        n,
+        mean * n,
+        variance,
+        largest.astype(np.float64),
+        at_largest,
+        correlation,
+        kernel,
+    )
+    series = readings.mean(axis=(1, 2), dtype=np.float64)
+    check_steadiness(sums, drift(series), float(np.sqrt(variance.mean())))
+    return sums
+
+
+def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float) -> Summed:
+    """Sum up a recording whose frames (n, rows, columns) are sums of so many binary frames each.
+
+    Telegraph noise is not looked for. Drift is, in 50 frames or more.
+
+    Raises ValueError if there are too few binary frames, readings exceed their number, or drift.
+    """
+    n = len(sums) * bits
+    if n < _FEWEST_FRAMES:
+        raise ValueError(f"{n} binary frames; capture {_FEWEST_FRAMES} or more")
+    if sums.max() > bits:
+        raise ValueError(f"a frame has {sums.max()} counts, more than sums: {bits} binary frames")
+    total = sums.sum(axis=0, dtype=np.float64)
+    share = total / n
+    recording = Summed(
+        exposure_s,
+        light_hz,
+        is_binary=True,
+        frames=n,
+        total=total,
+        variance=share * (1 - share) * n / (n - 1),
+        largest=(total > 0).astype(np.float64),
+        at_largest=np.where(total > 0, total, n),
+        correlation=pixels.uncorrelated(total.shape, n),
+        kernel=None,
+    )
+    if len(sums) >= _FEWEST_FRAMES:
+        series = sums.mean(axis=(1, 2), dtype=np.float64) / bits
+        check_steadiness(recording, drift(series), float(np.sqrt(recording.variance.mean())))
+    return recording
+
+
+class Switching(NamedTuple):
+    """Pixels whose dark counts switch between two rates (rows, columns)."""
+
+    pixels: Mask
+    low_hz: Floats
+    high_hz: Floats
+    time_s: float
+    """Correlation time"""
+
+
+class DeadTimeEstimate(NamedTuple):
+    """Dead time of the array."""
+
+    seconds: float
+    error: float
+    kind: saturation.DeadTimeKind
+    is_kind_clear: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CountingDevice:
+    """Estimates of a counting or binary camera."""
+
+    dark_counts_hz: Estimate | None
+    efficiency: Estimate | None
+    """Events per unit of light"""
+    dead_time: DeadTimeEstimate | None
+    capacity: int | None
+    """Largest count; None if it was not reached"""
+    dead: Mask
+    stuck: Mask
+    reading: Floats
+    """Reading of stuck and dead pixels (rows, columns); -1: the pixel works"""
+    telegraph: Switching | None
+    kernel: crosstalk.Kernel | None
+    """Crosstalk and afterpulses by coincidences of dark counts"""
+    saturated: Mask
+    """Usable in no recording"""
+    hot: Mask
+    refused: Mapping[str, str] = field(default_factory=dict)
+    """Why an estimate is missing, by its name"""
+
+    @property
+    def bad(self) -> Mask:
+        """Pixels that show no light."""
+        return self.dead | self.stuck | self.saturated
+
+
+class _Recorded(NamedTuple):
+    """Recordings as all estimators use them."""
+
+    levels: Sequence[Summed]
+    light_hz: Floats
+    """(levels,)"""
+    used: Mask
+    """Pixels whose readings determine rates, (levels, rows, columns)"""
+    spread: Floats
+    """Variance over that of independent events, (levels,)"""
+    is_binary: bool
+
+    @property
+    def mean(self) -> Floats:
+        return np.array([level.mean for level in self.levels])
+
+    @property
+    def frames(self) -> Floats:
+        return np.array([level.frames for level in self.levels], np.float64)
+
+    @property
+    def exposure_s(self) -> Floats:
+        return np.array([level.exposure_s for level in self.levels])
+
+
+class _NotDeterminedError(Exception):
+    """Why recordings do not determine an estimate."""
+
+
+def calibrate_counts(
+    levels: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None,
+    *, hot_times: float = 10.0,
+) -> CountingDevice:  # fmt: skip
+    """Estimate what the recordings determine, with 95 % CI.
+
+    Parameters
+    ----------
+    levels : sequence of Summed
+        Recordings of one camera.
+    known : (seconds, kind), optional
+        Dead time that corrects counts if recordings do not determine it.
+    hot_times : float
+        Pixels surely above this many times the median dark counts are hot.
+
+    Raises ValueError if recordings are of different arrays, or light has no effect.
+    """
+    _check(levels)
+    is_binary = levels[0].is_binary
+    lit = [level for level in levels if level.light_hz] or list(levels)
+    counts = np.sum([level.total for level in lit], axis=0)
+    typical = float(np.median(counts))
+    frozen = np.logical_and.reduce([level.at_largest == level.frames for level in levels])
+    frozen &= np.logical_and.reduce([level.largest == levels[0].largest for level in levels])
+    dead = pixels.dead_pixels(counts, np.full(counts.shape, typical))
+    dead |= frozen & (counts == 0) & (typical > _FEWEST_ZEROS)
+    stuck = frozen & ~dead & (counts > 0)
+    capacity = 1 if is_binary else _capacity(levels)
+    used = np.array([_within(level, capacity) & ~dead & ~stuck for level in levels])
+    spread = np.array([_excess(*pair) for pair in zip(levels, used, strict=True)])
+    light_hz = np.array([level.light_hz for level in levels])
+    recorded = _Recorded(levels, light_hz, used, spread, is_binary)
+    kernels = [level.kernel for level in levels if level.kernel is not None]
+    kernel = crosstalk.mean_kernel(kernels) if kernels else None
+    refused: dict[str, str] = {}
+    dead_time: DeadTimeEstimate | None = None
+    dark: Estimate | None = None
+    efficiency: Estimate | None = None
+    try:
+        dead_time, scaled_hz = _dead_time(recorded, kernel)
+        recorded = recorded._replace(light_hz=scaled_hz)
+    except _NotDeterminedError as reason:
+        refused["dead time"] = str(reason)
+    applied = dead_time
+    if dead_time is None and known is not None and not is_binary:
+        applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
+    hot = np.zeros(dead.shape, np.bool_)
+    try:
+        dark = _dark_counts(recorded, applied)
+        hot = pixels.hot_pixels(dark.low, dark.value, dark.high, hot_times)
+        hot |= np.isnan(dark.value)  # saturated in the dark
+    except _NotDeterminedError as reason:
+        refused["dark counts"] = str(reason)
+    telegraph = _telegraph(recorded, applied)
+    try:
+        efficiency = _efficiency(recorded, applied)
+    except _NotDeterminedError as reason:
+        refused["efficiency"] = str(reason)
+    if telegraph is not None and efficiency is not None:
+        # how many of their counts under light were dark ones is not known
+        efficiency = efficiency.where(~telegraph.pixels)
+    return CountingDevice(
+        dark_counts_hz=dark,
+        efficiency=efficiency,
+        dead_time=dead_time,
+        capacity=capacity,
+        dead=dead,
+        stuck=stuck,
+        reading=np.where(stuck, levels[0].largest, np.where(dead, 0.0, -1.0)),
+        telegraph=telegraph,
+        kernel=kernel,
+        saturated=~used.any(axis=0) & ~dead & ~stuck,
+        hot=hot & ~dead & ~stuck,
+        refused=refused,
+    )
+
+
+def _check(levels: Sequence[Summed]) -> None:
+    shapes = sorted({level.total.shape for level in levels})
+    if len(shapes) != 1:
+        raise ValueError(f"recordings of {shapes} pixels; give frames of one device")
+    if len({level.is_binary for level in levels}) > 1:
+        raise ValueError("recordings of counts and of bits; give frames of one kind")
+    dark = [level for level in levels if not level.light_hz]
+    if not dark:
+        return
+    longest = max(dark, key=lambda level: level.exposure_s)
+    dark_hz = float(np.median(longest.mean)) / longest.exposure_s
+    for level in levels:
+        full = level.is_binary and dark_hz * longest.exposure_s > 0.9
+        if not level.light_hz or full:
+            continue
+        more = float(np.median(level.mean)) - dark_hz * level.exposure_s
+        spread = float(np.sqrt(level.variance.mean() / level.frames / level.total.size))
+        if more < _BRIGHTER_Z * spread:
+            raise ValueError(
+                f"{level}: no brighter than the dark; uncover the sensor or raise the light"
+            )
+
+
+def _capacity(levels: Sequence[Summed]) -> int | None:
+    """Largest reading of all, if some pixel piles up there while readings vary elsewhere."""
+    top = max(float(level.largest.max()) for level in levels)
+    piled = [
+        ((level.largest == top) & (level.at_largest > _PILED * level.frames)).mean()
+        for level in levels
+    ]
+    several = sum(share > 0 for share in piled) > 1 or max(piled) > 2 / levels[0].total.size
+    return int(top) if top > 1 and several else None
+
+
+def _within(level: Summed, capacity: int | None) -> Mask:
+    """Pixels whose readings are not limited by the counter."""
+    if level.is_binary:
+        return np.asarray(level.frames - level.total >= _FEWEST_ZEROS)
+    return np.asarray(level.largest < (np.inf if capacity is None else capacity))
+
+
+def _excess(level: Summed, used: Mask) -> float:
+    """Variance over that of independent events, by the mean of the array; at least 1."""
+    if level.is_binary or not used.any():
+        return 1.0
+    ratio = float(level.variance[used].sum() / max(level.mean[used].sum(), 1e-300))
+    error = float(np.sqrt(2 / level.frames / used.sum() + 1 / max(level.total[used].sum(), 1)))
+    return ratio if ratio > 1 + 3 * error else 1.0
+
+
+def _dead_time(
+    recorded: _Recorded, kernel: crosstalk.Kernel | None
+) -> tuple[DeadTimeEstimate, Floats]:
+    """Dead time from the saturation curve, and lights scaled to all arrivals.
+
+    Busy neighbors fire fewer others, and busy pixels count fewer afterpulses. How many afterpulses
+    the dead time hides depends on their delay, which frames do not show.
+    """
+    if recorded.is_binary:
+        raise _NotDeterminedError("bits do not show it; give that of the data sheet")
+    lit = recorded.light_hz > 0
+    good = np.flatnonzero(recorded.used[lit].sum(axis=0) > 1)
+    if len(np.unique(recorded.light_hz[lit])) < 2 or not good.size:
+        raise _NotDeterminedError(
+            "needs counts under two lights, the brighter of which loses some to it"
+        )
+    if _nonlinearity(recorded, None) < _SEEN:
+        raise _NotDeterminedError("no counts are lost to it; record brighter light")
+    some = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
+    fired, unsure = kernel.echoes if kernel else (0.0, 0.0)
+    found, misfit, live = _fitted_dead_time(recorded, some, fired, 1.0, _ROUNDS if fired else 1)
+    if misfit.is_clear:
+        raise _NotDeterminedError(
+            f"{found.kind}, {1e9 * found.seconds:.3g} ns, fits best, but counts differ from its "
+            f"curve by {100 * misfit.share:+.2g} %, as with recharging, twilight pulses, or lights "
+            "that are not as stated; no interval holds"
+        )
+    if kernel:
+        longer = _fitted_dead_time(recorded, some, fired + unsure, live, 1)[0]
+        hidden = _HIDDEN * (kernel.afterpulses + unsure) * found.seconds
+        error = np.hypot(longer.seconds - found.seconds, max(hidden, 0.0))
+        found = found._replace(
+            error=float(np.hypot(found.error, error)),
+            is_kind_clear=found.is_kind_clear and longer.kind == found.kind,
+        )
+    return found, recorded.light_hz * (1 - fired) / (1 - fired * live)
+
+
+def _fitted_dead_time(
+    recorded: _Recorded, some: Ints, fired: float, live: Floats | float, rounds: int
+) -> tuple[DeadTimeEstimate, saturation.Misfit, Floats]:
+    """Dead time of some pixels, its misfit, and the shares of arrivals counted at each level.
+
+    Lights are scaled for so many `fired` events per avalanche, with these shares at first.
+    """
+    count = len(recorded.levels)
+    mean = recorded.mean.reshape(count, -1)[:, some]
+    frames = recorded.used.reshape(count, -1)[:, some] * recorded.frames[:, None]
+    for _ in range(rounds):
+        light_hz = recorded.light_hz * (1 - fired) / (1 - fired * live)
+        counts = saturation.MeanCounts(mean, frames, recorded.exposure_s, light_hz)
+        fit, ratio = saturation.fit_saturation(counts, lambda fits: _pooled(fits)[0])
+        live = np.nanmedian(saturation.live_share(counts, fit), axis=1)
+    seconds, error = _pooled(fit)
+    spread = float(recorded.spread.max())
+    # events in excess of Poisson's widen it, too
+    error *= float(np.sqrt(spread))
+    found = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
+    return found, saturation.misfit(counts, fit, spread**2), np.asarray(live)
+
+
+def _pooled(fit: saturation.SaturationFit) -> tuple[float, float]:
+    """Dead time of all pixels, and its standard error."""
+    seconds, error = fit.solution[:, 2], np.sqrt(np.maximum(fit.covariance[:, 2, 2], 0))
+    known = (error > 0) & np.isfinite(error) & np.isfinite(seconds)
+    of_pixel = float(np.median(error[known]))
+    of_array = of_pixel / np.sqrt(known.sum())
+    if np.median(seconds[known]) > _SURE * of_pixel:
+        return float(seconds[known].mean()), float(of_array)
+    # fits end at 0, which moves the mean, but not the median
+    return float(np.median(seconds[known])), float(_OF_MEDIAN * of_array)
+
+
+def _nonlinearity(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> float:
+    """Loss of bright light against a line through dim light and the dark, in its errors."""
+    light_hz = recorded.light_hz
+    within = np.flatnonzero(recorded.used.mean(axis=(1, 2)) > 0.5)
+    order = within[np.argsort(light_hz[within], kind="stable")]
+    lit = order[light_hz[order] > 0]
+    if not lit.size:
+        return 0.0
+    places = int(order[0]), int(lit[0]), int(lit[-1])
+    low, dim, bright = (float(light_hz[at]) for at in places)
+    if dim in (low, bright):
+        return 0.0
+    good = recorded.used[list(places)].all(axis=0)
+    slope = (bright - low) / (dim - low)
+    lost, variance = np.zeros(good.sum()), np.zeros(good.sum())
+    for at, share in zip(places, (1 - slope, slope, -1.0), strict=True):
+        rate = _rates(recorded, at, recorded.levels[at].mean, dead_time)
+        lost = lost + share * rate[good]
+        variance = variance + share**2 * _variance(recorded, at, rate, dead_time)[good]
+    return float(np.sum(lost) / np.sqrt(np.sum(variance))) if good.any() else 0.0
+
+
+def _rates(
+    recorded: _Recorded,
+    at: int,
+    counts: Floats,
+    dead_time: DeadTimeEstimate | None,
+    later: float = 0.0,
+) -> Floats:
+    """Rate of arrivals (Hz) behind mean readings, for a dead time so many errors longer."""
+    exposure_s = recorded.levels[at].exposure_s
+    if recorded.is_binary:
+        return np.asarray(-np.log1p(-np.minimum(counts, 1 - 1e-12)) / exposure_s)
+    if dead_time is None:
+        return np.asarray(counts / exposure_s)
+    grid, mean, _ = _counted(dead_time, exposure_s, later)
+    # counts are those of arrivals at low rates, which the grid does not reach
+    loss = np.interp(counts, mean, mean / (grid * exposure_s))
+    return np.asarray(counts / loss / exposure_s)
+
+
+def _variance(
+    recorded: _Recorded, at: int, rate: Floats, dead_time: DeadTimeEstimate | None
+) -> Floats:
+    """Variance of the estimated rate of a level, Hz², at this rate."""
+    level, spread = recorded.levels[at], recorded.spread[at]
+    arrivals = np.maximum(rate * level.exposure_s, 0.3 / level.frames)
+    if recorded.is_binary:
+        return np.asarray(np.expm1(arrivals) / level.frames / level.exposure_s**2)
+    if dead_time is None:
+        return np.asarray(spread * arrivals / level.frames / level.exposure_s**2)
+    grid, mean, variance = _counted(dead_time, level.exposure_s)
+    slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
+    of_counts = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
+    return np.asarray(spread * of_counts / level.frames / slope**2)
+
+
+def _counted(
+    dead_time: DeadTimeEstimate, exposure_s: float, later: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """Rates, and mean and variance of their counts, for a dead time so many errors longer."""
+    seconds = max(dead_time.seconds + later * dead_time.error, 1e-12)
+    top = 0.95 if dead_time.kind == "paralyzable" else 50.0
+    grid = np.geomspace(1e-3 / exposure_s, max(top / seconds, 1 / exposure_s), _GRID)
+    dead_s = np.full(grid.shape, seconds)
+    mean, variance = saturation.dead_time_moments(grid, exposure_s, dead_s, dead_time.kind)
+    return grid, np.maximum.accumulate(mean), variance
+
+
+def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:
+    """Dark counts from recordings in the dark, with exact intervals."""
+    dark = recorded.light_hz == 0
+    if not dark.any():
+        raise _NotDeterminedError("need a recording in the dark")
+    used, times, is_binary = recorded.used[dark], recorded.exposure_s[dark], recorded.is_binary
+    frames = recorded.frames[dark][:, None, None] * used
+    total = (np.array([level.total for level in recorded.levels])[dark] * used).sum(axis=0)
+    number = frames.sum(axis=0)
+    ends = _binomial(total, number) if is_binary else garwood_interval(total)
+    value = _solved(total, frames, times, is_binary)
+    scale = np.sqrt(recorded.spread[dark].max()) * np.ones(total.shape)
+    if is_binary:
+        # σ of a sum of unequal binomial numbers over that of one with their mean probability
+        p = -np.expm1(-value * times[:, None, None])
+        share = (frames * p).sum(axis=0) / np.maximum(number, 1)
+        one, several = number * share * (1 - share), (frames * p * (1 - p)).sum(axis=0)
+        scale *= np.sqrt(np.divide(several, one, out=np.ones_like(one), where=one > 0))
+    low, high = (_solved(total + scale * (end - total), frames, times, is_binary) for end in ends)
+    # to first order, both kinds of dead time hide the same counts
+    longer = 1 + value * (dead_time.seconds if dead_time else 0.0)
+    return Estimate(value, low, high).where(number > 0).scaled(longer)
+
+
+def _binomial(total: Floats, number: Floats) -> tuple[Floats, Floats]:
+    """Sums between which those of binomial numbers lie with 95 %: Clopper and Pearson (1934)."""
+    number = np.maximum(number, 1)
+    low = beta.ppf(0.025, np.maximum(total, 1e-9), number - total + 1)
+    high = beta.isf(0.025, total + 1, np.maximum(number - total, 1e-9))
+    return np.where(total > 0, low, 0.0) * number, np.where(total < number, high, 1.0) * number
+
+
+def _solved(total: Floats, frames: Floats, times: Floats, is_binary: bool) -> Floats:
+    """Rate at which the expected sum of all frames (levels, rows, columns) is the total, Hz."""
+    live = (frames * times[:, None, None]).sum(axis=0)
+    rate = np.maximum(total, 0) / np.maximum(live, 1e-300)
+    if not is_binary:
+        return np.asarray(rate)
+    for _ in range(40):
+        zeros = frames * np.exp(-rate * times[:, None, None])
+        excess = total - (frames - zeros).sum(axis=0)
+        slope = np.maximum((zeros * times[:, None, None]).sum(axis=0), 1e-12 * live + 1e-300)
+        rate = np.clip(rate + excess / slope, 0, 60 / times.min())
+    return np.asarray(rate)
+
+
+def _telegraph(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Switching | None:
+    """Switching pixels, from the recording in the dark with the most counts."""
+    dark = np.flatnonzero(recorded.light_hz == 0).tolist()
+    marked = np.zeros(recorded.used.shape[1:], np.bool_)
+    for at in dark:
+        marked |= recorded.levels[at].correlation.is_telegraph & recorded.used[at]
+    if not marked.any():
+        return None
+    best = max(dark, key=lambda at: float(recorded.levels[at].total[marked].sum()))
+    level = recorded.levels[best]
+    *means, frames = pixels.switching(level.mean, level.variance, level.correlation, marked)
+    low_hz, high_hz = (_rates(recorded, best, mean, dead_time) for mean in means)
+    low_hz = np.maximum(low_hz, high_hz / _LARGEST_STEP)
+    return Switching(marked, low_hz, high_hz, frames * level.exposure_s)
+
+
+def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:
+    """Slope of rates over light, by weighted least squares."""
+    lights = np.unique(recorded.light_hz)
+    if len(lights) < 2:
+        wanted = "the dark or a second light" if lights.max() else "a recording under uniform light"
+        raise _NotDeterminedError(f"needs {wanted}")
+    if abs(_nonlinearity(recorded, dead_time)) > _NOT_LINEAR:
+        raise _NotDeterminedError(
+            "rates are not proportional to light; check the lights, or record dimmer and brighter "
+            "ones, so that dead time is found"
+        )
+    used, brightest = recorded.used.astype(np.float64), lights.max()
+    light = (recorded.light_hz / brightest)[:, None, None]
+
+    def rates(later: float = 0.0) -> Floats:
+        return np.array(
+            [
+                _rates(recorded, at, level.mean, dead_time, later)
+                for at, level in enumerate(recorded.levels)
+            ]
+        )
+
+    rate = fitted = rates()
+    for _ in range(_ROUNDS):
+        weight = used / np.array(
+            [_variance(recorded, at, each, dead_time) for at, each in enumerate(fitted)]
+        )
+        intercept, slope, variance = _line(light, rate, weight)
+        fitted = np.maximum(intercept + slope * light, 0)
+    value, error = slope / brightest, np.sqrt(variance) / brightest
+    if dead_time is not None and dead_time.error:
+        moved = _line(light, rates(1.0), weight)[1] / brightest
+        error = np.hypot(error, moved - value)
+    several = np.sum([used[recorded.light_hz == hz].max(axis=0) for hz in lights], axis=0)
+    error = np.where((several > 1) & (error > 0), error, np.nan)
+    return Estimate.normal(value, error, (used.shape[1], used.shape[2]))
+
+
+def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
+    """Intercept and slope of rates over light (levels, 1, 1), and the variance of the slope."""
+    s, sx = weight.sum(axis=0), (weight * light).sum(axis=0)
+    sxx = (weight * light * light).sum(axis=0)
+    sy, sxy = (weight * rate).sum(axis=0), (weight * light * rate).sum(axis=0)
+    det = s * sxx - sx**2
+    det = np.where(det > 1e-12 * np.maximum(s * sxx, 1e-300), det, np.nan)
+    intercept, slope, variance = (sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det, s / det
+    return np.nan_to_num(intercept), np.nan_to_num(slope), np.nan_to_num(variance)

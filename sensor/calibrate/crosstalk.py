@@ -1,0 +1,314 @@
+"""Crosstalk and afterpulsing of an array, from its dark counts: three ways.
+
+**Coincidences** (`neighbor_kernel`). The covariance of two pixels is their coincidences less the
+expected ones. In a wide array in which an avalanche fires a pixel at offset δ with probability
+k(δ), Poisson primaries make
+
+    C(δ) = Σ_j G(j)·G(j + δ)·D        G = (1 − k)⁻¹, D = m·(1 − Σ k²)
+
+for mean counts m. Pairs of one offset and its opposite give C(δ)/m, solved for k over offsets up to
+two pixels. The covariance of distant pixels (temperature, stray light) is subtracted. Variance
+beyond that of crosstalk is due to afterpulses. With a mean number p of them, all within the
+exposure, G is (1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
+
+**Hot pixels** (`crosstalk_of_hot_pixels`). A hot pixel adds a share of its counts to those of its
+neighbors. So the rate of a pixel is a level common to all plus shares of the rates around it. They
+minimize the sum of absolute residuals, which pixels that are hot themselves hardly affect. Shares
+are estimated apart for pixels of even and odd rows and columns: where pixels are laid out in pairs,
+light reaches the partner more easily. Rates r are those of dark carriers λ and of all that is
+fired, r = λ + C·r: a share is the probability that an avalanche fires a neighbor.
+
+**Pairs** (`fit_crosstalk`): measured probabilities that an avalanche in one of two pixels fires the
+other; the mean over the pairs at each distance that `Crosstalk` knows, not weighted: what differs
+between pairs, not counting, is most of their scatter.
+
+Source: coincidences, Restelli et al., Proc. SPIE 6372 (2006); the branching process, as in
+`sensor/effects/crosstalk.py`.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.core.arrays import Floats, Ints, Mask, robust_sigma
+from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
+
+OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+_FAR = 4
+_SIZE = 32
+_ROUNDS = 60
+_ROUNDS_OF_BOTH = 4
+
+
+class Kernel(NamedTuple):
+    """Probabilities that an avalanche fires a pixel at each of `OFFSETS` or its opposite."""
+
+    share: Floats
+    error: Floats
+    """Standard errors."""
+    afterpulses: float
+    """Mean number of afterpulses within the exposure per avalanche; NaN: unknown."""
+    afterpulses_error: float
+
+    @property
+    def is_seen(self) -> bool:
+        """True if the nearest neighbors show crosstalk beyond 3 standard errors."""
+        nearest = self.share[:2].sum()
+        return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
+
+    @property
+    def echoes(self) -> tuple[float, float]:
+        """Events that an avalanche causes, by crosstalk and afterpulses, and their standard error.
+
+        What is not seen is taken as 0; an estimate of afterpulses is then part of the error.
+        """
+        fired, error = 0.0, self.afterpulses_error
+        if self.is_seen:
+            fired, error = 2 * float(self.share.sum()), float(np.hypot(error, self.total_error))
+        if self.are_afterpulses_seen:
+            return fired + self.afterpulses, error
+        return fired, float(np.hypot(error, max(self.afterpulses, 0.0)))
+
+    @property
+    def total_error(self) -> float:
+        """Standard error of the mean number of fired neighbors."""
+        return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
+
+    @property
+    def without_afterpulses(self) -> "Kernel":
+        """Kernel of recordings that do not determine afterpulses."""
+        return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
+
+    @property
+    def are_afterpulses_seen(self) -> bool:
+        """True if there are afterpulses beyond 3 standard errors."""
+        return self.afterpulses > 3 * self.afterpulses_error
+
+
+def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
+    """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
+
+    Raises ValueError if too few good pixels have neighbors.
+    """
+    counts = np.asarray(counts, np.float64)
+    mean = counts.mean(axis=0)
+    n = len(counts)
+    apart = np.where(good, counts - mean, 0)
+    variance = np.where(good, counts.var(axis=0, ddof=1), 0)
+    ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
+    common = _common(apart, good) / float(mean[good].mean())
+    seen, error = ratios - common, errors / 2
+    m = mean[good]
+    # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
+    weight = 1 / (2 * m + 1)
+    fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
+    spread = 1 / np.sqrt(n * (weight * m).sum())
+    left = 1.0  # 1 − p
+    for _ in range(_ROUNDS_OF_BOTH):
+        relative = _solved(seen * left**2)
+        left = max(fano / _response(relative)[0, 0], 1e-9) ** -0.5
+    return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
+
+
+def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
+    """Average kernels of independent recordings by their precision."""
+    share, error = _average([each.share for each in kernels], [each.error for each in kernels])
+    left = [each.afterpulses for each in kernels]
+    traps = _average(left, [each.afterpulses_error for each in kernels])
+    return Kernel(share, error, *map(float, traps))
+
+
+def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floats]:
+    weights = 1 / np.maximum(np.square(errors), 1e-30)
+    mean = (weights * np.array(values)).sum(axis=0) / weights.sum(axis=0)
+    return np.asarray(mean), np.asarray(1 / np.sqrt(weights.sum(axis=0)))
+
+
+def _pairs(apart: Floats, mean: Floats, good: Mask, offset: tuple[int, int]) -> tuple[float, float]:
+    """Covariance over mean of all pairs of an offset, weighted by light; standard error."""
+    first, second = _shifted(good, offset)
+    both = good[first] & good[second]
+    covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
+    # brighter pairs are more precise per event: weight by inverse variance of the ratio
+    total = (mean[first] + mean[second]) / 2
+    noise = mean[first] * mean[second] / len(apart)
+    weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
+    norm = float((weight * total).sum())
+    if both.sum() < 2 or not norm > 0:
+        raise ValueError("crosstalk: too few good pixels side by side; it cannot be estimated")
+    error = float(np.sqrt((weight**2 * noise).sum())) / norm
+    return float((weight * covariance).sum()) / norm, error
+
+
+def _shifted(values: NDArray[Any], offset: tuple[int, int]) -> tuple[Any, Any]:
+    (down, right), (rows, columns) = offset, values.shape
+    here = slice(max(-right, 0), columns - max(right, 0))
+    there = slice(max(right, 0), columns + min(right, 0))
+    return (slice(0, rows - down), here), (slice(down, rows), there)
+
+
+def _common(apart: Floats, good: Mask) -> float:
+    """Mean covariance of pixels at least four rows apart."""
+    sums, pairs = 0.0, 0
+    rows = good.shape[0]
+    totals, numbers = apart.sum(axis=2), good.sum(axis=1)
+    for row in range(rows - _FAR):
+        below = totals[:, row + _FAR :].sum(axis=1)
+        sums += float((totals[:, row] * below).sum()) / (len(apart) - 1)
+        pairs += int(numbers[row] * numbers[row + _FAR :].sum())
+    return sums / pairs if pairs else 0.0
+
+
+def _response(share: Floats) -> Floats:
+    """Covariance over mean, by offset, in an unbounded array."""
+    kernel = np.zeros((_SIZE, _SIZE))
+    for (down, right), each in zip(OFFSETS, share, strict=True):
+        kernel[down % _SIZE, right % _SIZE] += each
+        kernel[-down % _SIZE, -right % _SIZE] += each
+    transform = np.abs(1 / (1 - np.fft.fft2(kernel))) ** 2
+    return np.asarray(np.fft.ifft2(transform).real * (1 - np.square(kernel).sum()))
+
+
+def _solved(seen: Floats) -> Floats:
+    """Kernel that produces the observed covariances."""
+    share = seen / 2
+    for _ in range(_ROUNDS):
+        response = _response(share)
+        share = share - (np.array([response[offset] for offset in OFFSETS]) - seen) / 2
+        total = 2 * np.abs(share).sum()
+        if total > 0.8:
+            share *= 0.8 / total
+    return share
+
+
+FEWEST_PIXELS = 4096
+"""Pixels that a map needs for an estimate."""
+PERIOD = 2
+"""Rows and columns after which the layout of pixels may repeat."""
+_ROUNDS_OF_SHARES = 20
+_FINEST = 0.02
+_SEEN, _CLEAR = 3.0, 4.0
+_SIDE = 2 * REACH + 1
+_PLACES = np.delete(np.arange(_SIDE**2), _SIDE**2 // 2)
+
+
+def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
+    """Return shares that pixels receive, (2, 2, 7, 7), by parity of the receiver's row and column.
+
+    [p, q, 3 + down, 3 + right] is the share of the rate of the pixel that is so far down and right.
+
+    Parameters
+    ----------
+    rates : (rows, columns) float64
+        Mean events per frame or second; NaN: not known, as are all pixels that see such a one.
+    use : (rows, columns) bool, optional
+        Receivers to use; default: all that are three pixels from the border.
+
+    Raises ValueError if there are too few pixels.
+    """
+    if rates.size < FEWEST_PIXELS:
+        raise ValueError(f"{rates.size} pixels; crosstalk of hot pixels needs {FEWEST_PIXELS}")
+    inside = np.zeros(rates.shape, np.bool_)
+    inside[REACH:-REACH, REACH:-REACH] = True
+    if use is not None:
+        inside &= use
+    found = np.zeros((PERIOD, PERIOD, _SIDE**2))
+    for row, column in np.ndindex(PERIOD, PERIOD):
+        chosen = np.zeros_like(inside)
+        chosen[row::PERIOD, column::PERIOD] = inside[row::PERIOD, column::PERIOD]
+        found[row, column, _PLACES] = _shares(rates, np.argwhere(chosen))
+    return found.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
+
+
+def _shares(rates: Floats, places: NDArray[np.int_]) -> Floats:
+    """Share that pixels at some places receive from each neighbor: least absolute residuals."""
+    down, right = np.divmod(_PLACES, _SIDE)
+    around = rates[places[:, :1] + down - REACH, places[:, 1:] + right - REACH]
+    received = rates[places[:, 0], places[:, 1]]
+    known = np.isfinite(received) & np.isfinite(around).all(axis=1)
+    if known.sum() < 4 * len(_PLACES):
+        raise ValueError(f"{known.sum()} pixels with all neighbors known; measure more")
+    matrix = np.column_stack((np.ones(known.sum()), around[known]))
+    level = float(np.median(received[known]))
+    solution = np.concatenate(([level], np.zeros(len(_PLACES))))
+    for _ in range(_ROUNDS_OF_SHARES):
+        residual = np.abs(received[known] - matrix @ solution)
+        weighted = matrix / np.maximum(residual, _FINEST * level)[:, None]
+        solution = np.linalg.solve(weighted.T @ matrix, weighted.T @ received[known])
+    return np.asarray(solution[1:])
+
+
+def kernel_of(shares: Floats) -> Crosstalk:
+    """Return the crosstalk of senders whose neighbors receive these shares; off if none is seen.
+
+    The scatter of shares three pixels away and farther shows their noise. Shares below four of it
+    are left at 0, and all are if those of edge neighbors are below three on average.
+    """
+    distance = np.hypot(*(np.indices((_SIDE, _SIDE)) - REACH))
+    noise = robust_sigma(shares[:, :, distance >= REACH])
+    if shares[:, :, distance == 1].mean() < _SEEN * noise:
+        return Crosstalk()
+    kernel = np.zeros_like(shares)
+    for row, column, down, right in np.argwhere(shares > _CLEAR * noise):
+        sender = (row + down - REACH) % PERIOD, (column + right - REACH) % PERIOD
+        place = _SIDE - 1 - down, _SIDE - 1 - right
+        kernel[(*sender, *place)] = shares[row, column, down, right]
+    return Crosstalk(mean_fired_neighbors=float(kernel.sum()) / PERIOD**2, kernel=kernel.tolist())
+
+
+class PairCrosstalk(NamedTuple):
+    """Crosstalk of pairs of pixels, each (M,)."""
+
+    down: Ints
+    """Distance in rows, without sign"""
+    right: Ints
+    column: Floats
+    """Mean column of both pixels"""
+    probability: Floats
+    error: Floats
+
+    def some(self, chosen: Mask) -> "PairCrosstalk":
+        """Return a part of the pairs."""
+        return PairCrosstalk._make(each[chosen] for each in self)
+
+    def at(self, down: int, right: int) -> "PairCrosstalk":
+        """Return the pairs at a distance."""
+        return self.some((self.down == down) & (self.right == right))
+
+
+def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:
+    """Return crosstalk with the mean probability of the pairs at each distance.
+
+    Raises ValueError without pairs of edge neighbors, or if these show no crosstalk.
+    """
+    edge, diagonal, two, three = (
+        _mean_of(pairs, places)
+        for places in (((0, 1), (1, 0)), ((1, 1),), ((0, 2), (2, 0)), ((0, 3), (3, 0)))
+    )
+    if not edge > 0:
+        raise ValueError("no crosstalk between edge neighbors; give pairs at a distance of 1")
+    shares = [float(np.clip(each / edge, 0, 1)) for each in (diagonal, two, three)]
+    return Crosstalk(
+        mean_fired_neighbors=4 * edge * (1 + sum(shares)),
+        diagonal=shares[0],
+        distance_two=shares[1],
+        distance_three=shares[2],
+    )
+
+
+def _mean_of(pairs: PairCrosstalk, places: tuple[tuple[int, int], ...]) -> float:
+    values = np.concatenate([pairs.at(*place).probability for place in places])
+    return float(values.mean()) if values.size else 0.0
+
+
+def modelled(crosstalk: Crosstalk, pairs: PairCrosstalk) -> Floats:
+    """Return the probability that the model gives each pair."""
+    weights = neighborhoods(crosstalk).mean(axis=(0, 1))
+    # which way a pair lies is not known
+    weights = (weights + weights[::-1] + weights[:, ::-1] + weights[::-1, ::-1]) / 4
+    rows, columns = (side // 2 for side in weights.shape)
+    within = (pairs.down <= rows) & (pairs.right <= columns)
+    down, right = np.where(within, pairs.down, 0), np.where(within, pairs.right, 0)
+    return np.asarray(weights[rows + down, columns + right])

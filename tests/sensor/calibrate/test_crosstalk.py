@@ -1,0 +1,115 @@
+"""Crosstalk and afterpulses of dark counts against the crosstalk that made them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from megalopta.camera.measurements import read_measurement
+from megalopta.sensor import Crosstalk, DarkCounts
+from megalopta.sensor.calibrate.crosstalk import (
+    PairCrosstalk,
+    crosstalk_of_hot_pixels,
+    fit_crosstalk,
+    kernel_of,
+    modelled,
+    neighbor_kernel,
+)
+from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.effects.crosstalk import neighborhoods
+from megalopta.sensor.effects.dark_counts import dark_count_density
+
+LIGHT = Crosstalk(mean_fired_neighbors=0.03, diagonal=0.2, distance_two=0.02)
+OWN = dark_count_density(
+    DarkCounts(
+        bulk_mean_hz_um2=1.0,
+        bulk_sigma_hz_um2=0.4,
+        hot_fraction=0.2,
+        hot_mean_hz_um2=50,
+        hot_sigma_hz_um2=200,
+    ),
+    (96, 128),
+    device_seed=1,
+)
+RATES = crosstalk.mean(OWN, LIGHT)
+
+
+def test_shares_are_the_probabilities_that_neighbors_fire():
+    found = crosstalk_of_hot_pixels(RATES).mean(axis=(0, 1))
+    # edges have 6e-3; the scatter of ordinary pixels leaves errors of 1e-4 for each of 48 places
+    assert np.allclose(found, neighborhoods(LIGHT)[0, 0], atol=6e-4)
+
+
+def test_without_crosstalk_neighbors_are_independent():
+    found = kernel_of(crosstalk_of_hot_pixels(RATES))
+    own = RATES - crosstalk.fired_mean(RATES, found)
+    correlation, left = (
+        spearmanr(rates[:, :-1].ravel(), rates[:, 1:].ravel())[0] for rates in (RATES, own)
+    )
+    assert correlation > 0.2
+    # 5 standard errors of a rank correlation, 1/√n
+    assert abs(left) < 5 / np.sqrt(RATES.size)
+
+
+def test_pairs_of_rows_are_recognized():
+    pairs = np.zeros((2, 1, 3, 3))
+    pairs[0, 0, 2, 1] = pairs[1, 0, 0, 1] = 3.0  # rows 0 and 1, 2 and 3, …
+    pairs[:, :, 1, [0, 2]] = 1.0
+    made = Crosstalk(mean_fired_neighbors=0.03, kernel=pairs.tolist())
+    found = kernel_of(crosstalk_of_hot_pixels(crosstalk.mean(OWN, made)))
+    by_row = neighborhoods(found)[:, :, 2:5, 2:5].mean(axis=1)
+    # half of the pixels, errors of 2e-4
+    assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
+
+
+def test_independent_dark_counts_show_no_crosstalk():
+    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
+
+
+def test_small_maps_are_refused():
+    with pytest.raises(ValueError, match="48 pixels; crosstalk of hot pixels needs 4096"):
+        crosstalk_of_hot_pixels(np.ones((4, 12)))
+
+
+@pytest.mark.parametrize("probability", [0.0, 0.1])
+def test_crosstalk_kernel(probability):
+    rng = np.random.default_rng(3)
+    primaries = rng.poisson(20.0, (1500, 16, 16))
+    effect = Crosstalk(mean_fired_neighbors=probability)
+    counts = np.array([crosstalk.spread(rng, frame, effect) for frame in primaries])
+    kernel = neighbor_kernel(counts, np.ones((16, 16), bool))
+    # orthogonal shares a quarter each; edges see less, which is below the error; 5 standard errors
+    truth = np.array([probability / 4] * 2 + [0.0] * 4)
+    assert np.all(np.abs(kernel.share - truth) < 5 * kernel.error + 0.03 * probability / 4)
+    assert kernel.is_seen == (probability > 0)
+    assert abs(kernel.afterpulses) < 5 * kernel.afterpulses_error + 0.002
+
+
+PAIRS = Crosstalk(
+    mean_fired_neighbors=0.05, diagonal=0.3, distance_two=0.05, distance_three=0.01
+)  # fmt: skip
+
+
+def test_pairs_return_the_crosstalk_that_made_them():
+    down, right = (each.ravel() for each in np.indices((4, 6)))
+    zeros = np.zeros(down.size)
+    pairs = PairCrosstalk(down, right, zeros, zeros, zeros)
+    found = fit_crosstalk(pairs._replace(probability=modelled(PAIRS, pairs)))
+    for name in ("mean_fired_neighbors", "diagonal", "distance_two", "distance_three"):
+        assert getattr(found, name) == pytest.approx(getattr(PAIRS, name), rel=1e-12)
+
+
+def test_pairs_without_neighbors_are_refused():
+    pair = PairCrosstalk(*(np.array([2]),) * 2, *(np.array([1.0]),) * 3)
+    with pytest.raises(ValueError, match="give pairs at a distance of 1"):
+        fit_crosstalk(pair)
+
+
+@pytest.mark.parametrize(("array", "edge"), [(1, 1.03e-3), (2, 9.2e-4)])
+def test_crosstalk_of_edge_neighbors_is_the_published_one(array, edge):
+    arrays = Path(__file__).parents[3] / "docs/public_arrays"
+    found = fit_crosstalk(read_measurement(arrays / f"crosstalk-{array}.csv"))
+    shares = 1 + found.diagonal + found.distance_two + found.distance_three
+    # the paper gives two digits
+    assert found.mean_fired_neighbors / (4 * shares) == pytest.approx(edge, rel=0.01)
