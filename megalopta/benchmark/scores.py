@@ -17,7 +17,7 @@ from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 from rich.box import SIMPLE
 from rich.table import Table
 
-from megalopta.benchmark import pairs_on_disk
+from megalopta.benchmark import clips
 from megalopta.core import bounded, files
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
@@ -34,7 +34,7 @@ from megalopta.flow.formats import KITTI_SCALE, read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
-Answers = Mapping[pairs_on_disk.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
+Answers = Mapping[clips.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
 """Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
@@ -101,7 +101,7 @@ def score_submission(
     truth = Path(truth)
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
-    truths = pairs_on_disk.true_flows(truth, png_scale)
+    truths = clips.true_flows(truth, png_scale)
     name, passes = _answers_of(flow, truths, png_scale)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
@@ -125,7 +125,7 @@ def score_submission(
 
 
 def _answers_of(
-    flow: str | Path | Method, truths: pairs_on_disk.Truths, png_scale: float
+    flow: str | Path | Method, truths: clips.Truths, png_scale: float
 ) -> tuple[str, Mapping[str, Answers]]:
     """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
@@ -134,7 +134,7 @@ def _answers_of(
                 frame: (str(path), partial(read_flow, path, png_scale=png_scale))
                 for frame, path in paths.items()
             }
-            for name, paths in pairs_on_disk.submitted_flows(folder, truths).items()
+            for name, paths in clips.submitted_flows(folder, truths).items()
         }
     try:
         detector = method(str(flow) if isinstance(flow, Path) else flow)
@@ -142,7 +142,7 @@ def _answers_of(
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
-    pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
+    pairs = ((name, each.items()) for name, each in clips.pictures_of(truths).items())
 
     def between(*pair: Path) -> NDArray[Any]:
         return detector.dense(*(read_codes(path, "L") for path in pair))
@@ -154,20 +154,20 @@ def _answers_of(
 
 
 def _scored(
-    passes: Mapping[str, Answers], truths: pairs_on_disk.Truths, advance: Callable[[int], object]
+    passes: Mapping[str, Answers], truths: clips.Truths, advance: Callable[[int], object]
 ) -> tuple[dict[str, dict[str, DenseErrors]], str]:
     """Errors by pass and sequence, and a hash of the truth; each frame of it is read once."""
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, paths in sorted(truths.items()):
-        true, occluded = pairs_on_disk.read_true_flow(paths)
+        true, occluded = clips.read_true_flow(paths)
         hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
         hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
         for name, errors in found.items():
             where, answer = passes[name][frame]
             try:
                 flow = answer()
-                known = pairs_on_disk.at_pixels(paths, true, occluded, flow.shape)
+                known = clips.at_pixels(paths, true, occluded, flow.shape)
                 errors.setdefault(frame.sequence, DenseErrors()).add(flow, *known)
             except ValueError as problem:
                 text = str(problem)
