@@ -233,12 +233,12 @@ def _photons(options: Namespace) -> object:
 
 def _run_sweep(options: Namespace) -> list[Path]:
     from megalopta.benchmark.trial import load_sweep
-    from megalopta.reproduction.drawing import Means, reproduce_sweep
+    from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    means = Means(options.workers, options.cache, options.scheduler)
-    return reproduce_sweep(path.stem, sweep, out, means)
+    workers = Workers(options.workers, options.cache, options.scheduler)
+    return reproduce_sweep(path.stem, sweep, out, workers)
 
 
 @verb(

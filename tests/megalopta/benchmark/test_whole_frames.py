@@ -59,7 +59,7 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     assert board.scenes == ["rolled"]
     motion = np.hypot(2, 1)
     for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
-        found = board.by_scene().loc[("rolled", detector.name)][list(BASIC)]
+        found = board.by_scene().xs(detector.name, level="method")[list(BASIC)]
         np.testing.assert_allclose(found, [[error, error, 0]] * 2)
 
 
