@@ -9,13 +9,11 @@ averaged over all speeds except 0. `megalopta spadcam compare --scene plate` tes
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from megalopta.camera import comparison, motion_bench as bench
@@ -33,7 +31,6 @@ from megalopta.sensor.calibrate.level import Level
 
 _SHOWN = 4
 """Detector whose responses are drawn over time"""
-_CURVES = {"pooled_pixel": ("-", style.GRAY), "NDM": ("-", style.BLUE), "NDS": ("--", style.ORANGE)}
 _THEORY_CYCLES = 0.5
 """Cycles of the theoretical sinusoid along the row; the dissertation states only: below 1."""
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
@@ -43,7 +40,7 @@ _MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 def captured_figures(
     captured: Mapping[float, NDArray[Any]], sensor: Sensor, light: BenchLight | None = None
 ) -> Iterator[Figure]:
-    """Yield the figures.
+    """Yield the figures: 2.14 to 2.17 in one, and 2.18 and 2.19 in one.
 
     Parameters
     ----------
@@ -57,181 +54,126 @@ def captured_figures(
     """
     speeds = sorted(captured)
     slowest = next(speed for speed in speeds if speed > 0)
-    counts = {
-        "simulated": bench.record(slowest, sensor, light).counts,
-        "captured": captured[slowest],
-    }
-    rows = {name: bench.pooled(frames)[:, 0] for name, frames in counts.items()}
-    caption = (
-        f"The edge moves by {slowest:g} mm/s, {bench.pixels_per_frame(slowest):.2f} px per frame. "
-    )
-    caption += (
-        f"Simulated in the light fitted to this recording, in which {light}."
+    simulated = bench.record(slowest, sensor, light).counts
+    counts = {"simulated": simulated, "captured": captured[slowest]}
+    lit = (
+        f"light fitted to this recording, in which {light}."
         if light
-        else "Simulated in the dissertation's light: an open pixel detects "
-        f"{bench.OPEN_PHOTONS:g} photons per frame."
+        else f"dissertation's light: an open pixel detects {bench.OPEN_PHOTONS:g} photons a frame."
     )
-    title = "frames of a row of 12 pooled pixels as an edge passes"
-    yield _map_figure("2.14", title, rows, "pixel", "counts", caption)
-    responses = {
-        method: {name: _responses(method, frames) for name, frames in rows.items()}
-        for method in ("NDM", "NDS")
-    }
-    for number, method in (("2.15", "NDM"), ("2.16", "NDS")):
-        constant_ms = 1e3 * bench.TIME_CONSTANTS_S[method]
-        text = (
-            f"Each panel shows ten detectors with time constants of {constant_ms:.0f} ms at "
-            f"{bench.FRAME_RATE_HZ:g} frames/s."
-        )
-        title = f"{method} in the frames of Figure 2.14"
-        unit = f"response ({bench.UNITS[method]})"
-        yield _map_figure(number, title, responses[method], "detector", unit, text)
-    yield _transients(rows, responses, caption)
+    speed = f"{slowest:g} mm/s, {bench.pixels_per_frame(slowest):.2f} px per frame"
+    caption = f"The edge moves by {speed}. Simulated in the {lit}"
+    yield _passage({name: bench.pooled(frames)[:, 0] for name, frames in counts.items()}, caption)
     direct = [bench.peaks(speed, sensor, light) for speed in speeds]
-    for number, method in (("2.18", "NDM"), ("2.19", "NDS")):
-        simulated = [peaks[method] for peaks in direct]
-        crossings = [
-            bench.crossing_peaks(bench.detector(method), bench.pooled(captured[speed]))
-            for speed in speeds
+    peaks: dict[tuple[str, str], list[Peaks]] = {}
+    for method in _MEANS:
+        ours = peaks["simulated", method] = [each[method] for each in direct]
+        peaks["captured", method] = [
+            Peaks(
+                bench.crossing_peaks(bench.detector(method), bench.pooled(captured[speed])), ideal
+            )
+            for speed, (_, ideal) in zip(speeds, ours, strict=True)
         ]
-        recorded = [
-            Peaks(*both) for both in zip(crossings, (p.ideal for p in simulated), strict=True)
-        ]
-        yield _over_speeds(number, method, speeds, {"simulated": simulated, "captured": recorded})
+    yield _over_speeds(speeds, peaks)
 
 
-def _responses(method: str, frames: Floats) -> Floats:
-    """Responses (T, 10) of the detectors of one row (T, 12)."""
-    return bench.detector(method).respond(frames[:, np.newaxis])[:, 0, 1:-1]
+def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
+    """Draw the pooled frames (2·FRAMES, 12) of a row as an edge passes, and their responses."""
+    time_s = np.arange(2 * bench.FRAMES) / bench.FRAME_RATE_HZ
+    maps: dict[tuple[str, str], Floats] = {}
+    for name, frames in rows.items():
+        maps[name, "counts"] = frames
+        for method in _MEANS:
+            responses = bench.detector(method).respond(frames[:, np.newaxis])
+            maps[name, method] = responses[:, 0, 1:-1]
 
+    def draw(canvas: Canvas) -> None:
+        panels = canvas.subplots(len(rows), 4)
+        for (name, what), frames in maps.items():
+            row = list(rows).index(name)
+            axes = panels[row, ["counts", *_MEANS].index(what)]
+            look: dict[str, Any] = {"aspect": "auto", "interpolation": "nearest"}
+            canvas.colorbar(axes.imshow(frames[: bench.FRAMES], **look), ax=axes)
+            axes.grid(visible=False)
+            axes.set_title(f"{what}, {name}", fontsize=9, loc="left")
+            axes.set(xlabel="pixel" if what == "counts" else "detector", ylabel="frame")
+            curve = frames[:, _SHOWN + (what == "counts")]
+            panels[row, 3].plot(time_s, curve / curve.max(), label=what)
+        for axes in panels[:, 3]:
+            axes.set(ylim=(0, 1.05), xlabel="time (s)", ylabel="share of largest")
+        panels[0, 3].legend(loc="lower right", fontsize=8)
 
-def _map_figure(
-    number: str, title: str, rows: Mapping[str, Floats], across: str, unit: str, caption: str
-) -> Figure:
-    """Draw the frames (T, n) of a row as an edge passes, a panel per recording."""
-    shown = {name: frames[: bench.FRAMES] for name, frames in rows.items()}
-    ends = [min(map(np.min, shown.values())), max(map(np.max, shown.values()))]
     columns = {
-        f"{name}_{across}_{place}": column
-        for name, frames in shown.items()
+        f"{name}_{what}_{place}": column
+        for (name, what), frames in maps.items()
         for place, column in enumerate(frames.T, 1)
     }
-
-    def draw(canvas: Canvas) -> None:
-        panels = canvas.subplots(1, len(shown), sharey=True)
-        for axes, (name, frames) in zip(panels, shown.items(), strict=True):
-            extent = (0.5, frames.shape[1] + 0.5, len(frames) + 0.5, 0.5)
-            look: dict[str, Any] = {"aspect": "auto", "interpolation": "nearest", "clim": ends}
-            image = axes.imshow(frames, extent=extent, **look)
-            axes.grid(visible=False)
-            axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-            axes.set_title(name, loc="left")
-            axes.set_xlabel(across)
-            canvas.colorbar(image, ax=axes, label=unit if axes is panels[-1] else "")
-        panels[0].set_ylabel("frame")
-
     return Figure(
-        title=f"Figure {number}, captured: {title}",
-        caption=caption,
-        draw=draw,
-        numbers={"frame": np.arange(1.0, bench.FRAMES + 1), **columns},
-        height_in=3.8,
-        name=f"fig-{number}",
-    )
-
-
-def _transients(
-    rows: Mapping[str, Floats], responses: Mapping[str, Mapping[str, Floats]], caption: str
-) -> Figure:
-    """Draw Figure 2.17: one pooled pixel and its detectors, a panel per recording."""
-    time_s = np.arange(2 * bench.FRAMES) / bench.FRAME_RATE_HZ
-    curves = {
-        name: {"pooled_pixel": frames[:, _SHOWN + 1]}
-        | {method: found[name][:, _SHOWN] for method, found in responses.items()}
-        for name, frames in rows.items()
-    }
-
-    def draw(canvas: Canvas) -> None:
-        panels = canvas.subplots(len(curves), 1, sharex=True)
-        for axes, (name, lines) in zip(panels, curves.items(), strict=True):
-            for label, line in lines.items():
-                dash, color = _CURVES[label]
-                axes.plot(time_s, line / line.max(), dash, color=color, label=label, lw=1.7)
-            axes.set_title(name, loc="left")
-            axes.set(ylim=(0, 1.05), ylabel="share of largest")
-        panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
-        panels[-1].set(xlabel="time (s)", xlim=(0, time_s[-1]))
-
-    divided = "Every curve is divided by its largest value; the time between passages is omitted."
-    columns = {
-        f"{name}_{label}": line for name, lines in curves.items() for label, line in lines.items()
-    }
-    return Figure(
-        title="Figure 2.17, captured: one pooled pixel and its detectors as an edge passes and "
-        "returns",
-        caption=f"{caption} {divided}",
+        title="Figures 2.14 to 2.17, captured: a row of 12 pooled pixels and its detectors as an "
+        "edge passes",
+        caption=f"{caption} Curves are of one pixel and its detectors as the edge passes and "
+        "returns, divided by their largest value; the time between passages is omitted.",
         draw=draw,
         numbers={"time_s": time_s, **columns},
         height_in=4.6,
-        name="fig-2.17",
+        name="fig-2.14-to-2.17",
     )
 
 
 def _over_speeds(
-    number: str, method: str, speeds: Sequence[float], found: Mapping[str, Sequence[Peaks]]
+    speeds: Sequence[float], peaks: Mapping[tuple[str, str], Sequence[Peaks]]
 ) -> Figure:
-    """Draw Figure 2.18 or 2.19: peaks of one detector over the speed of the plate (mm/s)."""
+    """Draw peak responses over the speed of the plate (mm/s), by recording and method."""
     velocity = np.array([bench.pixels_per_frame(speed) for speed in speeds])
-    ideal = np.array([peaks.ideal.mean() for peaks in found["simulated"]])
-    fine, phase = np.linspace(0, velocity[-1], 201), 2 * np.pi * _THEORY_CYCLES / bench.PIXELS
-    mean = partial(_MEANS[method], bench.filter_step(method))
-    scale = ideal.max() / mean(phase * velocity, phase, 1.0).max()
+    moving, phase = np.array(speeds) > 0, 2 * np.pi * _THEORY_CYCLES / bench.PIXELS
     columns = {
-        f"{name}_{what}": np.array([getattr(peaks, field) for peaks in over])
-        for name, over in found.items()
+        f"{name}_{method}_{what}": np.array([getattr(each, field) for each in over])
+        for (name, method), over in peaks.items()
         for what, field in (("mean", "mean"), ("sigma", "deviation"), ("snr_db", "snr_db"))
     }
-    moving = np.array(speeds) > 0
-    snr_db = {name: float(columns[f"{name}_snr_db"][moving].mean()) for name in found}
+    snr_db = {key: columns[f"{key[0]}_{key[1]}_snr_db"][moving].mean() for key in peaks}
 
     def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        theory = scale * mean(phase * fine, phase, 1.0)
-        axes.plot(fine, theory, "--", color=style.BLACK, label="theoretical, sinusoid")
-        line = "-" if velocity.size > 1 else "_"
-        axes.plot(velocity, ideal, line, color=style.GREEN, ms=24, label="edge without noise")
-        looks = (("o", style.BLUE, -0.1), ("s", style.ORANGE, 0.1))
-        for name, (marker, color, shift) in zip(found, looks, strict=True):
-            look: dict[str, Any] = {"fmt": marker, "color": color, "capsize": 3, "lw": 1.4}
-            look["label"] = f"{name}, mean SNR {snr_db[name]:.1f} dB"
-            axes.errorbar(
-                velocity + shift, columns[f"{name}_mean"], columns[f"{name}_sigma"], **look
-            )
-        axes.set(xlabel="image velocity (pixels/frame)", ylim=(0, None))
-        axes.set_ylabel(f"peak response ({bench.UNITS[method]})")
-        axes.legend(loc="lower right")
+        fine = np.linspace(0, velocity[-1], 201)
+        for axes, (method, mean) in zip(canvas.subplots(1, 2), _MEANS.items(), strict=True):
+            ideal = np.array([each.ideal.mean() for each in peaks["simulated", method]])
+            theory = mean(bench.filter_step(method), phase * fine, phase, 1.0)
+            axes.plot(fine, ideal.max() * theory / theory.max(), "--", color=style.BLACK)
+            axes.plot(velocity, ideal, "-" if velocity.size > 1 else "_", color=style.GREEN, ms=24)
+            looks = (("simulated", "o", style.BLUE), ("captured", "s", style.ORANGE))
+            for shift, (name, marker, color) in zip((-0.1, 0.1), looks, strict=True):
+                key = f"{name}_{method}"
+                look: dict[str, Any] = {"fmt": marker, "color": color, "capsize": 3, "label": name}
+                ends = columns[f"{key}_mean"], columns[f"{key}_sigma"]
+                axes.errorbar(velocity + shift, *ends, **look)
+            axes.set(title=method, xlabel="image velocity (pixels/frame)", ylim=(0, None))
+            axes.set_ylabel(f"peak response ({bench.UNITS[method]})")
+            axes.legend(loc="lower right")
 
-    crossings, rows, detectors = found["simulated"][0].noisy.shape
-    one_row = f"{_PRINTED_SNR_DB[method]} dB, one row"
+    crossings, rows, detectors = peaks["simulated", "NDM"][0].noisy.shape
     return Figure(
-        title=f"Figure {number}, captured: peak response of {method} to an edge over its velocity",
+        title="Figures 2.18 and 2.19, captured: peak responses to an edge over its velocity",
         caption=(
             "Points are the mean and σ of the largest response of one detector while an edge "
             f"crosses, over {crossings} crossings of {detectors} detectors in each of {rows} rows. "
             "The SNR is 20·log10(mean/σ), averaged over the speeds but 0; the dissertation does "
-            "not define its own. The theoretical curve is the mean response to a sinusoid of "
+            "not define its own. Green: without noise. Dashed: the mean response to a sinusoid of "
             f"{_THEORY_CYCLES:g} cycles along the row, scaled to the same height."
         ),
         draw=draw,
         numbers={
             "speed_mm_s": np.array(speeds, float),
             "velocity_px_per_frame": velocity,
-            "theoretical": scale * mean(phase * velocity, phase, 1.0),
-            "without_noise": ideal,
             **columns,
         },
-        printed={f"SNR, {name}": (f"{value:.1f} dB", one_row) for name, value in snr_db.items()},
-        name=f"fig-{number}",
+        printed={
+            f"SNR of {method}, {name}": (
+                f"{value:.1f} dB",
+                f"{_PRINTED_SNR_DB[method]} dB, one row",
+            )
+            for (name, method), value in snr_db.items()
+        },
+        name="fig-2.18-and-2.19",
     )
 
 

@@ -6,9 +6,8 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from megalopta.benchmark import runner as engine
-from megalopta.benchmark.runner import run_trials, trial_work
-from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial
+from megalopta.benchmark import trial as engine
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, run_trials, trial_work
 from megalopta.flow.benchmark.settings import SearchSettings
 
 from ..small import counting
