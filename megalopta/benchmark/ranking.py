@@ -79,10 +79,6 @@ class RankingSettings(Record, frozen=True):
     """Sides of the squares of pixels whose photons are added (px)."""
     frames_pooled: Annotated[tuple[Frames, ...], ONCE, Field(min_length=1)] = (1, 2)
     """Successive frames whose photons are added."""
-    camera_pairs: Annotated[int, Field(ge=0)] = 3
-    """Pairs of frames per sequence from which the camera's motion is estimated."""
-    wide_field: Annotated[tuple[str, ...], ONCE] = ("EMD",)
-    """Methods without velocities, ranked with the others by the camera's yaw rate."""
     seed: int = 0
     """Seed of the photons."""
 
@@ -212,17 +208,10 @@ class Ranking:
 def ranking_rows(
     samples: pd.DataFrame, settings: RankingSettings, blocks: Mapping[str, int]
 ) -> pd.DataFrame:
-    """Return the long table from the samples of all sequences.
-
-    Errors of blocks have means and intervals over units; of other metrics, the median counts.
-    """
-    is_error = samples["metric"].isin((MEAN, MEDIAN, FAR))
-    known = samples[~is_error].dropna(subset="total")  # blocks without light have none
-    medians = known.groupby(table.CASE, sort=False)["total"].median().rename("value").reset_index()
-    errors = samples[is_error]
-    ratios = _ratios(errors[errors["metric"] == MEAN], settings, blocks)
-    parts = [table.means(errors, BOUND), medians, ratios]
-    rows = pd.concat([part for part in parts if len(part)], ignore_index=True)
+    """Return the long table from the samples of all sequences."""
+    ratios = _ratios(samples[samples["metric"] == MEAN], settings, blocks)
+    means = table.means(samples, BOUND)
+    rows = pd.concat([means, ratios], ignore_index=True) if len(ratios) else means
     rows["surely_lowest"] = rows["surely_lowest"].eq(True)
     return rows.reindex(columns=COLUMNS)
 

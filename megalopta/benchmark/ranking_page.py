@@ -1,6 +1,5 @@
 """The page of a ranking: errors by method and light, plots, and where the ranking changes."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
 from megalopta.core.arrays import Floats
 from megalopta.plotting import sections, style, svg
 from megalopta.plotting.sections import Section
-from megalopta.plotting.text import UNDEFINED, level_name, number, percent
+from megalopta.plotting.text import UNDEFINED, level_name, number, percent, short
 
 _LUX = np.logspace(-4, 5, 91)
 _EXPOSURES_S = np.logspace(-4, 0, 41)
@@ -54,17 +53,6 @@ _CHANGES = (
     "high parallax, are visible in the next frame. Hidden blocks are not, and come from sequences "
     "with more motion than the camera's rotation."
 )
-_CAMERA = (
-    "Angles between estimated and true rotation, and between headings, estimated from the "
-    "velocities of all blocks of a pair of frames, or by maximum likelihood from the counts of two "
-    "frames, or of eight around the pair. Medians over pairs and sequences."
-)
-_YAW_RATE = (
-    "RMS error (deg/s) of the camera's yaw rate from a weighted sum of all responses, in "
-    "parentheses without noise, and RMS of the true rate. Weights are learned from noise-free "
-    "responses to the first half of a sequence and tested on the second. Methods that are blind to "
-    "direction (NDM, NDS, IM) are not ranked."
-)
 _BLOCKS = (
     "Speed is low below {:g} px and high above {:g} px. Parallax is the motion that remains "
     "without the camera's rotation: low below {:g} px, high above {:g} px. Distance is low below "
@@ -87,14 +75,6 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
         Section("Best method by light and motion", ATLAS, body=_large(atlas(ranking))),
         Section("Pooling", _POOLING, body=_large(pooling_grid(ranking))) if is_pooled else None,
         _rank_changes(ranking),
-        _by_photons(ranking, "Camera motion", _CAMERA, _motion, errors.ROTATION, errors.HEADING),
-        _by_photons(
-            ranking,
-            "Yaw rate, with methods without velocities",
-            _YAW_RATE,
-            "{:.2g} ({:.2g}) of {:.3g}".format,
-            *(errors.YAW, errors.YAW_OF_LIGHT, errors.TRUE_YAW),
-        ),
         Section("Blocks", _BLOCKS, ("group", "blocks"), _block_rows(ranking)),
     ]
     title = "Flow methods on rendered sequences"
@@ -112,7 +92,7 @@ def best_methods(ranking: Ranking) -> str:
         if best is not None:
             name = "zero-motion baseline" if best["method"] == STILL else best["method"]
             sure = "" if best["surely_lowest"] else " (not significant)"
-            found.append(f"{number(flux)}: {name}{sure}")
+            found.append(f"{short(flux)}: {name}{sure}")
     return f"Lowest mean error by photons per frame: {', '.join(found)}."
 
 
@@ -126,7 +106,7 @@ def caution(ranking: Ranking) -> str:
         return ""
     return (
         f"Caution: the rendering is as noisy as {number(equal)} photons per pixel. From "
-        f"{number(noisy[0])} photons per frame on, errors are due to it at least as much as to "
+        f"{short(noisy[0])} photons per frame on, errors are due to it at least as much as to "
         "photons; render with more light paths per pixel."
     )
 
@@ -165,7 +145,8 @@ def error_curves(ranking: Ranking, metric: str, label: str) -> Markup:
 @svg.in_style
 def group_curves(ranking: Ranking) -> Markup:
     """Draw mean errors over photons, a panel per group of blocks; empty without such groups."""
-    groups = [name for name in _GROUPS if ranking.facts.blocks.get(name)]
+    blocks = ranking.facts.blocks
+    groups = [name for name in _GROUPS if 0 < blocks.get(name, 0) < blocks["all"]]
     if not groups:
         return Markup()
     rows = -(-len(groups) // 2)
@@ -173,7 +154,7 @@ def group_curves(ranking: Ranking) -> Markup:
     panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
     for axes, group in zip(panels.flat, groups, strict=False):
         _curves(axes, ranking, ranked.MEAN, group)
-        axes.set_title(f"{group}: {ranking.facts.blocks[group]} blocks", loc="left")
+        axes.set_title(f"{group}: {blocks[group]} blocks", loc="left")
     for axes in panels.flat[len(groups) :]:
         axes.set_axis_off()
     figure.supxlabel("photons per frame", fontsize=10)
@@ -266,7 +247,7 @@ def pooling_grid(ranking: Ranking) -> Markup:
             axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=ink)
     axes.imshow(colors, aspect="auto", origin="lower")
     axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
-    axes.set_yticks(range(len(fluxes)), [number(flux) for flux in fluxes])
+    axes.set_yticks(range(len(fluxes)), [short(flux) for flux in fluxes])
     axes.set(ylabel="photons per frame")
     return svg.to_svg(figure, "pooling", "The best method at every pooling and number of photons")
 
@@ -298,7 +279,7 @@ def _answer(ranking: Ranking) -> Section:
         for level in facts.settings.light_levels
     }
     heads = (
-        f"{number(flux)} photons, {number(flux / facts.frame_px)} per px"
+        f"{short(flux)} photons, {number(flux / facts.frame_px)} per px"
         + (f": {level_name(level_at[flux])}" if flux in level_at else "")
         for flux in fluxes
     )
@@ -317,7 +298,7 @@ def _rank_changes(ranking: Ranking) -> Section:
     rows = tuple(
         (
             change.groups.what,
-            number(change.first.photons),
+            short(change.first.photons),
             f"{change.first.method} / {change.first.against}",
             text(change.first, False),
             text(change.second, True),
@@ -325,30 +306,6 @@ def _rank_changes(ranking: Ranking) -> Section:
         for change in ranked.changes(ranking)
     )
     return Section("Rank changes", f"{order_changes(ranking)[0]} {_CHANGES}", head, rows)
-
-
-def _motion(rotation: float, heading: float | None = None) -> str:
-    return f"{rotation:.2g}°, {UNDEFINED if heading is None else f'{heading:.2g}°'}"
-
-
-def _by_photons(
-    ranking: Ranking, title: str, text: str, cell: Callable[..., str], *metrics: str
-) -> Section | None:
-    """Return a table of methods by photons; a cell shows the values of metrics. None if empty."""
-    fluxes, rows = sorted(ranking.facts.settings.fluxes), ranking.rows
-    rows = rows[rows["metric"].isin(metrics)]
-    value = {(row.metric, row.method, row.photons): row.value for row in rows.itertuples()}
-    methods = dict.fromkeys(rows["method"])
-
-    def shown(name: str, flux: float) -> str:
-        keys = [(metric, name, flux) for metric in metrics]
-        return (
-            cell(*(value[key] for key in keys if key in value)) if keys[0] in value else UNDEFINED
-        )
-
-    lines = tuple((name, *(shown(name, flux) for flux in fluxes)) for name in methods)
-    head = ("method", *(f"{number(flux)} photons" for flux in fluxes))
-    return Section(title, text, head, lines) if lines else None
 
 
 def _block_rows(ranking: Ranking) -> tuple[tuple[str, ...], ...]:

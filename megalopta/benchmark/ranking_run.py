@@ -88,12 +88,12 @@ def _ranked(
         settings = settings.model_copy(update={"fluxes": fluxes})
     rows, per_lux = [], []
     segments = 1 if len(datasets) >= FEWEST_SEQUENCES else SEGMENTS
-    total = sequence_errors.work(settings, methods) * len(datasets)
+    total = len(settings.poolings) * len(methods) * len(settings.fluxes) * len(datasets)
     with progress("Ranking methods", total, "case") as advance:
         for dataset in datasets:
             sequence = RankedSequence(dataset, settings, methods, folder / dataset.sequence)
             per_lux.append(_photons_per_lux_s(dataset, sequence.light))
-            rows += sequence_errors.sequence_rows(sequence, segments, advance)
+            rows += sequence_errors.endpoint_errors(sequence, segments, advance)
     samples = table.samples(rows)
     blocks = _group_blocks(samples, settings)
     noise = [dataset.read_scene_record().get("monte_carlo") for dataset in datasets]

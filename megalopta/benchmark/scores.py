@@ -230,39 +230,38 @@ def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
 def score_table(scores: Scores) -> Table:
     """Return the errors of every sequence and overall, a block per pass."""
     title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
-    table = _table(title, ("pass", "sequence"))
-    for each in scores.entries:
-        names = each.pass_name, "overall" if each.sequence is None else each.sequence
-        style = "bold" if each.sequence is None else None
-        table.add_row(*map(sentence, names), *_cells(each.errors), style=style)
-        if each.sequence is None:
-            table.add_section()
-    return table
+    names = [
+        (entry.pass_name, "overall" if entry.sequence is None else entry.sequence)
+        for entry in scores.entries
+    ]
+    return _table(title, ("pass", "sequence"), names, scores.entries)
 
 
 def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
     """Return the entries for one truth, the lowest EPE first, by pass."""
-    table = _table("Leaderboard", ("pass", "program"))
-    shown = [entry for entry in entries if entry.truth_hash == truth_hash]
 
     def order(entry: Entry) -> tuple[str, float]:
         error_px = entry.errors["all"]["epe_px"]
         return entry.pass_name, math.inf if error_px is None else error_px
 
-    for entry in sorted(shown, key=order):
-        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
-    return table
+    shown = sorted((entry for entry in entries if entry.truth_hash == truth_hash), key=order)
+    names = [(entry.pass_name, entry.program) for entry in shown]
+    return _table("Leaderboard", ("pass", "program"), names, shown)
 
 
-def _table(title: str, first: Iterable[str]) -> Table:
+def _table(
+    title: str, heads: Iterable[str], names: Iterable[tuple[str, str]], entries: Iterable[Entry]
+) -> Table:
+    """Return a row of errors per entry; a name "overall" ends a block."""
     table = Table(title=title, box=SIMPLE, padding=(0, 1))
-    for name in first:
-        table.add_column(name, no_wrap=True)
-    for name in _COLUMNS:
-        table.add_column(name, justify="right", no_wrap=True)
+    for head in heads:
+        table.add_column(head, no_wrap=True)
+    for head in _COLUMNS:
+        table.add_column(head, justify="right", no_wrap=True)
+    for pair, entry in zip(names, entries, strict=True):
+        values = (entry.errors[group][field] for group, field in _COLUMNS.values())
+        cells = ("–" if value is None else f"{value:.3g}" for value in values)
+        is_last = pair[1] == "overall"
+        style = "bold" if is_last else None
+        table.add_row(*map(sentence, pair), *cells, style=style, end_section=is_last)
     return table
-
-
-def _cells(groups: Groups) -> list[str]:
-    values = (groups[group][name] for group, name in _COLUMNS.values())
-    return ["–" if value is None else f"{value:.3g}" for value in values]

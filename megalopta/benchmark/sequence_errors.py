@@ -2,37 +2,28 @@
 
 Photons are drawn on perfect pixels from the rendered light, with one scale for all frames; all
 methods see the same draws. A block's error is its endpoint error in px of the full image per frame;
-a block without velocity counts as zero motion. The weights of a yaw rate are learned from the light
-itself, at the same number of photons but without noise.
+a block without velocity counts as zero motion.
 
 Groups show where a ranking changes: blocks hidden in the next frame, depth edges, image speed,
 distance, and parallax, the motion that remains without the camera's rotation.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from megalopta.benchmark import methods as benchmarked, ranking
-from megalopta.benchmark.ranking import NO_POOLING, RANGES, Pooling, RankingSettings, at_speed
+from megalopta.benchmark.ranking import RANGES, Pooling, RankingSettings, at_speed
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.freshness import code_digest, digest
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.settings import default_warm_up
-from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion import camera_motion, wide_field
-from megalopta.flow.egomotion.motion_of_flow import motion_of_flow
 from megalopta.flow.metrics import endpoint_error, translation_bound
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
@@ -44,17 +35,8 @@ DISTANCES_M = (5.0, 20.0)
 FAR_PX = 3.0
 _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
-_STILL_M = 1e-9
 _TURNING_PX = 0.01
 """Largest parallax of a sequence of rotation alone, in which nothing moves"""
-
-LIKELIHOODS: Mapping[str, int] = MappingProxyType(
-    {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
-)
-"""Names of the maximum-likelihood motions, and their numbers of frames"""
-
-ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
-YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
 _NO_LIMIT = 2**62
 
@@ -166,13 +148,12 @@ def cell_name(speed: str, parallax: str) -> str:
 
 
 class Drawn(NamedTuple):
-    """A photon draw of a sequence, or the light itself."""
+    """A photon draw of a sequence."""
 
     pooling: Pooling
     flux: float
     """Photons per frame, before pooling of frames"""
-    repeat: int | None
-    """None: light without noise"""
+    repeat: int
 
 
 class RankedSequence:
@@ -206,39 +187,19 @@ class RankedSequence:
     def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
         """Return the velocities by a method in each photon draw."""
         draws = (Drawn(pooling, flux, repeat) for repeat in range(self.settings.repeats))
-        return [self.velocities(self.methods[name], drawn) for drawn in draws]
+        return [self._velocities(name, drawn) for drawn in draws]
 
-    def velocities(self, method: Detector, drawn: Drawn) -> Floats:
-        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
-
-        For a method without velocities, its responses (T, H, W).
-        """
-
-        def measured() -> Floats:
-            means = self.means(drawn.pooling, drawn.flux)
-            found = method.respond(self._frames_of(drawn), 1 / means.mean())
-            px = drawn.pooling.pixels / drawn.pooling.frames
-            return found * (px if method.gives == "velocity" else 1.0)
-
-        return self._kept(drawn, benchmarked.identity(method), measured)
-
-    def likely_motions(self, drawn: Drawn, name: str, pairs: Sequence[int]) -> Floats:
-        """Most likely rotations (°) and headings of the camera around each pair, (pairs, 6)."""
-        frames = LIKELIHOODS[name]
-
-        def measured() -> Floats:
-            counts, motions = self._frames_of(drawn), []
-            for pair in pairs:
-                start = pair - (frames // 2 - 1)
-                window = counts[max(start, 0) : start + frames]
-                motion: Sequence[float] = (np.nan,) * 6
-                if len(window) == frames and camera_motion.tell_motion(window):
-                    likely = camera_motion.likely_camera_motion(window, self.camera)
-                    motion = (*likely.rotation_deg, *likely.heading)
-                motions.append(motion)
-            return np.array(motions)
-
-        return self._kept(drawn, f"{name}: {self.camera!r} {list(pairs)}", measured)
+    def _velocities(self, name: str, drawn: Drawn) -> Floats:
+        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
+        method, pooling = self.methods[name], drawn.pooling
+        what = digest(self._key, benchmarked.identity(method), repr(drawn))
+        store = ArrayStore(self._folder, what, _NO_LIMIT)
+        if (kept := store.read(["found"])) is None:
+            means = self.means(pooling, drawn.flux)
+            counts = draw_counts(means, self.settings.seed, self.dataset.sequence, *map(str, drawn))
+            found = method.respond(counts, 1 / means.mean()) * (pooling.pixels / pooling.frames)
+            store.write(kept := {"found": found.astype(np.float32)})
+        return kept["found"].astype(np.float64)
 
     def means(self, pooling: Pooling, flux: float) -> Floats:
         """Mean photons on each pixel of pooled frames (T, H, W)."""
@@ -246,20 +207,6 @@ class RankedSequence:
             light = pooling.light(self.light)
             self._pooled = {pooling: light / light.sum(axis=(1, 2)).mean()}
         return self._pooled[pooling] * (flux * pooling.frames)
-
-    def _frames_of(self, drawn: Drawn) -> NDArray[Any]:
-        """Counts (T, H, W) of a draw, or their means."""
-        means = self.means(drawn.pooling, drawn.flux)
-        if drawn.repeat is None:
-            return means
-        return draw_counts(means, self.settings.seed, self.dataset.sequence, *map(str, drawn))
-
-    def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
-        """Return a measurement of a draw, kept or new."""
-        store = ArrayStore(self._folder, digest(self._key, name, repr(drawn)), _NO_LIMIT)
-        if (kept := store.read(["found"])) is None:
-            store.write(kept := {"found": measure().astype(np.float32)})
-        return kept["found"].astype(np.float64)
 
 
 def perfect_light(dataset: Dataset) -> Floats:
@@ -270,22 +217,6 @@ def perfect_light(dataset: Dataset) -> Floats:
         for _, radiance in read_radiance_frames(dataset)
     ]
     return np.concatenate(parts).astype(np.float64)
-
-
-def sequence_rows(
-    sequence: RankedSequence, segments: int, advance: Callable[[int], object]
-) -> Rows:
-    """Yield the samples of all metrics; `advance` is called as often as `work` says."""
-    yield from endpoint_errors(sequence, segments, advance)
-    yield from camera_errors(sequence, advance)
-    yield from yaw_errors(sequence, advance)
-
-
-def work(settings: RankingSettings, methods: benchmarked.Methods) -> int:
-    """Return the number of calls of `advance` for one sequence."""
-    wide = benchmarked.directional_methods(methods, settings.wide_field)
-    cases = len(settings.poolings) * len(methods) + len(wide) + (settings.camera_pairs > 0)
-    return cases * len(settings.fluxes)
 
 
 def endpoint_errors(
@@ -351,75 +282,3 @@ def _in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segmen
     parts = zip(np.array_split(totals, segments), np.array_split(blocks, segments), strict=True)
     for segment, (total, count) in enumerate(parts):
         yield metric, group, segment, total.sum(), count.sum()
-
-
-def camera_errors(sequence: RankedSequence, advance: Callable[[int], object]) -> Rows:
-    """Yield errors of the camera's rotation and heading, from flow and by maximum likelihood."""
-    settings, frames = sequence.settings, sequence.trajectory.frames
-    if not settings.camera_pairs:
-        return
-    # all pairs have the frames around them that the likelihood uses, if the sequence is long enough
-    most = max(LIKELIHOODS.values())
-    before = most // 2 - 1 if frames >= most else 0
-    spread = np.linspace(before, frames - 2 - before, settings.camera_pairs)
-    pairs = np.unique(spread.astype(int)).tolist()
-    for flux in settings.fluxes:
-        motions: dict[str, Any] = {}
-        for name in sequence.methods if settings.finest == NO_POOLING else ():
-            flow, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
-            motions[name] = [_fitted(sequence, grid, flow[pair]) for pair in pairs]
-        for name in LIKELIHOODS:
-            motions[name] = sequence.likely_motions(Drawn(NO_POOLING, flux, 0), name, pairs)
-        for name, found in motions.items():
-            errors = [motion_errors(sequence, *each) for each in zip(found, pairs, strict=True)]
-            for metric, values in zip((ROTATION, HEADING), np.transpose(errors), strict=True):
-                for value in values:
-                    yield _row(metric, name, flux, sequence, float(value))
-        advance(1)
-
-
-def _fitted(sequence: RankedSequence, grid: BlockGrid, velocities: Floats) -> Floats:
-    """Return the motion that best fits the flow (rows, columns, 2) of a pair, (6,)."""
-    inside, camera = np.s_[1:-1, 1:-1], sequence.camera
-    scale = np.array([camera.width / grid.shape[1], camera.height / grid.shape[0]])
-    try:
-        found = motion_of_flow(camera, grid.centers[inside] * scale, velocities[inside])
-    except ValueError:  # too few blocks have a velocity
-        return np.full(6, np.nan)
-    return np.concatenate((found.rotation_deg, found.heading))
-
-
-def motion_errors(sequence: RankedSequence, found: Floats, pair: int) -> tuple[float, float]:
-    """Return the errors of a motion (6,) between a frame and the next (degrees), NaN if unknown.
-
-    They are the angle of the remaining rotation, and the angle between the headings.
-    """
-    if np.isnan(found).any():
-        return math.nan, math.nan
-    poses = sequence.trajectory.poses()[pair : pair + 2]
-    turn = poses[0, :3, :3].T @ poses[1, :3, :3]
-    way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
-    left = Rotation.from_rotvec(found[:3], degrees=True).inv() * Rotation.from_matrix(turn)
-    moves = np.linalg.norm(way) >= _STILL_M
-    heading = float(endpoint_error.angles_deg(found[3:], way)) if moves else math.nan
-    return float(np.degrees(left.magnitude())), heading
-
-
-def yaw_errors(sequence: RankedSequence, advance: Callable[[int], object]) -> Rows:
-    """Learn the yaw rate from noise-free responses to half of a sequence; test on the rest."""
-    rates = wide_field.yaw_rates_deg_s(sequence.trajectory)
-    wide = benchmarked.directional_methods(sequence.methods, sequence.settings.wide_field)
-    for (name, detector), flux in product(wide.items(), sequence.settings.fluxes):
-        warm_up = default_warm_up(len(rates) + 1, [detector])
-        test = wide_field.YawRateTest(detector, rates, warm_up)
-        draws = (Drawn(NO_POOLING, flux, repeat) for repeat in (None, 0))
-        test.add(*(sequence.velocities(detector, drawn) for drawn in draws))
-        if found := test.result():
-            yield _row(TRUE_YAW, name, flux, sequence, found.true_deg_s)
-            yield _row(YAW_OF_LIGHT, name, flux, sequence, found.ideal_deg_s)
-            yield _row(YAW, name, flux, sequence, found.counts_deg_s)
-        advance(1)
-
-
-def _row(metric: str, name: str, flux: float, sequence: RankedSequence, value: float) -> Any:
-    return metric, name, flux, "all", *NO_POOLING, sequence.dataset.sequence, value, 1.0

@@ -136,32 +136,23 @@ def template_names(templates: Sequence[Template]) -> list[str]:
     return names
 
 
-def template_pixels(
-    templates: Iterable[Template], cache: Path | None = None
-) -> dict[Template, Floats]:
-    """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama.
-
-    Panoramas rendered by this project are in the cache, by default the user's.
-    """
-    asked = set(templates)
-    names = {each.name for each in asked if not isinstance(each, GratingTemplate)}
-    rendered = {name: NATURAL_PANORAMAS[name] for name in sorted(names & set(NATURAL_PANORAMAS))}
-    natural = natural_templates(cache, rendered) if rendered else {}
-    return {template: _pixels(template, natural) for template in asked}
+def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
+    """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama."""
+    return {template: _pixels(template) for template in set(templates)}
 
 
-def _pixels(template: Template, natural: dict[str, Floats]) -> Floats:
+def _pixels(template: Template) -> Floats:
     if isinstance(template, GratingTemplate):
         return template.pixels()
-    light = natural.get(template.name)
-    if light is None:
-        path = Path(template.name)
-        if not (path.suffix or path.exists()):
-            raise UserError(
-                f"template.name: no forest {template.name!r}; there are"
-                f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
-            )
-        light = template_from_file(path)
+    if template.name in NATURAL_PANORAMAS:
+        light = natural_templates([template.name])[template.name]
+    elif Path(template.name).suffix or Path(template.name).exists():
+        light = template_from_file(Path(template.name))
+    else:
+        raise UserError(
+            f"template.name: no forest {template.name!r}; there are"
+            f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
+        )
     if template.coding == "linear":
         return light
     gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)

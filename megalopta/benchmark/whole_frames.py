@@ -314,7 +314,7 @@ def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
                 f"{footage.path} has {len(footage)} frames; give it alone, or two pictures"
             )
     if first.shape != second.shape:
-        sizes = " and ".join(f"{h} × {w}" for w, h in (first.shape, second.shape))
+        sizes = " and ".join(f"{both.shape[1]} × {both.shape[0]}" for both in (first, second))
         raise UserError(f"{first.path} and {second.path} have {sizes} px; give one size")
     return partial(_luminance, first, 0), partial(_luminance, second, 0)
 

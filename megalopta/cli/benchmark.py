@@ -32,7 +32,7 @@ _UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
-_OF_SWEEPS = ("allow_code", "out", "cache")
+_OF_SWEEPS = ("allow_code", "out")
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -237,7 +237,7 @@ def _run_sweep(options: Namespace) -> list[Path]:
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    workers = Workers(options.workers, options.cache, options.scheduler)
+    workers = Workers(options.workers, options.scheduler)
     return reproduce_sweep(path.stem, sweep, out, workers)
 
 

@@ -251,7 +251,6 @@ CLUSTER = (
 THREADS = (
     option("--workers N", "threads (default: one for each core)", at_least(1)),
     _SCHEDULER,
-    option("--cache", "folder of rendered panoramas (default: the user's)", Path),
 )
 """Options for threads or a cluster, and for the cache of rendered panoramas."""
 

@@ -105,7 +105,7 @@ def _reproduce(options: Namespace) -> list[Path]:
     from megalopta.reproduction.chapter4 import reproduce
     from megalopta.reproduction.sweep_figure import Workers
 
-    workers = Workers(options.workers, options.cache, options.scheduler)
+    workers = Workers(options.workers, options.scheduler)
     return reproduce(options.figures, options.out, options.quick, workers)
 
 

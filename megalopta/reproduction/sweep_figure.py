@@ -47,8 +47,6 @@ class Workers:
 
     threads: int | None = None
     """Default: one per core."""
-    cache: Path | None = None
-    """Folder of rendered panoramas; default: the user's"""
     scheduler: str | None = None
     """Address of a Dask cluster to use instead of threads."""
 
@@ -68,7 +66,7 @@ def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: Workers = DEFAU
 
 def measure(trials: Sequence[Trial], out: Path, workers: Workers) -> Results:
     """Return the error curves of trials, kept in the folder `trials` of `out`."""
-    templates = template_pixels((trial.template for trial in trials), workers.cache)
+    templates = template_pixels(trial.template for trial in trials)
     return run(trials, templates, out / "trials", workers.threads, workers.scheduler)
 
 

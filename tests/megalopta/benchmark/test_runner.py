@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import trial as engine
-from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, run_trials, trial_work
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, run_trials
 from megalopta.flow.benchmark.settings import SearchSettings
 
 from ..small import counting
@@ -80,12 +80,3 @@ def test_a_damaged_record_is_measured_again(tmp_path, content):
     path.write_bytes(content)
     assert run(tmp_path, trials=TRIALS[:1]) == complete
     assert path.read_bytes() == whole
-
-
-def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
-    for _ in range(2):
-        done = []
-        with ThreadPoolExecutor(1) as pool:
-            run_trials([*TRIALS, *TRIALS], TEMPLATES, tmp_path, pool, done.append)
-        assert sum(done) == trial_work(TRIALS)
-        assert len(done) == len(TRIALS)

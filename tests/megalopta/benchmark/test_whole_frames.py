@@ -1,7 +1,6 @@
 """The board of whole frames, on scenes made here and on files in the layouts of others."""
 
 import csv
-import time
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -104,17 +103,6 @@ def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
         assert found[name] == pytest.approx(error), name
 
 
-def test_processor_time_stands_beside_the_error(clip):
-    def busy(first, second):
-        start = time.process_time()
-        while time.process_time() < start + 0.05:
-            pass
-        return np.zeros((*first.shape, 2))
-
-    board = frame_errors([clip], [detector_from(busy)], (3.0,))
-    assert 0.05 <= board.by_scene()[SECONDS].item() < 1
-
-
 def test_methods_and_baselines_of_a_board_do_with_its_frames():
     two, eight = ({each.name: each for each in methods_and_baselines(n)} for n in (2, 8))
     assert {"PM", "DIS tuned"} <= set(two) and not {"PPM", "EMD"} & set(two)
@@ -200,26 +188,34 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
     assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
 
 
-def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused):
-    def run(*words):
-        return refused("benchmark", "pairs", *words)
-
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["{picture}", "{truth}"], "2 paths; give a folder"),
+        (["{root}", "--photons", "1,-3"], "give comma-separated numbers above 0"),
+        (["{root}", "--methods", "NDS"], "NDS measures no velocity"),
+        (["{root}", "--methods", "PPM"], "has 2 frames; PPM needs 8"),
+        (["{picture}", "{small}", "{truth}"], "give pictures and flow of one size"),
+        (["{truth}", "{small}", "{truth}"], "not a supported picture"),
+        (["{root}/elsewhere"], "no such folder"),
+        (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
+        (["{picture}", "--no-truth"], "has one frame"),
+        (["{picture}", "{picture}", "{picture}", "--no-truth"], "3 paths; without truth"),
+        (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
+        (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused, words, told):
     middlebury(tmp_path, clip)
-    picture, truth = (
-        tmp_path / "other-data/Venus/frame10.png",
-        tmp_path / "other-gt-flow/Venus/flow10.flo",
-    )
-    assert "2 paths; give a folder" in run(picture, truth)
-    assert "give comma-separated numbers above 0" in run(tmp_path, "--photons", "1,-3")
-    assert "NDS measures no velocity" in run(tmp_path, "--methods", "NDS")
-    assert "has 2 frames; PPM needs 8" in run(tmp_path, "--methods", "PPM")
     small = tmp_path / "small.png"
     Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
-    assert "give pictures and flow of one size" in run(picture, small, truth)
-    assert "not a supported picture" in run(truth, small, truth)
-    assert "no such folder" in run(tmp_path / "elsewhere")
-    words = run(picture, picture, tmp_path / "none.flo")
-    assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words
+    names = {
+        "root": tmp_path,
+        "small": small,
+        "picture": tmp_path / "other-data/Venus/frame10.png",
+        "truth": tmp_path / "other-gt-flow/Venus/flow10.flo",
+    }
+    assert told in refused("benchmark", "pairs", *(word.format(**names) for word in words))
 
 
 # without truth
@@ -316,31 +312,6 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     assert "mean over 2 pairs, 95 % CI over pairs" in said.out
     assert "which favors DIS" in said.out and "may share an error" in said.out
     assert "that of BT.709 is used" in said.err
-
-
-def test_two_pictures_and_another_reference(folder, tmp_path, capsys):
-    words = "--methods BM,LK --reference LK --photons 1000".split()
-    row, _ = rows_of(tmp_path / "pairs.csv", folder / "f0.png", folder / "f2.png", *words)
-    assert row["pair"] == "f0" and row["stand_in"].startswith("not the truth but LK")
-    assert float(row["median_px_from_stand_in"]) < 0.5
-    assert "median_px_from_others" not in row
-    assert "other methods" not in capsys.readouterr().out
-
-
-def test_what_has_no_pairs_is_refused(folder, film, refused):
-    def told(*words):
-        return refused("benchmark", "pairs", *words)
-
-    one = folder / "f0.png"
-    assert "has one frame" in told(one, "--no-truth")
-    assert "3 paths; without truth" in told(one, one, one, "--no-truth")
-    assert "has 6 frames; give it alone" in told(one, film, "--no-truth")
-    assert "--reference needs --no-truth" in told(folder, "--reference", "LK")
-    assert "NDS measures no velocity" in told(folder, "--no-truth", "--reference", "NDS")
-    assert "without flow: --no-truth" in told(one, one)
-    small = folder / "small.png"
-    Image.fromarray(np.zeros((30, 20), np.uint8)).save(small)
-    assert "have 120 × 96 and 20 × 30 px" in told(one, small, "--no-truth")
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):

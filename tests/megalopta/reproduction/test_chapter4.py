@@ -58,7 +58,7 @@ def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     assert natural.found_at == "v = 8"
 
 
-def pictures(of_templates, cache=None):
+def pictures(of_templates):
     """Two pixels for each template: of contrast 1 in light, ½ in gray values."""
     pixels = {"linear": np.array([[0.0, 2.0]]), "srgb": np.array([[1.0, 3.0]])}
     return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
