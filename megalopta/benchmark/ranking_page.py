@@ -1,5 +1,7 @@
 """The page of a ranking: errors by method and light, plots, and where the ranking changes."""
 
+from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -9,21 +11,17 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, sequence_errors as errors
-from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
-from megalopta.core.arrays import Floats
+from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Pooling, Ranking
 from megalopta.plotting import sections, style, svg
 from megalopta.plotting.sections import Section
 from megalopta.plotting.text import UNDEFINED, level_name, number, percent, short
 
-_LUX = np.logspace(-4, 5, 91)
-_EXPOSURES_S = np.logspace(-4, 0, 41)
 _INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
 """Text on colors, which is the same on light and dark pages; color where nothing is measured"""
-_SIZE_IN = (8.6, 4.4)
+_SIZE_IN = (10.5, 4.8)
 """Width and height of large plots"""
 _GROUPS = ("visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
@@ -38,13 +36,10 @@ _PLOTS = (
     "block of known texture at a time, or the motion itself if that is smaller. Errors of methods "
     "that share evidence between blocks may be below it."
 )
-_POOLING = (
-    "Best method where photons are added over squares of pixels and over frames. Pale: its lead is "
-    "not significant."
-)
+_POOLING = "Best method where photons are added over squares of pixels and over frames."
 ATLAS = (
-    "Best method without pooling. Gray: no method beats the zero-motion baseline. Pale: the lead "
-    "is not significant. Blank: not measured."
+    "Best method and its mean error, without pooling, by photons per frame. Gray: no method beats "
+    "the zero-motion baseline. Pale: the lead is not significant. Blank: not measured."
 )
 _CHANGES = (
     "Methods change places if the ratio of their mean errors is above 1 in one group of blocks and "
@@ -72,7 +67,7 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
     page = [
         _answer(ranking),
         Section("Errors over photons", _PLOTS, body=_large(*over_photons)),
-        Section("Best method by light and motion", ATLAS, body=_large(atlas(ranking))),
+        Section("Best method by motion", ATLAS, body=_large(atlas(ranking))),
         Section("Pooling", _POOLING, body=_large(pooling_grid(ranking))) if is_pooled else None,
         _rank_changes(ranking),
         Section("Blocks", _BLOCKS, ("group", "blocks"), _block_rows(ranking)),
@@ -184,72 +179,56 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
     axes.grid(True)
 
 
-@svg.in_style
 def atlas(ranking: Ranking) -> Markup:
-    """Draw the best method over illuminance and exposure, a panel per speed and parallax."""
-    figure = Figure(figsize=(8.6, 8.8), layout="constrained")
-    panels = figure.subplots(3, 3, sharex=True, sharey=True)
-    shown: dict[str, None] = {}
-    for row, speed in enumerate(reversed(RANGES)):
-        for column, parallax in enumerate(RANGES):
-            axes = panels[row, column]
-            shown |= _panel(axes, ranking, errors.cell_name(speed, parallax))
-            if row == 0:
-                axes.set_title(f"parallax {_range(errors.PARALLAX_PX, column)}")
-            if row == 2:
-                axes.set_xlabel("exposure (s)")
-            if column == 0:
-                axes.set_ylabel(f"speed {_range(errors.SPEEDS_PX, 2 - row)}\n\nilluminance (lux)")
-    patches = [Patch(color=tuple(_tint(name, 0.75)), label=name) for name in shown]
-    figure.legend(handles=patches, loc="outside lower center", ncols=6)
-    return svg.to_svg(
-        figure, "atlas", "The best method over illuminance, exposure, speed and parallax"
-    )
+    """Draw the best method by photons, for each speed and parallax of blocks."""
+    rows = {}
+    for speed, parallax in product(RANGES, RANGES):
+        group = errors.cell_name(speed, parallax)
+        if ranking.facts.blocks.get(group):
+            faster, nearer = _range(errors.SPEEDS_PX, speed), _range(errors.PARALLAX_PX, parallax)
+            label = f"speed {faster},\nparallax {nearer}"
+            rows[label] = ranking.facts.settings.finest, group
+    return _best(ranking, "atlas", "The best method by photons, speed and parallax", rows)
 
 
-def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
-    """Draw one panel of the atlas; return the methods in it."""
-    facts, shown = ranking.facts, dict[str, None]()
-    fluxes = np.array(sorted(facts.settings.fluxes))
-    colors = np.full((len(_LUX), len(_EXPOSURES_S), 4), _BLANK)
-    flux = facts.photons_per_lux_s * np.outer(_LUX, _EXPOSURES_S)
-    nearest = np.argmin(np.abs(np.log(flux[..., np.newaxis] / fluxes)), axis=-1)
-    half = np.sqrt(fluxes[1] / fluxes[0]) if len(fluxes) > 1 else 3.0
-    measured = (flux > fluxes[0] / half) & (flux < fluxes[-1] * half)
-    for place, photons in enumerate(fluxes):
-        best = ranking.best_of(facts.settings.finest, float(photons), group)
-        if best is not None:
-            shown[best["method"]] = None
-            colors[measured & (nearest == place)] = _shade(best)
-    edges = [_EXPOSURES_S[0], _EXPOSURES_S[-1], _LUX[0], _LUX[-1]]
-    axes.pcolormesh(_EXPOSURES_S, _LUX, colors, shading="nearest", rasterized=True)
-    axes.set(xscale="log", yscale="log", xlim=edges[:2], ylim=edges[2:])
-    axes.grid(False)
-    if not shown:
-        axes.text(0.5, 0.5, "no blocks", transform=axes.transAxes, ha="center", color=style.GRAY)
-    return shown
+def pooling_grid(ranking: Ranking) -> Markup:
+    """Draw the best method by photons, at every pooling."""
+    rows = {str(each): (each, "all") for each in ranking.facts.settings.poolings}
+    return _best(ranking, "pooling", "The best method by photons and pooling", rows)
 
 
 @svg.in_style
-def pooling_grid(ranking: Ranking) -> Markup:
-    """Draw the best method and its error at every pooling and number of photons."""
-    poolings, fluxes = ranking.facts.settings.poolings, sorted(ranking.facts.settings.fluxes)
-    size = (max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes))
+def _best(
+    ranking: Ranking, name: str, title: str, rows: Mapping[str, tuple[Pooling, str]]
+) -> Markup:
+    """Draw the best method and its error, a row per pooling and group, a column per photons."""
+    fluxes = sorted(ranking.facts.settings.fluxes)
+    size = (max(5.0, 2.6 + 1.0 * len(fluxes)), 0.9 + 0.6 * len(rows))
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
-    colors = np.full((len(fluxes), len(poolings), 4), _BLANK)
-    for row, column in np.ndindex(len(fluxes), len(poolings)):
-        best = ranking.best_of(poolings[column], fluxes[row], "all")
-        if best is not None:
-            colors[row, column] = _shade(best)
+    colors = np.full((len(rows), len(fluxes), 4), _BLANK)
+    for row, column in np.ndindex(len(rows), len(fluxes)):
+        pooling, group = list(rows.values())[row]
+        best = ranking.best_of(pooling, fluxes[column], group)
+        if best is not None:  # paler if the lead is not significant
+            method, share = best["method"], 0.75 if best["surely_lowest"] else 0.3
+            color = style.GRAY if method == STILL else style.method_style(method)["color"]
+            colors[row, column] = *(share * np.array(to_rgb(color)) + 1 - share), 1.0
             ink = _INK if colors[row, column, :3].mean() > 0.4 else "white"
-            text = f"{best['method']}\n{best['value']:.2g} px"
+            text = f"{method}\n{best['value']:.2g} px"
             axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=ink)
-    axes.imshow(colors, aspect="auto", origin="lower")
-    axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
-    axes.set_yticks(range(len(fluxes)), [short(flux) for flux in fluxes])
-    axes.set(ylabel="photons per frame")
-    return svg.to_svg(figure, "pooling", "The best method at every pooling and number of photons")
+    axes.imshow(colors, aspect="auto")
+    axes.set_yticks(range(len(rows)), list(rows))
+    axes.set_xticks(range(len(fluxes)), [short(flux) for flux in fluxes])
+    axes.set(xlabel="photons per frame")
+    axes.grid(False)
+    return svg.to_svg(figure, name, title)
+
+
+def _range(bounds: tuple[float, float], name: str) -> str:
+    low, high = bounds
+    texts = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"
+    return texts[RANGES.index(name)]
 
 
 def _large(*plots: Markup) -> Markup:
@@ -283,7 +262,10 @@ def _answer(ranking: Ranking) -> Section:
         + (f": {level_name(level_at[flux])}" if flux in level_at else "")
         for flux in fluxes
     )
-    scope = f"{' '.join(order_changes(ranking)[1:])} Frames: {facts.frames}."
+    scope = (
+        f"{order_changes(ranking)[1]} Frames: {facts.frames}. Photons per frame, lux and second: "
+        f"{number(facts.photons_per_lux_s)}."
+    )
     return Section("Errors", f"{_ERRORS}{scope}", ("method", *heads), tuple(lines))
 
 
@@ -311,18 +293,3 @@ def _rank_changes(ranking: Ranking) -> Section:
 def _block_rows(ranking: Ranking) -> tuple[tuple[str, ...], ...]:
     blocks = ranking.facts.blocks.items()
     return tuple((name, str(count)) for name, count in blocks if "," not in name)
-
-
-def _shade(best: "pd.Series[Any]") -> Floats:
-    """Color of a method, paler if its lead is not significant."""
-    return _tint(best["method"], 0.75 if best["surely_lowest"] else 0.3)
-
-
-def _tint(method: str, share: float) -> Floats:
-    color = np.array(to_rgb(style.GRAY if method == STILL else style.method_style(method)["color"]))
-    return np.append(share * color + (1 - share), 1.0)
-
-
-def _range(bounds: tuple[float, float], place: int) -> str:
-    low, high = bounds
-    return (f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px")[place]
