@@ -265,19 +265,19 @@ def _by_group(errors: Sequence[Floats], truth: BlockTruths, segments: int) -> Ro
     for group, among in truth.groups.items():
         totals = np.sum([np.where(among, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
         blocks = draws * among.sum(axis=(1, 2)).astype(np.float64)
-        yield from _in_segments(ranking.MEAN, group, totals, blocks, segments)
+        yield from in_segments(ranking.MEAN, group, totals, blocks, segments)
         if group == "all":
             far = np.sum([((error > FAR_PX) & among).sum(axis=(1, 2)) for error in errors], axis=0)
-            yield from _in_segments(ranking.FAR, group, far.astype(float), blocks, segments)
+            yield from in_segments(ranking.FAR, group, far.astype(float), blocks, segments)
             medians = [
                 np.median([error[pair][there] for error in errors]) if there.any() else 0.0
                 for pair, there in enumerate(among)
             ]
             there = (blocks > 0).astype(np.float64)
-            yield from _in_segments(ranking.MEDIAN, group, np.array(medians), there, segments)
+            yield from in_segments(ranking.MEDIAN, group, np.array(medians), there, segments)
 
 
-def _in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segments: int) -> Rows:
+def in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segments: int) -> Rows:
     """Yield the sums over the successive pairs of each segment."""
     parts = zip(np.array_split(totals, segments), np.array_split(blocks, segments), strict=True)
     for segment, (total, count) in enumerate(parts):

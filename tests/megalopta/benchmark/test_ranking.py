@@ -8,7 +8,7 @@ from megalopta.benchmark import ranking as module
 from megalopta.benchmark.ranking import BOUND, MEAN, NO_POOLING, RATIO, STILL, Pooling
 from megalopta.benchmark.ranking_page import caution, order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
-from megalopta.benchmark.sequence_errors import SequenceTruth, _in_segments
+from megalopta.benchmark.sequence_errors import SequenceTruth, in_segments
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.core.array_store import ArrayStore
@@ -140,7 +140,7 @@ def test_methods_change_places_where_both_groups_say_so_of_all_comparisons(ranke
 
 def test_a_segment_is_some_successive_pairs():
     totals, blocks = np.arange(21.0), np.ones(21)
-    rows = list(_in_segments("error", "all", totals, blocks, 10))
+    rows = list(in_segments("error", "all", totals, blocks, 10))
     assert [row[3] for row in rows[:3]] == [0 + 1 + 2, 3 + 4, 5 + 6]
     assert [sum(values) for values in zip(*(row[3:] for row in rows), strict=True)] == [210, 21]
 
