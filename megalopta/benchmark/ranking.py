@@ -202,7 +202,7 @@ class Ranking:
         """Return the row of the least mean error; None if the group has no blocks."""
         errors = self.rows_of(MEAN, pooling, group)
         errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
-        return None if errors.empty else errors.loc[errors["value"].idxmin()]
+        return None if errors.empty else errors.iloc[int(errors["value"].argmin())]
 
 
 def ranking_rows(
@@ -251,7 +251,7 @@ def changes(ranking: Ranking) -> list[RankChange]:
     ratios = ranking.rows[ranking.rows["metric"] == RATIO]
     order = {
         (row.photons, row.group, frozenset((row.method, row.against))): row
-        for row in ratios.itertuples()
+        for row in table.records(ratios)
     }
     cases = []
     settings = ranking.facts.settings

@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from megalopta.benchmark import ranking as ranked, sequence_errors as errors
+from megalopta.benchmark import ranking as ranked, sequence_errors as errors, table
 from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Pooling, Ranking
 from megalopta.plotting import sections, style, svg
 from megalopta.plotting.sections import Section
@@ -240,7 +240,7 @@ def _answer(ranking: Ranking) -> Section:
     facts, metrics = ranking.facts, (ranked.MEAN, ranked.MEDIAN, ranked.FAR)
     finest, fluxes = facts.settings.finest, sorted(facts.settings.fluxes)
     rows = pd.concat([ranking.rows_of(metric, finest) for metric in metrics])
-    cell = {(row.metric, row.method, row.photons): row for row in rows.itertuples()}
+    cell = {(row.metric, row.method, row.photons): row for row in table.records(rows)}
     bold, plain = Markup("<b>{}</b>"), Markup("{}")
 
     def text(metric: str, method: str, flux: float) -> Markup:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -86,7 +87,8 @@ def _ranked(
         levels = (photons_at(mean, each, settings.exposure_s) for each in settings.light_levels)
         fluxes = tuple(sorted({*settings.fluxes, *levels}))
         settings = settings.model_copy(update={"fluxes": fluxes})
-    rows, per_lux = [], []
+    rows: list[tuple[Any, ...]] = []
+    per_lux = []
     segments = 1 if len(datasets) >= FEWEST_SEQUENCES else SEGMENTS
     total = len(settings.poolings) * len(methods) * len(settings.fluxes) * len(datasets)
     with progress("Ranking methods", total, "case") as advance:

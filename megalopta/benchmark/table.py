@@ -11,7 +11,7 @@ degrees of freedom. A ratio of two methods does not depend on how hard the units
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +48,16 @@ def samples(rows: Iterable[tuple[Any, ...]]) -> pd.DataFrame:
     A row is (metric, method, photons, group, pixels_pooled, frames_pooled, unit, total, blocks).
     """
     return pd.DataFrame(list(rows), columns=[*CASE, "unit", "total", "blocks"])
+
+
+def records(rows: pd.DataFrame) -> Iterator[Any]:
+    """Yield the rows of a table, with columns as attributes."""
+    yield from rows.itertuples()
+
+
+def columns_of(rows: pd.DataFrame) -> dict[str, list[Any]]:
+    """Return the columns of a table as lists, by name."""
+    return {str(name): rows[name].tolist() for name in rows}
 
 
 def sums_of(rows: pd.DataFrame) -> Sums:

@@ -174,6 +174,8 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from megalopta.benchmark.table import records
+
     console = Console(width=_WIDTH)
     means = board.means()
     means = means[means["metric"].isin(metrics)]
@@ -182,7 +184,7 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
         for name in known:
             table.add_column(metrics[name], justify="right")
-        cells = {(row.method, row.metric): _cell(row) for row in rows.itertuples()}
+        cells = {(row.method, row.metric): _cell(row) for row in records(rows)}
         for detector in board.detectors:
             table.add_row(
                 detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)

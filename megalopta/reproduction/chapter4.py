@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from megalopta.benchmark.table import columns_of, records
 from megalopta.benchmark.trial import Results, Sweep, Trial, load_sweep
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
@@ -251,7 +252,7 @@ def table_rows(results: Results, is_quick: bool = False) -> pd.DataFrame:
     order = pd.MultiIndex.from_product((_SOURCES, PRINTED, METRICS), names=keys)
     rows = least.loc[order].reset_index()
     ends = rows[["low", "high"]].map(lambda flux: format_flux(flux) if flux > 0 else UNDEFINED)
-    thesis = [PRINTED[row.method][row.images != "synthetic"] for row in rows.itertuples()]
+    thesis = [PRINTED[row.method][row.images != "synthetic"] for row in records(rows)]
     return rows.assign(
         thesis_photons_per_frame=thesis,
         interval="[" + ends["low"] + ", " + ends["high"] + "]",
@@ -273,7 +274,7 @@ def table_figure(results: Results, is_quick: bool) -> Figure:
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=partial(draw_table, head=_HEAD, rows=_lines(rows), widths=_WIDTHS),
-        numbers={name: rows[name].tolist() for name in rows},
+        numbers=columns_of(rows),
         height_in=5.0,
     )
 
@@ -290,7 +291,7 @@ def _lines(rows: pd.DataFrame) -> list[tuple[str, ...]]:
             row.found_at,
             format_flux(ratio),
         )
-        for row, ratio in zip(literal.itertuples(), by_means["photons_per_frame"], strict=True)
+        for row, ratio in zip(records(literal), by_means["photons_per_frame"], strict=True)
     ]
 
 

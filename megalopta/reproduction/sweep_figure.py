@@ -13,6 +13,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator
 
 from megalopta.benchmark.panoramas import ROWS
+from megalopta.benchmark.table import columns_of
 from megalopta.benchmark.trial import (
     GratingTemplate,
     Results,
@@ -143,7 +144,7 @@ def sweep_figure(
         title=sweep.title,
         caption=_caption(sweep, table),
         draw=partial(_draw, sweep=sweep, table=over_templates(_first(sweep, table))),
-        numbers={name: table[name].tolist() for name in table},
+        numbers=columns_of(table),
         height_in=4.0 if rows == 1 else 2.8 * rows,
         printed=printed or {},
         details={"sweep": sweep.model_dump(mode="json"), "trials": trials},
