@@ -116,7 +116,7 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
 @pytest.mark.parametrize("name", TUNED)
 def test_a_tuned_method_has_the_settings_for_the_nearest_light(name):
     scene = leaves_clip(7, (96, 120))
-    for flux, nearest in ((0.4, 1.0), (12.0, 10.0), (1e5, 1000.0)):
+    for flux, nearest in ((0.4, 1.0), (12.0, 10.0)):
         first, second = scene.counts(flux, 0)[3:5]
         settings = {key: value for key, value in TUNED[name][nearest].items() if key != "error_px"}
         np.testing.assert_array_equal(
