@@ -201,7 +201,12 @@ def pooling_grid(ranking: Ranking) -> Markup:
 def _best(
     ranking: Ranking, name: str, title: str, rows: Mapping[str, tuple[Pooling, str]]
 ) -> Markup:
-    """Draw the best method and its error, a row per pooling and group, a column per photons."""
+    """Draw the best method and its error, a row per pooling and group, a column per photons.
+
+    Empty without rows.
+    """
+    if not rows:
+        return Markup()
     fluxes = sorted(ranking.facts.settings.fluxes)
     size = (max(5.0, 2.6 + 1.0 * len(fluxes)), 0.9 + 0.6 * len(rows))
     figure = Figure(figsize=size, layout="constrained")
