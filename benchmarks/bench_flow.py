@@ -27,7 +27,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow import benchmark_search
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
-from megalopta.reproduction.chapter4_curves import SWEEPS
+from megalopta.reproduction.chapter4 import FIGURES, sweep
 from megalopta.sensor.sampling.streams import EDGES, LANES, fill_normals, word_streams
 
 FRAMES = 16
@@ -100,7 +100,7 @@ def compare(size: int) -> None:
 
 def chapter(every: int = 16) -> None:
     """Measure some trials of Chapter 4, and say where their time goes, and what the floor is."""
-    trials = sorted({trial for sweep in SWEEPS.values() for trial in sweep.trials}, key=_size_first)
+    trials = sorted({trial for name in FIGURES for trial in sweep(name).trials}, key=_size_first)
     some = trials[::every]
     pixels = template_pixels(each.template for each in some)
     measure_trial(some[0], pixels[some[0].template], "benchmark")  # compiles

@@ -13,7 +13,7 @@ from pydantic.errors import PydanticInvalidForJsonSchema
 from sphinx.application import Sphinx
 
 from megalopta.benchmark.design import DesignSettings
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking import RankingSettings
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import Configuration
 from megalopta.core import strict_yaml

@@ -11,32 +11,33 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.benchmark.runner import run
-from megalopta.benchmark.trial import template_pixels
+from megalopta.benchmark.trial import run, template_pixels
 from megalopta.flow import fisher_information
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.plotting.style import method_style
-from megalopta.reproduction.chapter4_curves import PHOTOGRAPHED, SWEEPS
-from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.sweep_figure import threshold_of
+from megalopta.reproduction.chapter4 import PRINTED, SIZE, sweep
+from megalopta.reproduction.sweep_figure import thresholds
 
 GRID, COLUMNS_APART = block_grid((SIZE, SIZE)), 25
-points = [*PHOTOGRAPHED.points, *SWEEPS["fig-4.11"].points]
-trials = [point.trial for point in points if point.size == SIZE]
+points = [*sweep("photographs").points, *sweep("fig-4.11").points]
+points = [point for point in points if point.size == SIZE]
+trials = [point.trial for point in points]
 pixels = template_pixels(trial.template for trial in trials)
 results = run(trials, pixels, Path("out/figures/trials"))
+table = thresholds(points, results)
+table = table[(table["metric"] == "literal") & (table["bits"] == 2)]
+least = table.groupby(["method", "template"])["photons_per_frame"].min()
+names = {point.trial.template: point.template for point in points}
 figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
 for method, (_, printed) in PRINTED.items():
     look = method_style(method) | {"linestyle": "none"}
     products = []
     for template in dict.fromkeys(trial.template for trial in trials):
-        own = [trial for trial in trials if trial.template == template]
-        found = [threshold_of(results, trial, method, "literal", 2).flux for trial in own]
-        photons = min(flux for flux in found if flux)
+        photons = least[method, names[template]]
         turning = MovingTemplate(pixels[template], COLUMNS_APART, SIZE)
         light = turning.light(0, pixels[template].shape[1] // COLUMNS_APART) * SIZE**2
-        light += own[0].search.dark_counts * 251**2 / photons
+        light += trials[0].search.dark_counts * 251**2 / photons
         along_x = [fisher_information(one, GRID)[1:-1, 1:-1, 0, 0] for one in light]
         information = 1 / np.mean(1 / np.array(along_x)) / GRID.block_px**2
         is_gray = getattr(template, "coding", "") == "srgb"

@@ -1,20 +1,43 @@
-"""Clips of the board of whole frames: eight frames of light, and the flow in their middle.
+"""Clips with true flow: dead leaves in layers, and pairs of pictures on disk.
 
-Motion is steady. Two-frame methods see the two frames in the middle, eight-frame methods all. Both
-are compared with the flow between the two frames in the middle.
+Dead leaves: eight frames of light, and the flow in their middle. Motion is steady. Two-frame
+methods see the two frames in the middle, eight-frame methods all. Both are compared with the flow
+between the two frames in the middle.
+
+Pairs on disk are in one of `LAYOUTS`. A frame is identified by its sequence (the folders above its
+file) and its name. Sintel submissions have a folder per pass (clean, final) above the sequences;
+any such folder is scored separately. A dataset of megalopta has Sintel's layout. Flow of Spring has
+twice the size of its frames and is in their pixels: that at every second row and column is used.
+Pictures become light as `sense` reads them, colors luminance.
 """
 
 import math
+import re
+from bisect import bisect_left
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from itertools import takewhile
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.errors import UserError
+from megalopta.core.pictures import read_codes
+from megalopta.core.progress import say
+from megalopta.dataset.index import read_lists
+from megalopta.dataset.store import Tree
 from megalopta.flow.detectors.base import Frames
+from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 from megalopta.flow.stimuli.photons import Counts, draw_counts
+from megalopta.render import open_footage
+from megalopta.render.footage.pictures import KINDS
 
 SHAPE = (240, 240)
 FRAMES = 8
@@ -75,7 +98,8 @@ def layers_clip(
         layers.append(_layer(rng, texture, disk, fastest_px))
     scene = MovingLayers(layers, _TEXELS)
     hidden = scene.hidden(shape, 0)
-    return _clip(name, scene.light(shape, TIMES), scene.flow(shape, 0), hidden)
+    light = scene.light(shape, TIMES)
+    return FlowClip(name, light / light.mean(), scene.flow(shape, 0), hidden)
 
 
 def middle(frames: Frames, count: int) -> Frames:
@@ -97,5 +121,289 @@ def _layer(
     return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
 
 
-def _clip(name: str, light: Floats, flow: Floats, hidden: Mask) -> FlowClip:
-    return FlowClip(name, light / light.mean(), flow, hidden)
+_NUMBERED = re.compile(r"frame_?(\d{1,9})")
+LAYOUTS = (
+    "the layouts of Sintel (flow/SEQ/frame_0001.flo, clean/SEQ/frame_0001.png), KITTI (flow_occ/"
+    "000000_10.png, image_2/000000_10.png), Middlebury (other-gt-flow/NAME/flow10.flo, other-data/"
+    "NAME/frame10.png), Spring (SEQ/flow_FW_left/, SEQ/frame_left/), FlyingChairs (00001_flow.flo, "
+    "00001_img1.ppm), or NAME.flo beside two pictures NAME_1.png and NAME_2.png"
+)
+"""Known layouts, for messages."""
+
+
+class FrameName(NamedTuple):
+    """Identity of a frame: Sintel's `frame0001`, megalopta's `frame_0001`, KITTI's `000000_10`."""
+
+    sequence: str
+    name: str
+
+
+class TrueFlow(NamedTuple):
+    """Files of the truth of one frame."""
+
+    flow: Path
+    png_scale: float = KITTI_SCALE
+    """Codes of a pixel in flow as PNG"""
+    occlusion: Path | None = None
+    """Mask, white where hidden in the next frame; Sintel"""
+    undefined: Path | None = None
+    """Mask, white where not scored; Sintel"""
+    visible: Path | None = None
+    """Flow of pixels visible in the next frame only; KITTI"""
+
+    def files(self) -> list[Path]:
+        """Return all its files."""
+        found = self.flow, self.occlusion, self.undefined, self.visible
+        return [path for path in found if path]
+
+
+Truths = Mapping[FrameName, TrueFlow]
+
+Files = tuple[Path, Path, TrueFlow]
+"""First picture, second picture, truth"""
+
+Pair = TypeVar("Pair")
+
+
+def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
+    """Find the true flow below a folder, in one of `LAYOUTS`, or a folder of flow files.
+
+    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a
+    dataset's files differ from its record.
+    """
+    _compare_with_record(root)
+    found: dict[FrameName, TrueFlow] = {}
+    for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
+        if (folder / "flow_occ").is_dir():
+            visible = _frames_below(folder / "flow_noc")
+            for frame, path in _frames_below(folder / "flow_occ").items():
+                found[frame] = TrueFlow(path, png_scale, visible=visible.get(frame))
+        elif (folder / "flow").is_dir():
+            for frame, path in _frames_below(folder / "flow").items():
+                name = Path(frame.sequence) / f"{frame.name}.png"
+                masks = (folder / kind / name for kind in ("occlusions", "invalid"))
+                occlusion, undefined = (mask if mask.exists() else None for mask in masks)
+                found[frame] = TrueFlow(path, png_scale, occlusion, undefined)
+        elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
+            spring = _frames_below(folder, among_pictures=True)
+            found |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
+    if not found:
+        below = _frames_below(root, among_pictures=True)
+        found = {frame: TrueFlow(path, png_scale) for frame, path in below.items()}
+    if not found:
+        raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
+    return found
+
+
+def _compare_with_record(root: Path) -> None:
+    """Compare the files below `training` of the dataset around a folder, if there is one."""
+    above = (root.resolve(), *root.resolve().parents)
+    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
+        tree = Tree(home)
+        tree.check()
+        read_lists(home, tree.names())  # refuses a name without a record
+        for name in tree.names():
+            tree.opened(name).compare_all("training/")
+
+
+def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
+    """Pair the flow files below a folder with the truth, by pass; "" if there is no pass folder.
+
+    Raises UserError if a frame of the truth has no file, or a file has no frame.
+    """
+    sequences = {frame.sequence for frame in truths}
+    passes: dict[str, dict[FrameName, Path]] = {}
+    for frame, path in _frames_below(root).items():
+        name, _, rest = frame.sequence.partition("/")
+        is_within = frame.sequence not in sequences and rest in sequences
+        found = passes.setdefault(name if is_within else "", {})
+        found[FrameName(rest, frame.name) if is_within else frame] = path
+    if not passes:
+        raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
+    for name, found in passes.items():
+        _check_pairs(root / name, found, truths)
+    return passes
+
+
+def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, Path]]]:
+    """Find both pictures of every frame, by pass: Sintel's clean and final; "" of other layouts.
+
+    Raises UserError if there are none.
+    """
+    found: dict[str, dict[FrameName, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    for frame, files in truths.items():
+        for name, pair in _pictures(frame, files.flow).items():
+            if all(path.exists() for path in pair):
+                found[name][frame] = pair
+    whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
+    if not whole:
+        most = max(found.values(), key=len)
+        lacking = next(files.flow for frame, files in truths.items() if frame not in most)
+        raise UserError(
+            f"{lacking}: its two pictures are not there, or have other names; known are {LAYOUTS}"
+        )
+    return whole
+
+
+def pairs_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, Files]:
+    """Return the files of all pairs of a dataset, by name. Raises UserError without any."""
+    if not folder.is_dir():
+        raise UserError(f"{folder}: no such folder")
+    truths = true_flows(folder, png_scale)
+    pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes, the clean one
+    return {
+        "/".join(filter(None, frame)): (*pictures[frame], truths[frame]) for frame in sorted(truths)
+    }
+
+
+def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
+    """Return at most `most` pairs, evenly spaced."""
+    names = list(pairs)
+    chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
+    return {names[index]: pairs[names[index]] for index in chosen}
+
+
+def read_pair(name: str, files: Files) -> FlowClip:
+    """Return a pair as a clip of two frames, from first picture, second picture and truth.
+
+    Raises UserError if a file is damaged or of the wrong size.
+    """
+    first, second, truth = files
+    flow, hidden = read_true_flow(truth)
+    frames = [_light(path) for path in (first, second)]
+    flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
+    for path, frame in zip((first, second), frames, strict=True):
+        if frame.shape != flow.shape[:2]:
+            raise UserError(
+                f"{path} has {frame.shape[1]} × {frame.shape[0]} px, {truth.flow} has"
+                f" {flow.shape[1]} × {flow.shape[0]}: give pictures and flow of one size"
+            )
+    light = np.stack(frames)
+    if not light.any():
+        raise UserError(f"{first} and {second} are black; give brighter pictures")
+    return FlowClip(name, light / light.mean(), flow.astype(np.float64), hidden)
+
+
+def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
+    """Return the true flow (H, W, 2), NaN where not scored, and where it is hidden, if known.
+
+    Raises UserError if a file is damaged or of another size.
+    """
+    path = files.flow
+    try:
+        true, hidden = read_flow(path, png_scale=files.png_scale), None
+        if files.undefined:
+            true[_mask(path := files.undefined, true.shape)] = np.nan
+        if files.occlusion:
+            hidden = _mask(path := files.occlusion, true.shape)
+        if files.visible:
+            hidden = np.isnan(read_flow(path := files.visible)[..., 0])
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).lower()
+        raise UserError(f"{path} cannot be read ({reason}); give a file of true flow") from None
+    except ValueError as problem:
+        raise UserError(f"the truth cannot be read: {problem}") from None
+    return true, hidden
+
+
+def at_pixels(
+    files: TrueFlow, true: NDArray[np.float32], hidden: Mask | None, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float32], Mask | None]:
+    """Return true flow at the pixels of frames: that of Spring is finer, of twice the size."""
+    if files.flow.suffix.lower() == ".flo5" and true.shape[:2] == (2 * shape[0], 2 * shape[1]):
+        return true[::2, ::2], None if hidden is None else hidden[::2, ::2]
+    return true, hidden
+
+
+def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
+    mask = read_codes(path, "L") > 0
+    if mask.shape != shape[:2]:
+        raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
+    return mask
+
+
+def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
+    """Return the files of both pictures, by pass, where the layout of the flow has them."""
+    folder, stem = flow.parent, flow.stem
+    if stem == "flow10":  # Middlebury
+        places = [folder, *sorted(folder.parent.parent.glob(f"*/{folder.name}"))]
+        pairs = [(place / "frame10.png", place / "frame11.png") for place in places]
+        return {"": next((pair for pair in pairs if pair[0].exists()), pairs[0])}
+    numbered = re.fullmatch(r"(.*?)(\d+)", stem)
+    start, number = numbered.groups() if numbered else (stem, "0")
+
+    def at(place: Path, step: int, start: str = start) -> Path:
+        return place / f"{start}{int(number) + step:0{len(number)}d}.png"
+
+    if spring := re.fullmatch(r"flow_([FB])W_(\w+)", folder.name):
+        way, side = spring.groups()
+        frames, start = folder.parent / f"frame_{side}", f"frame_{side}_"
+        return {"": (at(frames, 0, start), at(frames, 1 if way == "F" else -1, start))}
+    levels = len(Path(frame.sequence).parts)
+    above, root = flow.parents[levels].name, flow.parents[levels + 1]
+    if above == "flow_occ":
+        kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
+        place = next((each for each in kinds if each.is_dir()), kinds[0]) / frame.sequence
+        return {"": (at(place, 0), at(place, 1))}
+    if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
+        passes = {name: root / name / frame.sequence for name in ("clean", "final")}
+        return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
+    key = re.sub("_?flow_?", "", stem)
+    pictures = _pictures_in(folder)
+    from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
+    own = takewhile(lambda path: path.name.startswith(key), from_key)
+    pair = [path for path in own if not path.name[len(key)].isdigit() or not key]
+    return {"": (pair[0], pair[1])} if len(pair) == 2 else {}
+
+
+@cache
+def _pictures_in(folder: Path) -> list[Path]:
+    """Return the pictures of a folder by name, without flow."""
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in KINDS and "flow" not in path.stem
+    )
+
+
+def _check_pairs(root: Path, found: Mapping[FrameName, Path], truths: Truths) -> None:
+    if unknown := sorted(found.keys() - truths.keys()):
+        sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
+        raise UserError(
+            f"{found[unknown[0]]} matches no frame of the truth, whose sequences are"
+            f" {sequences}: remove it, or give the folder above the sequences"
+        )
+    if missing := sorted(truths.keys() - found.keys()):
+        raise UserError(
+            f"{root} lacks {len(missing)} of {len(truths)} frames, the first is"
+            f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
+        )
+
+
+def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
+    """Return the flow files below a folder; PNG beside another format may be pictures."""
+    paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
+    suffixes = {path.suffix.lower() for path in paths}
+    if among_pictures and len(suffixes) > 1:
+        suffixes.discard(".png")
+    if len(suffixes) > 1:
+        raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
+    found: dict[FrameName, Path] = {}
+    for path in paths:
+        if path.suffix.lower() not in suffixes:
+            continue
+        number = _NUMBERED.fullmatch(path.stem)
+        name = f"frame_{int(number[1]):04d}" if number else path.stem
+        frame = FrameName(path.parent.relative_to(root).as_posix().removeprefix("."), name)
+        if frame in found:
+            raise UserError(f"{path} and {found[frame]} are the same frame: give one")
+        found[frame] = path
+    return found
+
+
+def _light(path: Path) -> Floats:
+    """Return the luminance of a picture, (H, W)."""
+    with open_footage(path) as footage:
+        for note in footage.notes:
+            say(note)
+        return np.asarray(footage.frame(0) @ footage.luminance_shares)

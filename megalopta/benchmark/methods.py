@@ -100,22 +100,6 @@ def velocity_methods(chosen: Iterable[Method]) -> Methods:
     return found
 
 
-def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
-    """Return the ranked methods, and others that respond to the direction of motion.
-
-    Raises ValueError if one is unknown, or blind to direction.
-    """
-    found: dict[str, Detector] = dict(ranked)
-    for detector in map(registry.method, more):
-        if not detector.tells_direction:
-            raise ValueError(
-                f"wide_field: {detector.name!r} is blind to direction and gives no yaw rate; "
-                "omit it"
-            )
-        found[detector.name] = detector
-    return found
-
-
 def block_detector(chosen: Method) -> BlockDetector:
     """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `√` or `NLM`.
 

@@ -9,7 +9,7 @@ The height of its film makes pixels square at the horizon.
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -18,14 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.folders import cache_folder, locked
 from megalopta.core.freshness import RENDER_MODEL
-from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.flow.stimuli.photons import resize
-from megalopta.render import read_attributes, read_radiance, write_radiance
+from megalopta.render import read_radiance, write_radiance
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cloudy_sky import under_clouds
 from megalopta.scenes.forest.description import Forest
@@ -147,42 +144,10 @@ WIDEST, NARROWEST = 4.0, 2.0
 
 
 def natural_templates(
-    cache: Path | None = None, panoramas: Mapping[str, NaturalPanorama] = NATURAL_PANORAMAS
+    names: Iterable[str] = tuple(NATURAL_PANORAMAS),
 ) -> dict[str, NDArray[np.float64]]:
-    """Return templates (251, m) of the natural stimuli by name; missing ones are rendered.
-
-    The cache is by default the user's. Raises UserError if it cannot be a folder, or a file in it
-    cannot be read.
-    """
-    paths = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
-    absent = [path for path in paths.values() if not path.exists()]
-    if absent:
-        with locked(absent[0].parent):
-            files.sweep(absent[0].parent)
-            _render_absent(paths, panoramas)
-    return {name: read_template(path) for name, path in paths.items()}
-
-
-def _render_absent(paths: Mapping[str, Path], panoramas: Mapping[str, NaturalPanorama]) -> None:
-    """Render missing panoramas, unless another process did meanwhile."""
-    absent = [name for name, path in paths.items() if not path.exists()]
-    passes = sum(panoramas[name].passes for name in absent)
-    with progress("Rendering forest panoramas", passes, "exposure") as advance:
-        for name in absent:
-            radiance, noise = render_panorama(panoramas[name], advance)
-            attributes = _attributes(panoramas[name], noise)
-            write_radiance(paths[name], radiance, (LUMINANCE_BAND_NM,), attributes)
-
-
-def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None) -> Path:
-    """File of a panorama: the shipped one if it matches the recipe, else one in the cache.
-
-    The latter may not exist yet.
-    """
-    shipped = SHIPPED / f"{name}.exr"
-    if shipped.exists() and _recipe_of(shipped) == recipe.sha256:
-        return shipped
-    return cache_folder(cache) / "panoramas" / f"{name}-{recipe.sha256[:12]}.exr"
+    """Return templates (251, m) of the natural stimuli by name. Raises UserError if damaged."""
+    return {name: read_template(SHIPPED / f"{name}.exr") for name in names}
 
 
 def read_template(path: Path) -> NDArray[np.float64]:
@@ -190,9 +155,7 @@ def read_template(path: Path) -> NDArray[np.float64]:
     try:
         radiance, _ = read_radiance(path)
     except ValueError:
-        raise UserError(
-            f"{path} is a damaged panorama; remove it, and it is rendered again"
-        ) from None
+        raise UserError(f"{path} is a damaged panorama; install megalopta again") from None
     light = radiance[..., 0].astype(np.float64)
     return np.asarray(light / light.mean())
 
@@ -204,7 +167,14 @@ def write_template(
 
     The mean is in the header, in the record of the noise.
     """
-    attributes = {**_attributes(recipe, noise), "emissiveUnits": "mean of the panorama"}
+    from megalopta.dataset.rendering_noise import ATTRIBUTE
+
+    attributes = {
+        "configuration": recipe.model_dump_json(),
+        RECIPE: recipe.sha256,
+        ATTRIBUTE: noise.to_json(),
+        "emissiveUnits": "mean of the panorama",
+    }
     light = radiance / radiance.mean(dtype=np.float64)
     write_radiance(path, light, (LUMINANCE_BAND_NM,), attributes, np.float16)
 
@@ -235,20 +205,3 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
         raise UserError(f"{path} is black; give a brighter picture")
     resized = resize(light, (ROWS, round(columns * ROWS / rows)), "area")
     return np.asarray(resized / resized.mean())
-
-
-def _attributes(recipe: NaturalPanorama, noise: "RenderNoise") -> dict[str, str]:
-    from megalopta.dataset.rendering_noise import ATTRIBUTE
-
-    return {
-        "configuration": recipe.model_dump_json(),
-        RECIPE: recipe.sha256,
-        ATTRIBUTE: noise.to_json(),
-    }
-
-
-def _recipe_of(path: Path) -> str | None:
-    try:
-        return read_attributes(path).get(RECIPE)
-    except ValueError:
-        return None  # a damaged file is rendered again

@@ -1,4 +1,4 @@
-"""A ranking: the long table of methods on rendered sequences, its record, and its conclusions.
+"""A ranking: its settings, the long table of methods on rendered sequences, and its conclusions.
 
 For two groups, such as rotation alone and high parallax, two methods change places if one is better
 in the first and the other in the second. The p-value of this is the larger of the two groups' (both
@@ -6,61 +6,167 @@ must hold). Of all pairs of methods, numbers of photons and pairs of groups, tho
 rule of Benjamini and Hochberg (1995) count, at a false discovery rate of 5 %.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import combinations, permutations, product
-from typing import NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
+import pandas as pd
+from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_validator
 from scipy.stats import false_discovery_control
 
-from megalopta.benchmark.block_truths import Opposed, opposed
-from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
-from megalopta.benchmark.sequence_errors import ERROR, STILL
-from megalopta.benchmark.table import Case, Sums, interval, is_larger, ratio, units
-from megalopta.core.format_numbers import written
+from megalopta.benchmark import table
+from megalopta.config.measuring import ONCE
+from megalopta.config.model import LightLevel, LightLevels
+from megalopta.core import bounded, files
+from megalopta.core.arrays import Floats
+from megalopta.core.format_numbers import check_format, written
 from megalopta.core.record import Record
+from megalopta.flow.detectors.registry import VELOCITY_METHODS
+from megalopta.flow.stimuli.photons import resize
+from megalopta.scenes.levels import illuminance_of
+
+Flux = Annotated[float, Field(gt=0)]
+Frames = Annotated[int, Field(ge=1)]
+
+
+class Pooling(NamedTuple):
+    """Pixels along a side, and frames, that are added."""
+
+    pixels: int
+    frames: int
+
+    def __str__(self) -> str:
+        """Describe it as text."""
+        return f"{self.pixels} × {self.pixels} px, {self.frames} frame{'s'[: self.frames > 1]}"
+
+    def light(self, light: Floats) -> Floats:
+        """Add the light (T, H, W) of neighbors; excess frames and pixels are cut."""
+        count = len(light) // self.frames
+        kept = light[: count * self.frames].reshape(count, self.frames, *light.shape[1:])
+        return resize(kept.sum(axis=1), self.shape((light.shape[1], light.shape[2])), "area")
+
+    def shape(self, shape: tuple[int, int]) -> tuple[int, int]:
+        """Return the pixels (H, W) of pooled frames."""
+        return max(1, shape[0] // self.pixels), max(1, shape[1] // self.pixels)
+
+    def steps(self, frames: int) -> Iterator[slice]:
+        """Yield, for each pair of pooled frames, the steps from the middle of one to the next."""
+        middle = (self.frames - 1) // 2
+        for first in range(middle, frames // self.frames * self.frames - self.frames, self.frames):
+            yield slice(first, first + self.frames)
+
+
+NO_POOLING = Pooling(1, 1)
+
+
+class RankingSettings(Record, frozen=True):
+    """Methods, photons and pooling."""
+
+    methods: Annotated[tuple[str, ...], ONCE, Field(min_length=1)] = VELOCITY_METHODS
+    """Methods that give velocities: names, `module:function`, or ONNX files."""
+    fluxes: Annotated[tuple[Flux, ...], ONCE] = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
+    """Photons per frame, summed over all pixels."""
+    light_levels: LightLevels = ()
+    """Further light levels, by name or in lux; their photons per frame are added to fluxes."""
+    exposure_s: Annotated[float, Field(gt=0, le=1000)] = 0.01
+    """Exposure of a frame at these levels (s)."""
+    repeats: Annotated[int, Field(ge=1)] = 2
+    """Independent photon draws per sequence."""
+    pixels_pooled: Annotated[tuple[Frames, ...], ONCE, Field(min_length=1)] = (1, 2)
+    """Sides of the squares of pixels whose photons are added (px)."""
+    frames_pooled: Annotated[tuple[Frames, ...], ONCE, Field(min_length=1)] = (1, 2)
+    """Successive frames whose photons are added."""
+    seed: int = 0
+    """Seed of the photons."""
+
+    @property
+    def finest(self) -> Pooling:
+        """Pooling of the fewest pixels and frames."""
+        return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
+
+    @property
+    def poolings(self) -> list[Pooling]:
+        """All poolings."""
+        return [Pooling(p, f) for p in self.pixels_pooled for f in self.frames_pooled]
+
+    @model_validator(mode="after")
+    def _has_light(self) -> "RankingSettings":
+        if not self.fluxes and not self.light_levels:
+            raise ValueError("give fluxes, or light_levels")
+        return self
+
+
+def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
+    """Photons of a mean frame at a level, in the rendered color; four digits."""
+    return float(f"{per_lux_s * illuminance_of(level) * exposure_s:.4g}")
+
+
+MEAN, MEDIAN, FAR = "epe_px", "median_epe_px", "share_beyond_3_px"
+"""Metrics of the endpoint errors of blocks: mean; median of a pair of frames, mean over pairs;
+share of blocks off by more than 3 px"""
 
 RATIO = "epe_ratio"
 """Ratio of a method's mean error to a better one's, without pooling, in the compared groups"""
 
-BEST = "surely_best"
-"""1 if every other method's interval of the ratio to the method with the lowest mean error is above
-1, else 0"""
+STILL = "zero motion"
+"""Baseline that a method must beat: no motion anywhere"""
+
+BOUND = "Poisson bound"
+
+RANGES = ("low", "medium", "high")
+ALONE, LITTLE, MUCH, HIDDEN = "rotation alone", "low parallax", "high parallax", "hidden"
+"""Visible blocks of sequences of rotation alone; visible blocks of other sequences with low or high
+parallax; hidden blocks of other sequences"""
+
+COLUMNS = [*table.CASE, "value", "low", "high", "surely_lowest", "against", "p"]
+"""Columns of the long table: `surely_lowest` is true if the value is lower than that of every other
+method; of ratios, `against` is the method in the denominator, p the two-sided p-value of 1"""
+
+FEWEST_SEQUENCES = 5
+"""Least number of sequences for sequences to be the units"""
+SEGMENTS = 10
+"""Segments of successive pairs of frames per sequence, if sequences are fewer"""
 
 _FALSE_SHARE = 0.05
 
 
-class RankingRow(Record, frozen=True):
-    """A row of the long table: a value and its 95 % interval."""
+class Opposed(NamedTuple):
+    """Two groups between which the order of methods may change, and the property that differs."""
 
-    metric: str
-    """A metric of `megalopta.benchmark.sequence_errors`, `epe_ratio` or `surely_best`."""
-    method: str
-    """A method, "zero motion", or the Poisson bound."""
-    against: str = ""
-    """Method in the denominator of a ratio."""
-    photons_per_frame: PositiveFloat
-    group: str
-    pixels_pooled: PositiveInt
-    """Side of the squares of pixels that are added."""
-    frames_pooled: PositiveInt
-    value: FiniteFloat
-    low: FiniteFloat | None = None
-    high: FiniteFloat | None = None
-    p: FiniteFloat | None = None
-    """Two-sided p-value of a ratio of 1."""
-
-    @property
-    def case(self) -> Case:
-        """Case that the row belongs to."""
-        pooling = self.pixels_pooled, self.frames_pooled
-        return Case(self.metric, self.method, self.photons_per_frame, self.group, *pooling)
+    one: str
+    other: str
+    what: str
 
 
-class Ranking(Record, frozen=True):
-    """Measurements over all sequences."""
+def at_speed(speed: str, kind: str) -> str:
+    """Name of the group of blocks of one kind at low, medium or high speed."""
+    return f"{kind}, speed {speed}"
+
+
+def opposed(blocks: Mapping[str, int]) -> list[Opposed]:
+    """Return the groups to compare, of equal speed if possible.
+
+    Parallax and occlusion are compared with rotation alone if there are such sequences, otherwise
+    with low parallax.
+    """
+    before = ALONE if any(blocks.get(at_speed(speed, ALONE)) for speed in RANGES) else LITTLE
+    by_speed = [
+        Opposed(at_speed(speed, before), at_speed(speed, after), what)
+        for after, what in ((MUCH, "parallax"), (HIDDEN, "occlusion"))
+        for speed in RANGES
+    ]
+    return [
+        *by_speed,
+        Opposed("smooth", "depth edge", "depth edges"),
+        Opposed("speed low", "speed high", "speed"),
+    ]
+
+
+class RankingFacts(Record, frozen=True):
+    """What was measured: `ranking.json`."""
 
     format: NonNegativeInt = written("ranking")
     """Format of this file (`format_numbers`)"""
@@ -68,131 +174,114 @@ class Ranking(Record, frozen=True):
     sequences: tuple[str, ...]
     frames: PositiveInt
     """Frames of all sequences."""
-    frame_px: NonNegativeInt = 0
-    """Pixels of a frame of the first sequence; 0 in older files, which do not say."""
+    frame_px: PositiveInt
+    """Pixels of a frame of the first sequence."""
     photons_per_lux_s: FiniteFloat
     """Photons per frame on perfect pixels, for each lux and second."""
+    rendering_photons_per_px: FiniteFloat | None = None
+    """Photons per pixel whose shot noise is that of the rendering, least of all sequences."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group without pooling, over all pairs of frames."""
-    rows: tuple[RankingRow, ...]
 
-    def row_of(self, case: Case) -> RankingRow | None:
-        """Return the row of a case that is no ratio; None if there is none."""
-        return self._rows.get((case, ""))
 
-    def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> RankingRow | None:
-        """Return the mean error of a method; None if the group has no blocks."""
-        return self.row_of(Case(ERROR, method, flux, group, *pooling))
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Measurements over all sequences."""
 
-    def best_of(self, pooling: Pooling, flux: float, group: str) -> RankingRow | None:
-        """Return the best method; None if the group has no blocks."""
-        return self.row_of(Case(BEST, "", flux, group, *pooling))
+    facts: RankingFacts
+    rows: pd.DataFrame
+    """The long table, with `COLUMNS`"""
 
-    def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
-        """Return the worse one's ratio to the better one; None if units are too few."""
-        cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
-        found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
-        return next(filter(None, found), None)
+    def rows_of(self, metric: str, pooling: Pooling, group: str = "all") -> pd.DataFrame:
+        """Return the rows of a metric at one pooling, of one group."""
+        rows = self.rows
+        pooled = (rows["pixels_pooled"] == pooling.pixels) & (rows["frames_pooled"] == pooling[1])
+        return rows[pooled & (rows["metric"] == metric) & (rows["group"] == group)]
 
-    @cached_property
-    def _rows(self) -> Mapping[tuple[Case, str], RankingRow]:
-        found = {(row.case, row.against): row for row in self.rows}
-        best = {row.case._replace(method=""): row for row in self.rows if row.metric == BEST}
-        return found | {(case, ""): row for case, row in best.items()}
+    def best_of(self, pooling: Pooling, flux: float, group: str) -> "pd.Series[Any] | None":
+        """Return the row of the least mean error; None if the group has no blocks."""
+        errors = self.rows_of(MEAN, pooling, group)
+        errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
+        return None if errors.empty else errors.iloc[int(errors["value"].argmin())]
 
 
 def ranking_rows(
-    parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
-) -> Iterator[RankingRow]:
-    """Yield the long table from sums over pairs of frames, or numbers, of each sequence."""
-    means: dict[Case, Sums] = {}
-    for case in dict.fromkeys(case for part in parts for case in part):
-        there = [part[case] for part in parts if case in part]
-        if case.metric == ERROR:
-            means[case] = units(there)
-            continue
-        values = np.concatenate([each.totals for each in there])
-        known = values[~np.isnan(values)]
-        if known.size and np.isfinite(middle := np.median(known)):  # blocks without light have none
-            yield _row(case, value=float(middle))
-    for case, sums in means.items():
-        if (mean := interval(sums)) is not None:
-            yield _row(case, **mean._asdict())
-    yield from _best(means, settings.methods)
-    yield from _orders(means, settings, blocks)
+    samples: pd.DataFrame, settings: RankingSettings, blocks: Mapping[str, int]
+) -> pd.DataFrame:
+    """Return the long table from the samples of all sequences."""
+    ratios = _ratios(samples[samples["metric"] == MEAN], settings, blocks)
+    means = table.means(samples, BOUND)
+    rows = pd.concat([means, ratios], ignore_index=True) if len(ratios) else means
+    rows["surely_lowest"] = rows["surely_lowest"].eq(True)
+    return rows.reindex(columns=COLUMNS)
 
 
-def group_blocks(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
-    """Return the number of blocks of each group without pooling."""
-    wanted = Case(ERROR, STILL, settings.fluxes[0], "", *settings.finest)
-    return {
-        case.group: int(sum(part[case].blocks.sum() for part in parts))
-        for case in parts[0]
-        if case._replace(group="") == wanted
-    }
+def _ratios(
+    errors: pd.DataFrame, settings: RankingSettings, blocks: Mapping[str, int]
+) -> pd.DataFrame:
+    """Return the ratio of the worse method to the better one, of each pair in compared groups."""
+    compared = {name for groups in opposed(blocks) for name in groups[:2]}
+    finest = (errors["pixels_pooled"] == settings.finest.pixels) & (
+        errors["frames_pooled"] == settings.finest.frames
+    )
+    rows = []
+    wanted = errors[finest & errors["group"].isin(compared)]
+    for (flux, group), same in wanted.groupby(["photons", "group"], sort=False):
+        sums = {name: table.sums_of(part) for name, part in same.groupby("method", sort=False)}
+        for better, worse in permutations(settings.methods, 2):
+            if (found := table.ratio(sums[worse], sums[better])) is None:
+                continue
+            quotient, p = found
+            if quotient.value > 1 or (quotient.value == 1 and better < worse):
+                rows.append((RATIO, worse, flux, group, *settings.finest, *quotient, better, p))
+    return pd.DataFrame(rows, columns=[*table.CASE, "value", "low", "high", "against", "p"])
 
 
 class RankChange(NamedTuple):
-    """Two methods that change places."""
+    """Two methods that change places, with the rows of their ratio in both groups."""
 
     groups: Opposed
-    first: RankingRow
-    second: RankingRow
-    """Ratio of the same methods, inverted"""
+    first: Any
+    second: Any
     p: float
 
 
 def changes(ranking: Ranking) -> list[RankChange]:
     """Return the significant changes of order, the smallest p-value first."""
+    ratios = ranking.rows[ranking.rows["metric"] == RATIO]
+    order = {
+        (row.photons, row.group, frozenset((row.method, row.against))): row
+        for row in table.records(ratios)
+    }
     cases = []
-    methods, fluxes = ranking.settings.methods, ranking.settings.fluxes
-    for groups, flux in product(opposed(ranking.blocks), fluxes):
-        for pair in combinations(methods, 2):
-            first, second = (ranking.order_of(flux, name, *pair) for name in groups[:2])
+    settings = ranking.facts.settings
+    for groups, flux in product(opposed(ranking.facts.blocks), settings.fluxes):
+        for pair in combinations(settings.methods, 2):
+            first, second = (order.get((flux, group, frozenset(pair))) for group in groups[:2])
             if first and second:
-                turned = first.method != second.method
-                p = max(first.p or 0.0, second.p or 0.0) if turned else 1.0
+                p = max(first.p, second.p) if first.method != second.method else 1.0
                 cases.append(RankChange(groups, first, second, p))
-    shares = false_discovery_control([each.p for each in cases])
-    kept = (each for each, share in zip(cases, shares, strict=True) if share <= _FALSE_SHARE)
-    return sorted(kept, key=lambda each: each.p)
+    shares = false_discovery_control([change.p for change in cases])
+    kept = (change for change, share in zip(cases, shares, strict=True) if share <= _FALSE_SHARE)
+    return sorted(kept, key=lambda change: change.p)
 
 
-def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[RankingRow]:
-    for case in dict.fromkeys(case._replace(method="") for case in means):
-        own = {name: means[case._replace(method=name)] for name in (*methods, STILL)}
-        if (found := lowest(own)) is not None:
-            method, is_sure = found
-            yield _row(Case(BEST, method, *case[2:]), value=float(is_sure))
+def write_tables(folder: Path, ranking: Ranking) -> None:
+    """Write ranking.csv, the long table, and ranking.json, the facts."""
+    files.write_text(folder / "ranking.csv", ranking.rows.to_csv(index=False, float_format="%.9g"))
+    files.write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
 
 
-def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
-    """Return the method of the lowest mean, and True if all others' ratios surely exceed 1.
-
-    None if there are no blocks.
-    """
-    means = {name: found.value for name, each in sums.items() if (found := interval(each))}
-    if not means:
+def read_ranking(folder: Path) -> Ranking | None:
+    """Read a ranking written by `run_ranking`; None if there is none. Raises UserError."""
+    path = folder / "ranking.json"
+    if not path.exists():
         return None
-    first = min(means, key=lambda name: means[name])
-    return first, all(is_larger(sums[name], sums[first]) for name in means if name != first)
-
-
-def _orders(
-    means: Mapping[Case, Sums], settings: RankingSettings, blocks: Mapping[str, int]
-) -> Iterator[RankingRow]:
-    fluxes, methods, finest = settings.fluxes, settings.methods, settings.finest
-    groups = dict.fromkeys(name for each in opposed(blocks) for name in each[:2])
-    for flux, group, (one, other) in product(fluxes, groups, permutations(methods, 2)):
-        worse, better = (Case(ERROR, name, flux, group, *finest) for name in (other, one))
-        if (found := ratio(means[worse], means[better])) is None:
-            continue
-        numbers, p = found
-        if numbers.value > 1 or (numbers.value == 1 and one < other):
-            yield _row(worse._replace(metric=RATIO), against=one, **numbers._asdict(), p=p)
-
-
-def _row(case: Case, against: str = "", **numbers: float | None) -> RankingRow:
-    fields = case._asdict()
-    fields["photons_per_frame"] = fields.pop("photons")
-    return RankingRow.model_validate({**fields, "against": against, **numbers})
+    with bounded.undamaged(path, "remove it, or rank the methods again"):
+        values = bounded.read_json(path)
+        check_format("ranking", values, path)
+        facts = RankingFacts.model_validate(values)
+    path = folder / "ranking.csv"
+    with bounded.undamaged(path, "rank the methods again"):
+        rows = pd.read_csv(io.StringIO(bounded.read_text(path)))
+        return Ranking(facts, rows[COLUMNS])

@@ -2,22 +2,32 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from megalopta.benchmark.methods import Methods, directional_methods, velocity_methods
-from megalopta.benchmark.ranked_sequence import LIKELIHOODS, RankedSequence, photons_per_lux_s
-from megalopta.benchmark.ranking import Ranking, group_blocks, ranking_rows
+from megalopta.benchmark import methods as benchmarked, sequence_errors, table
+from megalopta.benchmark.ranking import (
+    FEWEST_SEQUENCES,
+    MEAN,
+    SEGMENTS,
+    STILL,
+    Pooling,
+    Ranking,
+    RankingFacts,
+    RankingSettings,
+    photons_at,
+    ranking_rows,
+    read_ranking as read_ranking,
+)
 from megalopta.benchmark.ranking_page import write_ranking
-from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
-from megalopta.benchmark.sequence_errors import METRICS, Example, example_of
+from megalopta.benchmark.sequence_errors import RankedSequence
 from megalopta.config.yaml_model import validated
-from megalopta.core import bounded
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
-from megalopta.core.format_numbers import check_format
 from megalopta.core.progress import progress
 from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.registry import Method
@@ -25,17 +35,6 @@ from megalopta.stages.run import require
 
 FOLDER = "ranking"
 """Folder of the demo's ranking, inside its dataset"""
-
-
-def read_ranking(folder: Path) -> Ranking | None:
-    """Read a ranking written by `run_ranking`; None if there is none. Raises UserError."""
-    path = folder / "ranking.json"
-    if not path.exists():
-        return None
-    with bounded.undamaged(path, "remove it, or rank the methods again"):
-        values = bounded.read_json(path)
-        check_format("ranking", values, path)
-        return Ranking.model_validate(values)
 
 
 def run_ranking(
@@ -54,12 +53,10 @@ def run_ranking(
     """
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))
-    with locked(out):
-        with refused_as():
-            ranked = velocity_methods(methods or chosen.methods)
-            chosen = _with_levels(chosen.model_copy(update={"methods": tuple(ranked)}), datasets)
-            ranking, example = _ranked(datasets, chosen, ranked, out / "velocities")
-        return write_ranking(out, ranking, example)
+    with locked(out), refused_as():
+        ranked = benchmarked.velocity_methods(methods or chosen.methods)
+        chosen = chosen.model_copy(update={"methods": tuple(ranked)})
+        return write_ranking(out, _ranked(datasets, chosen, ranked, out / "velocities"))
 
 
 def sequences_of(root: Path) -> list[Dataset]:
@@ -74,65 +71,79 @@ def sequences_of(root: Path) -> list[Dataset]:
     return datasets
 
 
-def _with_levels(settings: RankingSettings, datasets: Sequence[Dataset]) -> RankingSettings:
-    """Add the photons per frame of the light levels to the fluxes."""
-    if not settings.light_levels:
-        return settings
-    per_lux = float(np.mean([photons_per_lux_s(each) for each in datasets]))
-    found = [photons_at(per_lux, each, settings.exposure_s) for each in settings.light_levels]
-    return settings.model_copy(update={"fluxes": tuple(sorted({*settings.fluxes, *found}))})
-
-
 def _ranked(
-    datasets: Sequence[Dataset], settings: RankingSettings, methods: Methods, folder: Path
-) -> tuple[Ranking, Example]:
+    datasets: Sequence[Dataset],
+    settings: RankingSettings,
+    methods: benchmarked.Methods,
+    folder: Path,
+) -> Ranking:
     """Measure every metric on every sequence; computed velocities are kept in a folder."""
-    work = sum(_work(dataset, settings, methods) for dataset in datasets)
-    parts, lights = [], []
-    examples: list[Example] = []
-    with progress("Ranking methods", work, "clip") as advance:
+    for dataset in datasets:
+        _check(dataset, settings, methods)
+    if settings.light_levels:
+        lights = map(sequence_errors.perfect_light, datasets)
+        mean = float(np.mean(list(map(_photons_per_lux_s, datasets, lights))))
+        levels = (photons_at(mean, each, settings.exposure_s) for each in settings.light_levels)
+        fluxes = tuple(sorted({*settings.fluxes, *levels}))
+        settings = settings.model_copy(update={"fluxes": fluxes})
+    rows: list[tuple[Any, ...]] = []
+    per_lux = []
+    segments = 1 if len(datasets) >= FEWEST_SEQUENCES else SEGMENTS
+    total = len(settings.poolings) * len(methods) * len(settings.fluxes) * len(datasets)
+    with progress("Ranking methods", total, "case") as advance:
         for dataset in datasets:
-            own = folder / dataset.sequence
-            sequence = RankedSequence(dataset, settings, methods, own, advance)
-            # all methods in turn, the slow ones first, so that the time left can be told
-            for pooling, flux in product(settings.poolings, settings.fluxes):
-                for name in reversed(list(methods)):
-                    sequence.noisy(name, pooling, flux)
-            parts.append(dict(each for metric in METRICS for each in metric(sequence)))
-            lights.append(sequence.photons_per_lux_s)
-            examples = examples or [example_of(sequence)]
-    blocks = group_blocks(parts, settings)
-    ranking = Ranking(
+            sequence = RankedSequence(dataset, settings, methods, folder / dataset.sequence)
+            per_lux.append(_photons_per_lux_s(dataset, sequence.light))
+            rows += sequence_errors.endpoint_errors(sequence, segments, advance)
+    samples = table.samples(rows)
+    blocks = _group_blocks(samples, settings)
+    noise = [dataset.read_scene_record().get("monte_carlo") for dataset in datasets]
+    equal = [found["equivalent_photons_per_pixel"] for found in noise if found]
+    facts = RankingFacts(
         settings=settings,
-        sequences=tuple(each.sequence for each in datasets),
-        frames=sum(each.configuration.trajectory.frames for each in datasets),
+        sequences=tuple(dataset.sequence for dataset in datasets),
+        frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
         frame_px=math.prod(datasets[0].configuration.camera.shape),
-        photons_per_lux_s=float(np.mean(lights)),
+        photons_per_lux_s=float(np.mean(per_lux)),
+        rendering_photons_per_px=min(equal, default=None),
         blocks=blocks,
-        rows=tuple(ranking_rows(parts, settings, blocks)),
     )
-    return ranking, examples[0]
+    return Ranking(facts, ranking_rows(samples, settings, blocks))
 
 
-def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
-    """Return the number of clips to measure, after checking that they can be."""
+def _check(dataset: Dataset, settings: RankingSettings, methods: benchmarked.Methods) -> None:
+    """Refuse, before the work, a sequence that is too short or too small."""
     dataset.require_truth()
     frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
     if frames < 3 * fewest:
         raise ValueError(
             f"{dataset.sequence} has {frames} frames: frames_pooled {fewest} needs {3 * fewest}"
         )
-    camera = dataset.configuration.camera
     for name, method in methods.items():
         for pixels in settings.pixels_pooled:
             try:
-                method.grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
+                method.grid(Pooling(pixels, 1).shape(dataset.configuration.camera.shape))
             except ValueError as problem:
                 raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
-    repeats = range(settings.repeats)
-    clips: set[tuple[object, ...]] = set(
-        product(methods, settings.poolings, settings.fluxes, repeats)
+
+
+def _photons_per_lux_s(dataset: Dataset, light: Floats) -> float:
+    """Photons of a mean frame on perfect pixels, for each lux and second."""
+    return (
+        float(light.sum(axis=(1, 2)).mean())
+        / dataset.configuration.light.resolved().illuminance_lux
     )
-    wide = directional_methods(methods, settings.wide_field)
-    clips |= set(product(wide, (NO_POOLING,), settings.fluxes, (None, 0)))
-    return len(clips) + len(settings.fluxes) * len(LIKELIHOODS) * (settings.camera_pairs > 0)
+
+
+def _group_blocks(samples: pd.DataFrame, settings: RankingSettings) -> dict[str, int]:
+    """Return the number of blocks of each group without pooling."""
+    pixels, frames = settings.finest
+    still = samples[
+        (samples["metric"] == MEAN)
+        & (samples["method"] == STILL)
+        & (samples["photons"] == settings.fluxes[0])
+        & (samples["pixels_pooled"] == pixels)
+        & (samples["frames_pooled"] == frames)
+    ]
+    blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
+    return {str(group): int(count) for group, count in blocks.items()}

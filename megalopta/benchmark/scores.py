@@ -17,7 +17,7 @@ from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 from rich.box import SIMPLE
 from rich.table import Table
 
-from megalopta.benchmark import pairs_on_disk
+from megalopta.benchmark import clips
 from megalopta.core import bounded, files
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
@@ -34,7 +34,7 @@ from megalopta.flow.formats import KITTI_SCALE, read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
-Answers = Mapping[pairs_on_disk.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
+Answers = Mapping[clips.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
 """Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
@@ -101,7 +101,7 @@ def score_submission(
     truth = Path(truth)
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
-    truths = pairs_on_disk.true_flows(truth, png_scale)
+    truths = clips.true_flows(truth, png_scale)
     name, passes = _answers_of(flow, truths, png_scale)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
@@ -125,7 +125,7 @@ def score_submission(
 
 
 def _answers_of(
-    flow: str | Path | Method, truths: pairs_on_disk.Truths, png_scale: float
+    flow: str | Path | Method, truths: clips.Truths, png_scale: float
 ) -> tuple[str, Mapping[str, Answers]]:
     """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
@@ -134,7 +134,7 @@ def _answers_of(
                 frame: (str(path), partial(read_flow, path, png_scale=png_scale))
                 for frame, path in paths.items()
             }
-            for name, paths in pairs_on_disk.submitted_flows(folder, truths).items()
+            for name, paths in clips.submitted_flows(folder, truths).items()
         }
     try:
         detector = method(str(flow) if isinstance(flow, Path) else flow)
@@ -142,7 +142,7 @@ def _answers_of(
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
-    pairs = ((name, each.items()) for name, each in pairs_on_disk.pictures_of(truths).items())
+    pairs = ((name, each.items()) for name, each in clips.pictures_of(truths).items())
 
     def between(*pair: Path) -> NDArray[Any]:
         return detector.dense(*(read_codes(path, "L") for path in pair))
@@ -154,20 +154,20 @@ def _answers_of(
 
 
 def _scored(
-    passes: Mapping[str, Answers], truths: pairs_on_disk.Truths, advance: Callable[[int], object]
+    passes: Mapping[str, Answers], truths: clips.Truths, advance: Callable[[int], object]
 ) -> tuple[dict[str, dict[str, DenseErrors]], str]:
     """Errors by pass and sequence, and a hash of the truth; each frame of it is read once."""
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, paths in sorted(truths.items()):
-        true, occluded = pairs_on_disk.read_true_flow(paths)
+        true, occluded = clips.read_true_flow(paths)
         hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
         hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
         for name, errors in found.items():
             where, answer = passes[name][frame]
             try:
                 flow = answer()
-                known = pairs_on_disk.at_pixels(paths, true, occluded, flow.shape)
+                known = clips.at_pixels(paths, true, occluded, flow.shape)
                 errors.setdefault(frame.sequence, DenseErrors()).add(flow, *known)
             except ValueError as problem:
                 text = str(problem)
@@ -230,39 +230,38 @@ def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
 def score_table(scores: Scores) -> Table:
     """Return the errors of every sequence and overall, a block per pass."""
     title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
-    table = _table(title, ("pass", "sequence"))
-    for each in scores.entries:
-        names = each.pass_name, "overall" if each.sequence is None else each.sequence
-        style = "bold" if each.sequence is None else None
-        table.add_row(*map(sentence, names), *_cells(each.errors), style=style)
-        if each.sequence is None:
-            table.add_section()
-    return table
+    names = [
+        (entry.pass_name, "overall" if entry.sequence is None else entry.sequence)
+        for entry in scores.entries
+    ]
+    return _table(title, ("pass", "sequence"), names, scores.entries)
 
 
 def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
     """Return the entries for one truth, the lowest EPE first, by pass."""
-    table = _table("Leaderboard", ("pass", "program"))
-    shown = [entry for entry in entries if entry.truth_hash == truth_hash]
 
     def order(entry: Entry) -> tuple[str, float]:
         error_px = entry.errors["all"]["epe_px"]
         return entry.pass_name, math.inf if error_px is None else error_px
 
-    for entry in sorted(shown, key=order):
-        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
-    return table
+    shown = sorted((entry for entry in entries if entry.truth_hash == truth_hash), key=order)
+    names = [(entry.pass_name, entry.program) for entry in shown]
+    return _table("Leaderboard", ("pass", "program"), names, shown)
 
 
-def _table(title: str, first: Iterable[str]) -> Table:
+def _table(
+    title: str, heads: Iterable[str], names: Iterable[tuple[str, str]], entries: Iterable[Entry]
+) -> Table:
+    """Return a row of errors per entry; a name "overall" ends a block."""
     table = Table(title=title, box=SIMPLE, padding=(0, 1))
-    for name in first:
-        table.add_column(name, no_wrap=True)
-    for name in _COLUMNS:
-        table.add_column(name, justify="right", no_wrap=True)
+    for head in heads:
+        table.add_column(head, no_wrap=True)
+    for head in _COLUMNS:
+        table.add_column(head, justify="right", no_wrap=True)
+    for pair, entry in zip(names, entries, strict=True):
+        values = (entry.errors[group][field] for group, field in _COLUMNS.values())
+        cells = ("–" if value is None else f"{value:.3g}" for value in values)
+        is_last = pair[1] == "overall"
+        style = "bold" if is_last else None
+        table.add_row(*map(sentence, pair), *cells, style=style, end_section=is_last)
     return table
-
-
-def _cells(groups: Groups) -> list[str]:
-    values = (groups[group][name] for group, name in _COLUMNS.values())
-    return ["–" if value is None else f"{value:.3g}" for value in values]

@@ -1,111 +1,85 @@
-"""The long table of a benchmark: sources × methods × photons, a value and an interval each.
+"""The long table of a benchmark: what was measured on every unit, and means with their intervals.
 
-Intervals are over units that were sampled independently, such as sequences, scenes or windows of
-frames.
+A unit is sampled independently of all others: a scene or sequence, or a segment of few sequences.
+Pixels and frames of a sequence show the same scene, so they are no units; of segments, results hold
+for these sequences alone.
 
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
 of the jackknife over units (Efron and Tibshirani 1993, chapter 11), and Student's quantiles. Units
 hold different numbers of blocks: their effective number (Kish 1965), less one, is the number of
 degrees of freedom. A ratio of two methods does not depend on how hard the units were.
-
-Pixels and frames of a sequence show the same scene, so the unit is a sequence. With too few
-sequences it is a segment of one, and results hold for these sequences alone.
 """
 
 import math
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 from scipy.stats import t as student
 
 from megalopta.core.arrays import Floats
 
-
-class Case(NamedTuple):
-    """One metric of one method at one number of photons, with its group and pooling."""
-
-    metric: str
-    method: str
-    photons: float
-    """Per frame or per pixel, depending on the benchmark"""
-    group: str = "all"
-    """Group of blocks"""
-    pixels_pooled: int = 1
-    """Side of the squares of pixels that are added"""
-    frames_pooled: int = 1
-
-
-Samples: TypeAlias = Mapping[Case, Floats]
-"""Measured values, (units, photon draws)"""
-
-Measure: TypeAlias = Callable[[NDArray[Any], float], Iterator[tuple[str, str, Floats]]]
-"""Maps counts (T, H, W) and their photons to the values (units,) of each metric and method"""
-
-
-def measure_samples(
-    draw: Callable[[float, int], NDArray[Any]],
-    measure: Measure,
-    fluxes: Sequence[float],
-    draws: int,
-    after_draw: Callable[[], object] = lambda: None,
-) -> Samples:
-    """Return what methods measure on the same photons of one source.
-
-    `draw` maps photons (per frame or per pixel) and the number of a draw to counts (T, H, W).
-    """
-    found = defaultdict(list)
-    for number, flux in product(range(draws), fluxes):
-        for metric, method, values in measure(draw(flux, number), flux):
-            found[Case(metric, method, flux)].append(values)
-        after_draw()
-    return {case: np.stack(values, axis=-1) for case, values in found.items()}
-
-
-def gathered(sources: Iterable[Samples]) -> Samples:
-    """Join the units of several sources on which the same cases were measured."""
-    first, *others = sources
-    return {
-        case: np.concatenate([values, *(each[case] for each in others)])
-        for case, values in first.items()
-    }
-
-
-FEWEST_SEQUENCES = 5
-"""Least number of sequences for sequences to be the units"""
-
-STRETCHES = 10
-"""Segments of successive pairs of frames per sequence, if sequences are fewer"""
+CASE = ["metric", "method", "photons", "group", "pixels_pooled", "frames_pooled"]
+"""Columns that say what a row measures: photons are per frame or per pixel, as the benchmark says;
+group is a group of blocks, and the pooled pixels are the side of a square"""
 
 _CONFIDENCE = 0.95
 
 
 class Sums(NamedTuple):
-    """Sum of the measured values and number of blocks, per pair of frames or unit, (n,)."""
+    """Sum of the measured values and number of blocks of each unit, (n,)."""
 
     totals: Floats
     blocks: Floats
 
 
 class Interval(NamedTuple):
-    """A value and its 95 % interval; None if units are too few."""
+    """A value and its 95 % interval, NaN if units are too few."""
 
     value: float
-    low: float | None = None
-    high: float | None = None
+    low: float = math.nan
+    high: float = math.nan
 
 
-def units(sequences: Sequence[Sums]) -> Sums:
-    """Sum over the pairs of each unit: each sequence, or each segment of few sequences."""
-    stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
-    sums = (
-        [part.sum() for each in pairs for part in np.array_split(each, stretches)]
-        for pairs in zip(*sequences, strict=True)
-    )
-    return Sums(*(np.array(each, np.float64) for each in sums))
+def samples(rows: Iterable[tuple[Any, ...]]) -> pd.DataFrame:
+    """Return the table of measured values: a row for each case and unit.
+
+    A row is (metric, method, photons, group, pixels_pooled, frames_pooled, unit, total, blocks).
+    """
+    return pd.DataFrame(list(rows), columns=[*CASE, "unit", "total", "blocks"])
+
+
+def records(rows: pd.DataFrame) -> Iterator[Any]:
+    """Yield the rows of a table, with columns as attributes."""
+    yield from rows.itertuples()
+
+
+def columns_of(rows: pd.DataFrame) -> dict[str, list[Any]]:
+    """Return the columns of a table as lists, by name."""
+    return {str(name): rows[name].tolist() for name in rows}
+
+
+def sums_of(rows: pd.DataFrame) -> Sums:
+    """Return the sums of a table's rows, a unit each."""
+    return Sums(rows["total"].to_numpy(float), rows["blocks"].to_numpy(float))
+
+
+def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
+    """Return the mean of every case over units: value, low, high, and `surely_lowest`.
+
+    That is true of a method if it is surely lower than every other, except `not_ranked`. Cases
+    without blocks are left out.
+    """
+    rows = []
+    for key, same in table.groupby([name for name in CASE if name != "method"], sort=False):
+        metric, *rest = key
+        by_method = {str(name): sums_of(part) for name, part in same.groupby("method", sort=False)}
+        found = lowest({name: sums for name, sums in by_method.items() if name != not_ranked})
+        for name, sums in by_method.items():
+            if (mean := interval(sums)) is not None:
+                rows.append((metric, name, *rest, *mean, found == (name, True)))
+    return pd.DataFrame(rows, columns=[*CASE, "value", "low", "high", "surely_lowest"])
 
 
 def interval(sums: Sums) -> Interval | None:
@@ -117,36 +91,32 @@ def interval(sums: Sums) -> Interval | None:
     return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
 
 
-def sums_of(samples: Floats) -> Sums:
-    """Return the sums over the draws of samples (units, draws); NaN is unknown."""
-    known = np.isfinite(samples)
-    return Sums(np.where(known, samples, 0).sum(axis=-1), known.sum(axis=-1))
-
-
-def mean_of(samples: Floats) -> Interval:
-    """Return the mean of samples (units, draws) and its interval over units; NaN is unknown."""
-    return interval(sums_of(samples)) or Interval(math.nan)
-
-
 def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
     """Return the ratio of two means over the same blocks, and its two-sided p-value against 1.
 
     None if units are too few.
     """
-    upper, lower = (_present(each) for each in (one, other))
+    upper, lower = _present(one), _present(other)
     with np.errstate(invalid="ignore"):  # ratio of two infinities
         left_out = _log_means(upper) - _log_means(lower)
     if (spread := _spread(left_out, upper.blocks)) is None:
         return None
-    found, (error, freedom) = _mean(upper) / _mean(lower), spread
-    steps = abs(np.log(found)) / max(error, np.finfo(float).eps)
-    return _around(found, *spread), float(2 * student.sf(steps, freedom))
+    quotient, (error, freedom) = _mean(upper) / _mean(lower), spread
+    steps = abs(np.log(quotient)) / max(error, np.finfo(float).eps)
+    return _around(quotient, *spread), float(2 * student.sf(steps, freedom))
 
 
-def is_larger(one: Sums, other: Sums) -> bool:
-    """Return whether the mean of one surely exceeds that of the other over the same blocks."""
-    found = ratio(one, other)
-    return found is not None and (found[0].low or 0) > 1
+def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
+    """Return the method of the lowest mean, and True if all others' ratios surely exceed 1.
+
+    None if there are no blocks.
+    """
+    errors = {name: mean.value for name, each in sums.items() if (mean := interval(each))}
+    if not errors:
+        return None
+    first = min(errors, key=lambda name: errors[name])
+    ratios = [ratio(sums[name], sums[first]) for name in errors if name != first]
+    return first, all(found is not None and found[0].low > 1 for found in ratios)
 
 
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
@@ -179,6 +149,6 @@ def _mean(sums: Sums) -> float:
 
 def _log_means(sums: Sums) -> Floats:
     """Return the logarithm of the mean without each unit."""
-    totals, blocks = (each.sum() - each for each in sums)
+    totals, blocks = (values.sum() - values for values in sums)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.log(totals / blocks))

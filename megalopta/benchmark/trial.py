@@ -1,12 +1,22 @@
-"""A trial of the flow benchmark, and sweeps: stimulus, metrics and precision.
+"""Trials of the flow benchmark, and sweeps: stimulus, metrics and precision; and their run.
 
 A trial is plain data that travels to any worker and comes back from YAML. Its template is the
 picture of its stimulus, a grating or a panorama: plain data, too, whose pixels are computed or come
 from the cache or the user's picture. A sweep is trials that differ in one parameter.
+
+Trials run in parallel, each stored as soon as it is finished. A result is keyed by a hash of
+everything that it depends on: the trial, the pixels of its template and the code. So a killed run
+continues where it stopped, figures share trials, and no stale result is used. Any
+`concurrent.futures` executor works: threads (the kernels release the GIL), processes, or that of a
+Dask cluster, `Client.get_executor()`.
 """
 
+import json
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -23,6 +33,7 @@ from pydantic import (
 )
 
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
+from megalopta.benchmark.methods import identity
 from megalopta.benchmark.panoramas import (
     NATURAL_PANORAMAS,
     ROWS,
@@ -31,9 +42,13 @@ from megalopta.benchmark.panoramas import (
 )
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import mapping, put, validated, yaml_text
+from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import Typed, folder_of, named_path
 from megalopta.core.errors import UserError
+from megalopta.core.folders import ensure_directory, locked
+from megalopta.core.freshness import code_digest, digest
+from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.flow.benchmark import SearchSettings, each_once
@@ -42,8 +57,9 @@ from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred
-from megalopta.flow.stimuli.photons import ResizeKind
+from megalopta.flow.stimuli.photons import BlackFrameError, ResizeKind
 from megalopta.scenes.spectra.color import encode_srgb
+from megalopta.stages.jobs import connected
 
 
 class GratingTemplate(Record, frozen=True):
@@ -109,42 +125,33 @@ def template_names(templates: Sequence[Template]) -> list[str]:
         for field in GratingTemplate.model_fields
         if len({getattr(each, field) for each in gratings}) > 1
     ]
-    return [
-        " ".join(["grating", *(f"{field}={getattr(each, field)}" for field in differing)])
-        if isinstance(each, GratingTemplate)
-        else each.name
-        if each.coding == "linear"
-        else f"{each.name} {each.coding}"
-        for each in templates
-    ]
+    names = []
+    for template in templates:
+        if isinstance(template, GratingTemplate):
+            values = (f"{field}={getattr(template, field)}" for field in differing)
+            names.append(" ".join(["grating", *values]))
+        else:
+            names.append(f"{template.name} {template.coding}".removesuffix(" linear"))
+    return names
 
 
-def template_pixels(
-    templates: Iterable[Template], cache: Path | None = None
-) -> dict[Template, Floats]:
-    """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama.
-
-    Panoramas rendered by this project are in the cache, by default the user's.
-    """
-    asked = set(templates)
-    names = {each.name for each in asked if not isinstance(each, GratingTemplate)}
-    rendered = {name: NATURAL_PANORAMAS[name] for name in sorted(names & set(NATURAL_PANORAMAS))}
-    natural = natural_templates(cache, rendered) if rendered else {}
-    return {template: _pixels(template, natural) for template in asked}
+def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
+    """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama."""
+    return {template: _pixels(template) for template in set(templates)}
 
 
-def _pixels(template: Template, natural: dict[str, Floats]) -> Floats:
+def _pixels(template: Template) -> Floats:
     if isinstance(template, GratingTemplate):
         return template.pixels()
-    light = natural.get(template.name)
-    if light is None:
-        path = Path(template.name)
-        if not (path.suffix or path.exists()):
-            raise UserError(
-                f"template.name: no forest {template.name!r}; there are"
-                f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
-            )
-        light = template_from_file(path)
+    if template.name in NATURAL_PANORAMAS:
+        light = natural_templates([template.name])[template.name]
+    elif Path(template.name).suffix or Path(template.name).exists():
+        light = template_from_file(Path(template.name))
+    else:
+        raise UserError(
+            f"template.name: no forest {template.name!r}; there are"
+            f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
+        )
     if template.coding == "linear":
         return light
     gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
@@ -229,11 +236,6 @@ class Trial(Record, frozen=True):
         """Methods of the trial."""
         return tuple(map(method, self.methods))
 
-    @property
-    def stimulus(self) -> Mapping[str, Any]:
-        """Properties of the light other than the pixels of the template, as plain data."""
-        return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
-
 
 def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
     """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
@@ -304,29 +306,26 @@ class Sweep(Record, frozen=True):
             )
         return self
 
-    def __copy__(self) -> Self:
-        copied = super().__copy__()
-        copied.__dict__.pop("points", None)  # a copy with other values has other points
-        return copied
-
     @cached_property
     def points(self) -> tuple[SweepPoint, ...]:
         """Trials by size, value and template, in this order."""
         fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
+        sizes, templates = (
+            self.sizes or (self.trial.size,),
+            self.templates or (self.trial.template,),
+        )
         found: list[tuple[Value, Trial]] = []
-        for size, value, template in product(
-            self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)
-        ):
+        for size, value, template in product(sizes, self.values, templates):
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
             put(fields, self.vary, value, Trial)
             trial = checked(Trial, fields)
             # a quoted number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
             found.append((number, trial))
-        templates = list(dict.fromkeys(trial.template for _, trial in found))
-        names = dict(zip(templates, template_names(templates), strict=True))
+        pictures = list(dict.fromkeys(trial.template for _, trial in found))
+        names = dict(zip(pictures, template_names(pictures), strict=True))
         return tuple(
-            SweepPoint(each.size, value, names[each.template], each) for value, each in found
+            SweepPoint(trial.size, value, names[trial.template], trial) for value, trial in found
         )
 
     @property
@@ -346,3 +345,104 @@ def load_sweep(
     """
     values = mapping(yaml_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)
+
+
+Curves = tuple[ErrorCurve, ...]
+Results = Mapping[Trial, Curves]
+
+_OF_LIGHT = {"velocity_px", "size", "resize", "blurred"}
+"""Properties of the light other than the pixels of the template"""
+
+
+def run(
+    trials: Sequence[Trial],
+    templates: Mapping[Template, Floats],
+    store: Path,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> dict[Trial, Curves]:
+    """Return the error curves of all trials, which are kept in a folder; shows progress.
+
+    They run on threads, by default one per core, or a Dask cluster. Raises UserError if a template
+    cannot be measured, such as one with a black frame.
+    """
+    if not trials:
+        return {}
+    with locked(store):
+        files.sweep(store)
+        with (
+            _executor(workers, scheduler) as executor,
+            progress("Searching photon thresholds", trial_work(trials), "kpixel") as advance,
+        ):
+            return run_trials(trials, templates, store, executor, advance)
+
+
+def run_trials(
+    trials: Iterable[Trial],
+    templates: Mapping[Template, Floats],
+    store: Path,
+    executor: Executor,
+    on_progress: Callable[[int], object] = lambda work: None,
+) -> dict[Trial, Curves]:
+    """Run trials as `run` does; duplicates are run once.
+
+    `on_progress` gets the work done since its last call, in units of `trial_work`.
+    """
+    ensure_directory(store)
+    results: dict[Trial, Curves] = {}
+    running: dict[Future[Curves], tuple[Trial, Path]] = {}
+    hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
+    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
+    # the longest first, so that no worker runs one alone at the end
+    for trial in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
+        pixels, picture = templates[trial.template], hashes[trial.template]
+        key = digest(trial.model_dump_json(), picture, code, *map(identity, trial.detectors))
+        path = store / f"{key}.json"
+        if (stored := _read(path)) is None:
+            light = json.dumps(trial.model_dump(mode="json", include=_OF_LIGHT))
+            future = executor.submit(measure_trial, trial, pixels, digest(light, picture))
+            running[future] = trial, path
+        else:
+            results[trial] = stored
+            on_progress(trial_work([trial]))
+    try:
+        for future in as_completed(running):
+            trial, path = running[future]
+            results[trial] = future.result()
+            curves = [curve.to_dict() for curve in results[trial]]
+            files.write_json(path, {"trial": trial.model_dump(mode="json"), "curves": curves})
+            on_progress(trial_work([trial]))
+    except BlackFrameError as problem:
+        raise UserError(f"{template_names([trial.template])[0]}: {problem}") from None
+    finally:
+        for future in running:
+            future.cancel()
+    return results
+
+
+@contextmanager
+def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
+    if scheduler is not None:
+        with connected(scheduler) as client:
+            yield client.get_executor()
+        return
+    threads = ThreadPoolExecutor(workers or os.cpu_count())
+    try:
+        yield threads
+    finally:
+        # an interruption does not wait for unfinished trials
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+def trial_work(trials: Iterable[Trial]) -> int:
+    """Return the work of trials: thousands of pixels in one frame of each."""
+    return sum(max(1, trial.size**2 // 1000) for trial in set(trials))
+
+
+def _read(path: Path) -> Curves | None:
+    """Return the stored result; None if it is missing or damaged."""
+    try:
+        record = json.loads(path.read_text("utf-8"))
+        return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
+    except (FileNotFoundError, ValueError, LookupError, TypeError, AttributeError):
+        return None

@@ -10,43 +10,42 @@ WAUC (`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed
 with the processor time that the method took. A block is occluded where a tenth of it is hidden in
 the next frame. A method's value is the mean over draws and scenes, with its interval over scenes
 (`table`), if there is more than one.
+
+**Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
+pictures without photon noise: the reference and similar methods repeat its errors on counts, so it
+favors them. The other favors no method: of three or more methods, the median of all others on the
+same photons. Methods that agree may share an error, and one that is right alone is far from the
+rest.
 """
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from functools import partial
-from itertools import chain, product
+from itertools import pairwise, product
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
+import pandas as pd
 
-from megalopta.benchmark.clips import FlowClip, middle
+from megalopta.benchmark import clips as sources, table
+from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
-from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import (
-    Case,
-    Interval,
-    Samples,
-    gathered,
-    mean_of,
-    measure_samples,
-)
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.errors import refused_as
-from megalopta.core.files import write_csv
-from megalopta.core.progress import progress
+from megalopta.core.bounded import check_decoded
+from megalopta.core.errors import UserError, refused_as
+from megalopta.core.files import write_text
+from megalopta.core.pictures import SENSED_BYTES
+from megalopta.core.progress import progress, say
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
 from megalopta.flow.detectors.registry import Method
-from megalopta.flow.metrics.endpoint_error import (
-    OCCLUDED_SHARE,
-    DenseErrors,
-    block_flow,
-    block_share,
-)
+from megalopta.flow.metrics import endpoint_error
+from megalopta.render import Footage, open_footage
+from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0
@@ -54,6 +53,21 @@ FAR_PX = 3.0
 
 MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 SECONDS = "cpu_s"
+_SHARES = {
+    "share_beyond_1_px": "over_1px_percent",
+    "share_beyond_5_px": "over_5px_percent",
+    "fl_share": "fl_percent",
+    "wauc_share": "wauc_percent",
+}
+"""Metrics by field of `endpoint_error.DenseError`"""
+_OF_GROUPS = {
+    "mean_epe_below_10_px": "slow",
+    "mean_epe_10_to_40_px": "medium",
+    "mean_epe_from_40_px": "fast",
+    "mean_epe_visible_px": "visible",
+    "mean_epe_occluded_px": "occluded",
+}
+"""Mean errors by true motion, px per frame, and by occlusion"""
 METRICS: Mapping[str, str] = MappingProxyType(
     {
         MEDIAN: "median px",
@@ -71,34 +85,53 @@ METRICS: Mapping[str, str] = MappingProxyType(
         SECONDS: "CPU s",
     }
 )
-"""Heads of columns by metric; mean errors by true motion, px per frame, and by occlusion"""
+"""Heads of columns by metric"""
+FROM_STAND_IN, FROM_OTHERS = (
+    {MEDIAN: f"median_px_{of}", MEAN: f"mean_px_{of}", FAR: f"{FAR}_{of}"}
+    for of in ("from_stand_in", "from_others")
+)
+"""Metrics against the flow of the reference, and against the median of the other methods, by the
+corresponding metric of an error."""
 
-_OF_GROUPS = "slow", "medium", "fast", "visible", "occluded"
 _PAIR_FRAMES = 2
-_KEY = ("whole frames",)
+_CLEAN_PHOTONS = 1000.0
+"""Photons per pixel of the noise-free light that the reference sees."""
+
+Measures: TypeAlias = Iterator[tuple[str, str, float]]
+"""Metric, method and value; NaN is unknown"""
+
+_Light: TypeAlias = Callable[[], Floats]
+"""Returns the luminance (H, W) of a picture when needed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Board:
     """Errors of methods over the blocks of scenes, by photons per pixel and frame."""
 
-    scenes: tuple[str, ...]
-    detectors: tuple[BlockDetector, ...]
-    fluxes: tuple[float, ...]
-    samples: Samples
-    """(scenes, draws) of each metric"""
+    detectors: Sequence[BlockDetector]
+    samples: pd.DataFrame
+    """A row per metric, method, photons and scene (`table.samples`): the sum over known draws"""
 
-    def of_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Floats:
-        """Return the means over the draws of each scene, (scenes,)."""
-        return np.asarray(self.samples[Case(metric, detector.name, flux)].mean(axis=-1))
+    @property
+    def scenes(self) -> list[str]:
+        """Names of the scenes."""
+        return list(self.samples["unit"].unique())
 
-    def over_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Interval:
-        """Return the mean over scenes that have the metric, NaN without any, with its interval."""
-        return mean_of(self.samples[Case(metric, detector.name, flux)])
+    def means(self) -> pd.DataFrame:
+        """Return the mean of every metric over the scenes that have it (`table.means`)."""
+        return table.means(self.samples)
+
+    def by_scene(self) -> pd.DataFrame:
+        """Return the mean over draws: a row per scene, method and photons, a column per metric."""
+        rows = self.samples.assign(value=self.samples["total"] / self.samples["blocks"])
+        names = [detector.name for detector in self.detectors]
+        wide = rows.pivot(index=["unit", "method", "photons"], columns="metric", values="value")
+        order = (self.scenes, names, list(rows["photons"].unique()))
+        return wide.reindex(pd.MultiIndex.from_product(order, names=wide.index.names))
 
 
 def frame_errors(
-    clips: Sequence[FlowClip],
+    clips: Iterable[FlowClip],
     methods: Sequence[Method],
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
@@ -109,20 +142,50 @@ def frame_errors(
     Fluxes are mean photons per pixel and frame of a clip. Raises ValueError if a method gives no
     velocity of blocks or needs more frames than a clip has, or a clip is too small.
     """
-    detectors = tuple(block_detector(each) for each in methods)
-    for each in detectors:  # compiled before time is measured
-        answers(each, clips[0], clips[0].counts(fluxes[0], 0, _KEY))
-    parts = []
+    detectors = [block_detector(method) for method in methods]
+    first, *others = clips
+    for detector in detectors:  # compiled before time is measured
+        answers(detector, first, first.counts(fluxes[0], 0, ("whole frames",)))
+
+    def measure(clip: FlowClip, counts: Frames) -> Measures:
+        truth = blocks_of(clip)
+        known = np.isfinite(truth).all(axis=-1)
+        for detector in detectors:
+            start = time.process_time()
+            found = answers(detector, clip, counts)
+            yield SECONDS, detector.name, time.process_time() - start
+            for metric, value in measures(distances(found, truth)[known]):
+                yield metric, detector.name, value
+            for metric, value in _tails(found, truth, _occluded(clip)):
+                yield metric, detector.name, value
+
+    key = ("whole frames",)
+    return Board(detectors, _samples([first, *others], fluxes, draws, key, measure, after_scene))
+
+
+def _samples(
+    clips: Iterable[FlowClip],
+    fluxes: Sequence[float],
+    draws: int,
+    key: tuple[str, ...],
+    measure: Callable[[FlowClip, Frames], Measures],
+    after_scene: Callable[[], object],
+) -> pd.DataFrame:
+    """Return what is measured on the counts of every clip, draw and flux, summed over draws."""
+    rows = []
     for clip in clips:
-        draw, errors = partial(clip.counts, key=_KEY), partial(_errors, detectors, clip)
-        parts.append(measure_samples(draw, errors, fluxes, draws))
+        for draw, flux in product(range(draws), fluxes):
+            for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
+                known = np.isfinite(value)
+                case = metric, name, flux, "all", 1, 1, clip.name
+                rows.append((*case, value if known else 0.0, float(known)))
         after_scene()
-    scenes = tuple(clip.name for clip in clips)
-    return Board(scenes, detectors, tuple(fluxes), gathered(parts))
+    draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
+    return draws_of_all.sum().reset_index()
 
 
 def errors_of_pairs(
-    pairs: Mapping[str, Files],
+    pairs: Mapping[str, sources.Files],
     fluxes: Sequence[float],
     methods: Sequence[Method] | None = None,
     draws: int = 1,
@@ -131,59 +194,43 @@ def errors_of_pairs(
 
     Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
-    clips = [read_pair(name, files) for name, files in pairs.items()]
+    clips = [sources.read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
         chosen = methods or methods_and_baselines(_PAIR_FRAMES)
         return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
 
 
-def write_board(
-    path: Path, board: Board, metrics: Iterable[str] = METRICS, stand_in: str = ""
-) -> None:
+def write_board(path: Path, board: Board, stand_in: str = "") -> None:
     """Write a row per pair, method and flux, as CSV: means over the draws of the pair.
 
     Without truth, rows say what stands in for it.
     """
-    own = ("photons_per_px", "stand_in") if stand_in else ("frames", "photons_per_px")
-    rows = (
-        (
-            *(pair, each.name),
-            *((flux, stand_in) if stand_in else (each.memory_frames + 1, flux)),
-            *(float(board.of_scenes(metric, each, flux)[place]) for metric in metrics),
-        )
-        for place, pair in enumerate(board.scenes)
-        for each, flux in product(board.detectors, board.fluxes)
-    )
-    write_csv(path, ("pair", "method", *own, *metrics), rows)
+    names = {"unit": "pair", "photons": "photons_per_px"}
+    rows = board.by_scene().reset_index().rename(columns=names)
+    if stand_in:
+        rows.insert(3, "stand_in", stand_in)
+        known = [name for name in _DISTANCES if name in rows]
+    else:
+        frames = {each.name: each.memory_frames + 1 for each in board.detectors}
+        rows.insert(2, "frames", rows["method"].map(frames))
+        known = list(METRICS)
+    first = [name for name in rows if name not in known]
+    write_text(path, rows[[*first, *known]].to_csv(index=False, float_format="%.6g", na_rep="nan"))
 
 
-def _errors(
-    detectors: Iterable[BlockDetector], clip: FlowClip, counts: Frames, _: float
-) -> Iterator[tuple[str, str, Floats]]:
-    """Yield statistics of methods' endpoint errors in the inner blocks, px per frame."""
-    truth = blocks_of(clip)
-    for each in detectors:
-        start = time.process_time()
-        found = answers(each, clip, counts)
-        spent = np.array([time.process_time() - start])
-        error_px = distances(found, truth)[np.isfinite(truth).all(axis=-1)]
-        tails = _tails(found, truth, _occluded(clip))
-        for metric, values in chain([(SECONDS, spent)], measures(error_px), tails):
-            yield metric, each.name, values
+_DISTANCES = (*FROM_STAND_IN.values(), *FROM_OTHERS.values())
 
 
-def _tails(found: Floats, truth: Floats, occluded: Mask | None) -> Iterator[tuple[str, Floats]]:
+def _tails(found: Floats, truth: Floats, occluded: Mask | None) -> Iterator[tuple[str, float]]:
     """Yield the other metrics of velocities of blocks (rows, columns, 2); NaN without blocks."""
-    errors = DenseErrors()
+    errors = endpoint_error.DenseErrors()
     errors.add(found, truth, occluded)
-    every = errors.of("all")
-    shares = every.over_1px_percent, every.over_5px_percent, every.fl_percent, every.wauc_percent
-    means = [errors.of(group).epe_px for group in _OF_GROUPS]
-    if occluded is None:
-        means[_OF_GROUPS.index("visible")] = math.nan
-    names = [name for name in METRICS if name not in (MEDIAN, MEAN, FAR, SECONDS)]
-    for name, value in zip(names, (*(each / 100 for each in shares), *means), strict=True):
-        yield name, np.array([value])
+    every = asdict(errors.of("all"))
+    for metric, field in _SHARES.items():
+        yield metric, every[field] / 100
+    for metric, group in _OF_GROUPS.items():
+        unknown = group == "visible" and occluded is None
+        yield metric, np.nan if unknown else errors.of(group).epe_px
 
 
 def _occluded(clip: FlowClip) -> Mask | None:
@@ -192,7 +239,8 @@ def _occluded(clip: FlowClip) -> Mask | None:
         return None
     hidden = clip.hidden & np.isfinite(clip.flow).all(axis=-1)
     grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
-    return np.asarray(block_share(hidden[np.newaxis], grid)[0, 1:-1, 1:-1] >= OCCLUDED_SHARE)
+    share = endpoint_error.block_share(hidden[np.newaxis], grid)[0, 1:-1, 1:-1]
+    return np.asarray(share >= endpoint_error.OCCLUDED_SHARE)
 
 
 def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
@@ -203,7 +251,7 @@ def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
     needed = detector.memory_frames + 1
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
-    return np.nan_to_num(detector.respond(middle(counts, needed))[-1, 1:-1, 1:-1])
+    return np.nan_to_num(detector.respond(sources.middle(counts, needed))[-1, 1:-1, 1:-1])
 
 
 def blocks_of(clip: FlowClip) -> Floats:
@@ -212,7 +260,7 @@ def blocks_of(clip: FlowClip) -> Floats:
     A block needs flow for half of its pixels. Raises ValueError if no block has it.
     """
     grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
-    flow = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
+    flow = endpoint_error.block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
     if not np.isfinite(flow).all(axis=-1).any():
         raise ValueError(
             f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known; give other flow"
@@ -225,8 +273,97 @@ def distances(one: Floats, other: Floats) -> Floats:
     return np.asarray(np.hypot(*np.moveaxis(one - other, -1, 0)))
 
 
-def measures(distances_px: Floats) -> Iterator[tuple[str, Floats]]:
+def measures(distances_px: Floats) -> Iterator[tuple[str, float]]:
     """Yield median, mean, and the share above `FAR_PX` of the distances of blocks, (n,)."""
-    yield MEDIAN, np.array([np.median(distances_px)])
-    yield MEAN, np.array([distances_px.mean()])
-    yield FAR, np.array([(distances_px > FAR_PX).mean()])
+    yield MEDIAN, float(np.median(distances_px))
+    yield MEAN, float(distances_px.mean())
+    yield FAR, float((distances_px > FAR_PX).mean())
+
+
+def pairs_without_truth(
+    stack: ExitStack, paths: Sequence[Path], most: int, unit: Unit | None = None
+) -> dict[str, tuple[_Light, _Light]]:
+    """Return two pictures, or at most `most` evenly spaced pairs of successive frames, by name.
+
+    The stack closes opened files. Raises UserError if there are not two frames.
+    """
+    opened = [stack.enter_context(open_footage(path, unit)) for path in paths]
+    for footage in opened:
+        check_decoded(footage.path, footage.shape, SENSED_BYTES)
+    for note in dict.fromkeys(note for footage in opened for note in footage.notes):
+        say(note)
+    if len(opened) == 2:
+        return {paths[0].stem: _two(*opened)}
+    if len(opened) != 1:
+        raise UserError(
+            f"benchmark pairs: {len(paths)} paths; without truth, give two pictures, a folder of "
+            "pictures or a video"
+        )
+    (footage,) = opened
+    if len(footage) < _PAIR_FRAMES:
+        raise UserError(f"{footage.path} has one frame; give two pictures, or a video")
+    lights: list[_Light] = [partial(_luminance, footage, k) for k in range(len(footage))]
+    steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(lights))}
+    return sources.evenly_spread(steps, most)
+
+
+def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
+    for footage in (first, second):
+        if len(footage) > 1:
+            raise UserError(
+                f"{footage.path} has {len(footage)} frames; give it alone, or two pictures"
+            )
+    if first.shape != second.shape:
+        sizes = " and ".join(f"{both.shape[1]} × {both.shape[0]}" for both in (first, second))
+        raise UserError(f"{first.path} and {second.path} have {sizes} px; give one size")
+    return partial(_luminance, first, 0), partial(_luminance, second, 0)
+
+
+def _luminance(footage: Footage, index: int) -> Floats:
+    return np.asarray(footage.frame(index) @ footage.luminance_shares, np.float64)
+
+
+def distances_of_pairs(
+    pairs: Mapping[str, tuple[_Light, _Light]],
+    fluxes: Sequence[float],
+    reference: Method,
+    methods: Sequence[Method] | None = None,
+    draws: int = 1,
+) -> Board:
+    """Return distances of methods, by default all two-frame methods, from both references.
+
+    Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
+    UserError if pictures or methods cannot be used, or no picture has any contrast.
+    """
+    with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
+        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+        detectors, standing_in = list(map(block_detector, chosen)), block_detector(reference)
+
+        def clips() -> Iterator[FlowClip]:
+            for name, (first, second) in pairs.items():
+                light = np.stack([first(), second()])
+                if light.min() == light.max():
+                    say(f"{name}: both pictures are uniform; skipping the pair")
+                    advance(1)
+                    continue
+                light /= light.mean()
+                yield FlowClip(name, light, standing_in.dense(*light * _CLEAN_PHOTONS))
+
+        def measure(clip: FlowClip, counts: Frames) -> Measures:
+            stand_in = blocks_of(clip)
+            known = np.isfinite(stand_in).all(axis=-1)
+            given = {each.name: answers(each, clip, counts) for each in detectors}
+            for name, flow in given.items():
+                references = [(FROM_STAND_IN, stand_in)]
+                others = [flow_of for other, flow_of in given.items() if other != name]
+                if len(others) > 1:
+                    references.append((FROM_OTHERS, np.median(others, axis=0)))
+                for names, reference_flow in references:
+                    for metric, value in measures(distances(flow, reference_flow)[known]):
+                        yield names[metric], name, value
+
+        key = ("pairs without truth",)
+        samples = _samples(clips(), fluxes, draws, key, measure, lambda: advance(1))
+    if samples.empty:
+        raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
+    return Board(detectors, samples)

@@ -1,11 +1,10 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
-import math
 from argparse import Namespace
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from megalopta.cli.command import (
     DATASET,
@@ -26,7 +25,6 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.benchmark.table import Interval
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 150  # width of tables, on any terminal
@@ -106,15 +104,16 @@ def _pairs(options: Namespace) -> Path:
 
 
 def _pairs_with_truth(options: Namespace) -> None:
+    from megalopta.benchmark import clips
     from megalopta.benchmark.methods import BLOCK_PX
-    from megalopta.benchmark.pairs_on_disk import TrueFlow, evenly_spread, pairs_below
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        pairs = evenly_spread(pairs_below(options.paths[0], options.png_scale), options.pairs)
+        found = clips.pairs_below(options.paths[0], options.png_scale)
+        pairs = clips.evenly_spread(found, options.pairs)
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
-        pairs = {pictures[0].stem: (*pictures, TrueFlow(truth, png_scale=options.png_scale))}
+        pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
     else:
         raise UserError(
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
@@ -130,29 +129,30 @@ def _pairs_with_truth(options: Namespace) -> None:
 
 
 def _pairs_without_truth(options: Namespace) -> None:
-    from megalopta.benchmark import without_truth
+    from megalopta.benchmark import whole_frames
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
-    from megalopta.benchmark.whole_frames import MEAN, METRICS
+    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, MEAN, METRICS
 
     reference = options.reference or _REFERENCE
     with ExitStack() as stack:
-        pairs = without_truth.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
+        pairs = whole_frames.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
         choices = _methods_and_draws(options, len(pairs))
-        found = without_truth.distances_of_pairs(pairs, options.photons, reference, *choices)
-    without_truth.write_distances(options.out, found, reference)
+        found = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
     name = block_detector(reference).name
+    stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
+    whole_frames.write_board(options.out, found, stand_in)
     print(
         f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(found)}."
         f"\n\nDistance from the flow of the noise-free pictures by {name}, "
         f"which favors {name} and similar methods:"
     )
-    _print_tables(found, {name: METRICS[of] for of, name in without_truth.FROM_STAND_IN.items()})
-    if without_truth.has_others(found):
+    _print_tables(found, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
+    if len(found.detectors) > 2:
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
             "agree may share an error:"
         )
-        _print_tables(found, {without_truth.FROM_OTHERS[MEAN]: METRICS[MEAN]})
+        _print_tables(found, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
 
 
 def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
@@ -166,34 +166,37 @@ def _over(board: "Board") -> str:
 
 
 def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per flux: a row per method, a column per metric that is known of any."""
+    """Print a table per flux: a row per method, a column per metric that is known of any.
+
+    Medians and means have intervals, if there are several pairs.
+    """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
+    from megalopta.benchmark.table import records
+
     console = Console(width=_WIDTH)
-    for flux in board.fluxes:
-        columns = {
-            head: [_cell(name, board.over_scenes(name, each, flux)) for each in board.detectors]
-            for name, head in metrics.items()
-        }
-        known = {head: cells for head, cells in columns.items() if {*cells} != {_UNKNOWN}}
+    means = board.means()
+    means = means[means["metric"].isin(metrics)]
+    for flux, rows in means.groupby("photons", sort=False):
+        known = [name for name in metrics if name in set(rows["metric"])]
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
-        for head in known:
-            table.add_column(head, justify="right")
-        for each, *cells in zip(board.detectors, *known.values(), strict=True):
-            table.add_row(each.name, *cells)
+        for name in known:
+            table.add_column(metrics[name], justify="right")
+        cells = {(row.method, row.metric): _cell(row) for row in records(rows)}
+        for detector in board.detectors:
+            table.add_row(
+                detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)
+            )
         console.print(table)
 
 
-def _cell(metric: str, found: "Interval") -> str:
-    """Return the mean over pairs; below medians and means its interval, if there are several."""
-    factor, digits = (100, 1) if "share" in metric else (1, 2)
-    value, *ends = (None if each is None else f"{factor * each:.{digits}f}" for each in found)
-    if not math.isfinite(found.value):
-        return _UNKNOWN
-    has_ends = metric.startswith(("median", "mean_epe_px", "mean_px")) and None not in ends
-    return f"{value}\n{ends[0]}…{ends[1]}" if has_ends else str(value)
+def _cell(row: Any) -> str:
+    factor, digits = (100, 1) if "share" in row.metric else (1, 2)
+    value, low, high = (f"{factor * end:.{digits}f}" for end in (row.value, row.low, row.high))
+    has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px")) and row.low == row.low
+    return f"{value}\n{low}…{high}" if has_ends else value
 
 
 @verb(
@@ -232,12 +235,12 @@ def _photons(options: Namespace) -> object:
 
 def _run_sweep(options: Namespace) -> list[Path]:
     from megalopta.benchmark.trial import load_sweep
-    from megalopta.reproduction.drawing import Means, reproduce_sweep
+    from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    means = Means(options.workers, None, options.scheduler)
-    return reproduce_sweep(path.stem, sweep, out, means)
+    workers = Workers(options.workers, options.scheduler)
+    return reproduce_sweep(path.stem, sweep, out, workers)
 
 
 @verb(

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from megalopta.benchmark.design import DesignSettings
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking import RankingSettings
 from megalopta.benchmark.trial import Sweep
 from megalopta.cli.settings import FILE
 from megalopta.config.model import Configuration

@@ -110,10 +110,11 @@ def _view(options: Namespace) -> list[Path]:
     *THREADS,
 )
 def _reproduce(options: Namespace) -> list[Path]:
-    from megalopta.reproduction.drawing import Means, reproduce
+    from megalopta.reproduction.chapter4 import reproduce
+    from megalopta.reproduction.sweep_figure import Workers
 
-    means = Means(options.workers, None, options.scheduler)
-    return reproduce(options.figures, options.out, options.quick, means)
+    workers = Workers(options.workers, options.scheduler)
+    return reproduce(options.figures, options.out, options.quick, workers)
 
 
 @verb(

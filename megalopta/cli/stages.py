@@ -33,10 +33,9 @@ _RANKED = {
     "repeats": "1",
     "pixels_pooled": "[1]",
     "frames_pooled": "[1]",
-    "camera_pairs": "1",
 }
 """Settings of the demo's ranking: few, for a short demo"""
-_QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
+_QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]"}
 
 
 REDO = switch("--redo", "replace output of another configuration")

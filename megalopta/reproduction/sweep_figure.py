@@ -1,23 +1,32 @@
 """A sweep as a figure: the flux that each detector needs over the varied parameter."""
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator
 
 from megalopta.benchmark.panoramas import ROWS
-from megalopta.benchmark.runner import Results
-from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, Value
-from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
-from megalopta.flow.metrics.response_error import Metric
-from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import draw_interval, log_decades, method_style
+from megalopta.benchmark.table import columns_of
+from megalopta.benchmark.trial import (
+    GratingTemplate,
+    Results,
+    Sweep,
+    SweepPoint,
+    Trial,
+    Value,
+    run,
+    template_pixels,
+)
+from megalopta.core.folders import ensure_directory
+from megalopta.plotting import style
+from megalopta.plotting.picture import Figure, write_figure
 
 _LABELS = {
     "template.cycles_per_frame": "Cycles per frame",
@@ -33,58 +42,80 @@ _LOGARITHMIC = ("search.dark_counts",)
 _MOST_TICKS = 12
 
 
-class MeanThreshold(NamedTuple):
-    """Photons per frame at one value of a sweep; NaN if not all templates have a threshold.
+@dataclass(frozen=True)
+class Workers:
+    """Resources for trials of the flow benchmark; they change no number."""
 
-    For one template the bounds are its confidence interval, for several the least and the most.
-    None is an open end of an interval, beyond the curve.
+    threads: int | None = None
+    """Default: one per core."""
+    scheduler: str | None = None
+    """Address of a Dask cluster to use instead of threads."""
+
+
+DEFAULT = Workers()
+
+
+def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: Workers = DEFAULT) -> list[Path]:
+    """Measure a sweep and write its figure under this name, as PNG, SVG, CSV and JSON.
+
+    Results are kept in the folder `trials` of `out`, and not measured again. Raises UserError if
+    the folder is a file; nothing is written then.
     """
-
-    flux: float
-    low: float | None
-    high: float | None
-    interval: str
-    """Bounds as text"""
+    ensure_directory(out)
+    return write_figure(sweep_figure(name, sweep, measure(sweep.trials, out, workers)), out)
 
 
-def mean_threshold(thresholds: Sequence[Threshold]) -> MeanThreshold:
-    """Return the mean over templates, and bounds."""
-    if any(each.flux is None for each in thresholds):
-        return MeanThreshold(math.nan, math.nan, math.nan, "")
-    fluxes = [float(each.flux or math.nan) for each in thresholds]
-    if len(fluxes) > 1:
-        low, high = min(fluxes), max(fluxes)
-        interval = f"[{format_flux(low)}, {format_flux(high)}]"
-        return MeanThreshold(float(np.mean(fluxes)), low, high, interval)
-    (only,) = thresholds
-    return MeanThreshold(fluxes[0], only.low, only.high, only.interval)
+def measure(trials: Sequence[Trial], out: Path, workers: Workers) -> Results:
+    """Return the error curves of trials, kept in the folder `trials` of `out`."""
+    templates = template_pixels(trial.template for trial in trials)
+    return run(trials, templates, out / "trials", workers.threads, workers.scheduler)
 
 
-def threshold_of(
-    results: Results, trial: Trial, method: str, metric: Metric, bits: int
-) -> Threshold:
-    """Return the threshold of one detector in one trial."""
-    for curve in results[trial]:
-        if (curve.method, curve.metric) == (method, metric):
-            return curve.thresholds[bits]
-    raise KeyError(f"{method}, {metric}")
+def thresholds(points: Iterable[SweepPoint], results: Results) -> pd.DataFrame:
+    """Return the long table of a sweep: a row per trial, method, metric and number of bits.
+
+    NaN is no threshold, or an end of an interval beyond the curve.
+    """
+    rows = (
+        {
+            "size_px": point.size,
+            "value": point.value,
+            "template": point.template,
+            "method": curve.method,
+            "metric": curve.metric,
+            "bits": bits,
+            "kind": found.kind,
+            "photons_per_frame": found.flux,
+            "low": found.low,
+            "high": found.high,
+        }
+        for point in points
+        for curve in results[point.trial]
+        for bits, found in curve.thresholds.items()
+    )
+    numbers = ("photons_per_frame", "low", "high")
+    return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float) | {"value": object})
 
 
-def sweep_curve(
-    sweep: Sweep, results: Results, size: int, method: str, metric: Metric, bits: int = 2
-) -> list[tuple[Value, MeanThreshold]]:
-    """Return the thresholds of one detector at each value of a sweep, at one size."""
-    at_value: dict[Value, list[Threshold]] = {}
-    for point in sweep.points:
-        if sweep.vary == "size" or point.size == size:
-            found = threshold_of(results, point.trial, method, metric, bits)
-            at_value.setdefault(point.value, []).append(found)
-    return [(value, mean_threshold(thresholds)) for value, thresholds in at_value.items()]
+def over_templates(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the mean over templates, NaN if not all have a threshold.
 
-
-def or_nan(flux: float | None) -> float:
-    """Return a flux or bound as a number; NaN if there is none."""
-    return math.nan if flux is None else flux
+    For one template the ends are its confidence interval, for several the least and the most.
+    """
+    photons = "photons_per_frame"
+    groups = table.groupby(["size_px", "value", "method", "metric", "bits"], sort=False)
+    found = groups.agg(
+        **{photons: (photons, lambda values: values.mean(skipna=False))},
+        least=(photons, "min"),
+        most=(photons, "max"),
+        low=("low", "first"),
+        high=("high", "first"),
+        templates=("template", "nunique"),
+    ).reset_index()
+    several, known = found["templates"] > 1, found[photons].notna()
+    found["low"] = found["least"].where(several, found["low"]).where(known)
+    found["high"] = found["most"].where(several, found["high"]).where(known)
+    return found.drop(columns=["least", "most", "templates"])
 
 
 def sweep_figure(
@@ -97,6 +128,7 @@ def sweep_figure(
 
     `printed` are numbers of these results and of the dissertation.
     """
+    table = thresholds(sweep.points, results)
     rows = math.ceil(len(_sizes(sweep)) / 2)
     trials = [
         {
@@ -110,13 +142,19 @@ def sweep_figure(
     return Figure(
         name=name,
         title=sweep.title,
-        caption=_caption(sweep, results),
-        draw=partial(_draw, sweep=sweep, results=results),
-        numbers=columns_of(_rows(sweep, results)),
+        caption=_caption(sweep, table),
+        draw=partial(_draw, sweep=sweep, table=over_templates(_first(sweep, table))),
+        numbers=columns_of(table),
         height_in=4.0 if rows == 1 else 2.8 * rows,
         printed=printed or {},
         details={"sweep": sweep.model_dump(mode="json"), "trials": trials},
     )
+
+
+def _first(sweep: Sweep, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows in the first metric and number of bits, which are drawn."""
+    search = sweep.trial.search
+    return table[(table["metric"] == search.metrics[0]) & (table["bits"] == search.bits[0])]
 
 
 def _sizes(sweep: Sweep) -> tuple[int, ...]:
@@ -124,13 +162,15 @@ def _sizes(sweep: Sweep) -> tuple[int, ...]:
     return (sweep.trial.size,) if sweep.vary == "size" else sweep.sizes or (sweep.trial.size,)
 
 
-def _caption(sweep: Sweep, results: Results) -> str:
+def _caption(sweep: Sweep, table: pd.DataFrame) -> str:
     search, templates = sweep.trial.search, sweep.templates
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
     bars = f"{100 * search.confidence:g} % intervals"
     if len(templates) > 1:
         bars = f"the range over {len(templates)} templates"
-    missing = _missing(sweep, results)
+    drawn = _first(sweep, table)
+    without = drawn[drawn["photons_per_frame"].isna()]
+    missing = without.groupby("method", sort=False).size().to_dict()
     return (
         f"N_{search.bits[0]}b is the photons per frame at which the error of {metric} falls to "
         f"{100 * 2.0 ** -search.bits[0]:g} %; bars are {bars}. Fixed, for frames of "
@@ -156,24 +196,13 @@ def _fixed(sweep: Sweep) -> Iterator[str]:
     yield from (f"{path} {value}" for path, value in fixed.items() if path != sweep.vary)
 
 
-def _missing(sweep: Sweep, results: Results) -> Counter[str]:
-    """Return the number of points without threshold of each method in the figure."""
-    search = sweep.trial.search
-    return Counter(
-        method
-        for point in sweep.points
-        for method in (each.name for each in sweep.trial.detectors)
-        if threshold_of(results, point.trial, method, search.metrics[0], search.bits[0]).flux
-        is None
-    )
-
-
-def _draw(canvas: Canvas, sweep: Sweep, results: Results) -> None:
+def _draw(canvas: Canvas, sweep: Sweep, table: pd.DataFrame) -> None:
     sizes = _sizes(sweep)
     shape = math.ceil(len(sizes) / 2), min(len(sizes), 2)
     panels = canvas.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, size in zip(panels, sizes, strict=False):
-        _draw_panel(axes, sweep, results, size)
+        is_shown = table["size_px"].eq(size) | (sweep.vary == "size")
+        _draw_panel(axes, sweep, table[is_shown])
         if len(sizes) > 1:
             axes.set_title(f"N = {size}", loc="left")
     for axes in panels[len(sizes) :]:
@@ -181,45 +210,38 @@ def _draw(canvas: Canvas, sweep: Sweep, results: Results) -> None:
     canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside right center")
 
 
-def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
+def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
     search = sweep.trial.search
-    values: list[Value] = []
-    for method in (each.name for each in sweep.trial.detectors):
-        curve = sweep_curve(sweep, results, size, method, search.metrics[0], search.bits[0])
-        if not _is_text([value for value, _ in curve]):
-            curve.sort(key=lambda point: float(point[0]))
-        values = [value for value, _ in curve]
-        flux = np.array([each.flux for _, each in curve])
+    values: list[Value] = table["value"].unique().tolist()
+    is_text = any(isinstance(value, (str, bool)) for value in values)
+    for method, curve in table.groupby("method", sort=False):
+        ordered = curve if is_text else curve.sort_values("value")
+        flux = ordered["photons_per_frame"]
+        known = flux.notna()
         # an open interval extends to the end of the curve
-        low = np.array([search.flux_min if each.low is None else each.low for _, each in curve])
-        high = np.array([search.flux_max if each.high is None else each.high for _, each in curve])
-        x = range(len(values)) if _is_text(values) else values
-        look = {"capsize": 2.5, "elinewidth": 1.2, "label": method, **method_style(method)}
-        draw_interval(axes, x, flux, (low, high), **look)
+        low = ordered["low"].fillna(search.flux_min).where(known)
+        high = ordered["high"].fillna(search.flux_max).where(known)
+        x = range(len(values)) if is_text else ordered["value"].astype(float)
+        look = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
+        look |= style.method_style(str(method))
+        ends = low.to_numpy(), high.to_numpy()
+        style.draw_interval(axes, x, flux.to_numpy(), ends, **look)
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
     axes.set_ylabel(f"$N_{{{search.bits[0]}b}}$ (photons per frame)")
     axes.label_outer()
-    _scale_photons(axes)
-    _scale_values(axes, values, sweep.vary in _LOGARITHMIC)
-
-
-def _scale_photons(axes: Axes) -> None:
-    log_decades(axes, "y")
+    style.log_decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     bottom, top = axes.get_ylim()
     if top < 30 * bottom:  # labels at decades alone would be too few
         steps = (2.0, 5.0) if top > 4 * bottom else tuple(np.arange(2.0, 10.0))
         axes.yaxis.set_minor_locator(LogLocator(subs=steps))
         axes.yaxis.set_minor_formatter(EngFormatter(sep=""))
-
-
-def _scale_values(axes: Axes, values: Sequence[Value], is_logarithmic: bool) -> None:
-    if _is_text(values):
+    if is_text:
         axes.set_xticks(range(len(values)), [str(value) for value in values])
         return
     numbers = [float(value) for value in values]
-    if is_logarithmic:
-        linear_to = min((each for each in numbers if each > 0), default=1.0)
+    if sweep.vary in _LOGARITHMIC:
+        linear_to = min((number for number in numbers if number > 0), default=1.0)
         if min(numbers) > 0:
             axes.set_xscale("log")
         else:
@@ -228,25 +250,3 @@ def _scale_values(axes: Axes, values: Sequence[Value], is_logarithmic: bool) -> 
         axes.xaxis.set_major_formatter("{x:g}")
     elif all(isinstance(value, int) for value in values) and len(values) <= _MOST_TICKS:
         axes.set_xticks(numbers)
-
-
-def _is_text(values: Sequence[Value]) -> bool:
-    return any(isinstance(value, (str, bool)) for value in values)
-
-
-def _rows(sweep: Sweep, results: Results) -> Iterator[dict[str, Cell]]:
-    for point in sweep.points:
-        for curve in results[point.trial]:
-            for bits, found in curve.thresholds.items():
-                yield {
-                    "size_px": point.trial.size,
-                    "value": point.value,
-                    "template": point.template,
-                    "method": curve.method,
-                    "metric": curve.metric,
-                    "bits": bits,
-                    "kind": found.kind,
-                    "photons_per_frame": or_nan(found.flux),
-                    "low": or_nan(found.low),
-                    "high": or_nan(found.high),
-                }

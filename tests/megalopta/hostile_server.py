@@ -17,8 +17,8 @@ CPU_S, WALL_S, DATA_BYTES = 20, 90, 5 * 10**9
 """Where a child is killed, beyond what the tests allow, so that they can tell by how much."""
 WARM = (
     "av", "cv2", "h5py", "mitsuba", "numpy", "onnxruntime", "OpenEXR", "scipy.spatial.transform", "tifffile",
-    "trimesh", "zarr", "megalopta.benchmark.pairs_on_disk", "megalopta.benchmark.ranking_run",
-    "megalopta.benchmark.scores", "megalopta.benchmark.without_truth", "megalopta.camera.calibration",
+    "trimesh", "zarr", "megalopta.benchmark.clips", "megalopta.benchmark.ranking_run",
+    "megalopta.benchmark.scores", "megalopta.benchmark.whole_frames", "megalopta.camera.calibration",
     "megalopta.camera.comparison", "megalopta.flow", "megalopta.stages.make", "megalopta.render",
     "megalopta.render.exporting", "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
     "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.measurements",

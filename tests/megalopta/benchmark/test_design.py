@@ -86,6 +86,7 @@ def test_a_turn_moves_a_pinhole_image_by_its_closed_form():
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_yaw_estimated_from_drawn_counts_scatters_as_predicted():
     """Maximum likelihood of the turn between a known texture and drawn Poisson counts with dark
     ones. The variance of 4000 estimates scatters by 2.2 %, and 13 % is more than five times that

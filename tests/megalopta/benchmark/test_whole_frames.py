@@ -1,9 +1,10 @@
 """The board of whole frames, on scenes made here and on files in the layouts of others."""
 
 import csv
-import time
+from contextlib import ExitStack
 from dataclasses import replace
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -11,8 +12,20 @@ from scipy.ndimage import map_coordinates
 
 from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle
 from megalopta.benchmark.methods import TUNED, block_detector, methods_and_baselines, tuned
-from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, METRICS, SECONDS, frame_errors
+from megalopta.benchmark.whole_frames import (
+    FAR,
+    FROM_OTHERS,
+    FROM_STAND_IN,
+    MEAN,
+    MEDIAN,
+    METRICS,
+    SECONDS,
+    distances_of_pairs,
+    frame_errors,
+    pairs_without_truth,
+)
 from megalopta.cli import main as cli
+from megalopta.core.errors import UserError
 from megalopta.flow import METHODS, optical_flow
 from megalopta.flow.detectors.gray_detector import GrayDetector, detector_from
 from megalopta.flow.formats import write_flo, write_kitti_png
@@ -42,12 +55,17 @@ def always(*flow):
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     methods = [always(2.0, 1.0), always(0.0, 0.0), always(np.nan, np.nan)]
     board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
-    assert board.scenes == ("rolled",)
+    assert board.scenes == ["rolled"]
     motion = np.hypot(2, 1)
     for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
-        for flux in board.fluxes:
-            found = [board.of_scenes(metric, detector, flux) for metric in BASIC]
-            np.testing.assert_allclose(np.ravel(found), [error, error, 0])
+        found = board.by_scene().xs(detector.name, level="method")[list(BASIC)]
+        np.testing.assert_allclose(found, [[error, error, 0]] * 2)
+
+
+def values(board):
+    """The mean of every metric of the only method and flux, but for processor time."""
+    (row,) = board.by_scene().to_dict("records")
+    return {name: row[name] for name in METRICS if name != SECONDS and np.isfinite(row[name])}
 
 
 def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(clip):
@@ -59,18 +77,13 @@ def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(cli
         return flow
 
     board = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
-    (detector,) = board.detectors
-    found = {metric: board.over_scenes(metric, detector, 3.0) for metric in METRICS}
-    assert all(each.low is None for each in found.values())  # one scene tells no spread
-    assert found.pop(SECONDS).value < 1
+    assert board.means()["low"].isna().all()  # one scene tells no spread
     # an error of 10 px is beyond all limits; all blocks move by √5 px; what is hidden is unknown
     third = dict.fromkeys(
         (name for name in METRICS if "beyond" in name or name == "fl_share"), 1 / 3
     )
     means = dict.fromkeys((MEAN, "mean_epe_below_10_px"), 10 / 3)
-    assert {name: each.value for name, each in found.items() if np.isfinite(each.value)} == (
-        pytest.approx({MEDIAN: 0, "wauc_share": 2 / 3} | third | means)
-    )
+    assert values(board) == pytest.approx({MEDIAN: 0, "wauc_share": 2 / 3} | third | means)
 
 
 def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
@@ -79,28 +92,15 @@ def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
     flow[:, :48], hidden[48:56, 24:32] = (60.0, 0.0), True
     moved = replace(clip, flow=flow, hidden=hidden)
     board = frame_errors([moved], [always(2.0, 1.0)], (3.0,))
-    (detector,) = board.detectors
-    off = np.hypot(58, 1)
+    off, found = np.hypot(58, 1), values(board)
+    assert "mean_epe_10_to_40_px" not in found
     for name, error in {
         "mean_epe_below_10_px": 0,
-        "mean_epe_10_to_40_px": np.nan,
         "mean_epe_from_40_px": off,
         "mean_epe_occluded_px": off,
         "mean_epe_visible_px": off / 5,
     }.items():
-        found = board.over_scenes(name, detector, 3.0).value
-        assert found == pytest.approx(error, nan_ok=True), name
-
-
-def test_processor_time_stands_beside_the_error(clip):
-    def busy(first, second):
-        start = time.process_time()
-        while time.process_time() < start + 0.05:
-            pass
-        return np.zeros((*first.shape, 2))
-
-    board = frame_errors([clip], [detector_from(busy)], (3.0,))
-    assert 0.05 <= board.over_scenes(SECONDS, board.detectors[0], 3.0).value < 1
+        assert found[name] == pytest.approx(error), name
 
 
 def test_methods_and_baselines_of_a_board_do_with_its_frames():
@@ -116,7 +116,7 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
 @pytest.mark.parametrize("name", TUNED)
 def test_a_tuned_method_has_the_settings_for_the_nearest_light(name):
     scene = leaves_clip(7, (96, 120))
-    for flux, nearest in ((0.4, 1.0), (12.0, 10.0), (1e5, 1000.0)):
+    for flux, nearest in ((0.4, 1.0), (12.0, 10.0)):
         first, second = scene.counts(flux, 0)[3:5]
         settings = {key: value for key, value in TUNED[name][nearest].items() if key != "error_px"}
         np.testing.assert_array_equal(
@@ -188,23 +188,139 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
     assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
 
 
-def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused):
-    def run(*words):
-        return refused("benchmark", "pairs", *words)
-
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["{picture}", "{truth}"], "2 paths; give a folder"),
+        (["{root}", "--photons", "1,-3"], "give comma-separated numbers above 0"),
+        (["{root}", "--methods", "NDS"], "NDS measures no velocity"),
+        (["{root}", "--methods", "PPM"], "has 2 frames; PPM needs 8"),
+        (["{picture}", "{small}", "{truth}"], "give pictures and flow of one size"),
+        (["{truth}", "{small}", "{truth}"], "not a supported picture"),
+        (["{root}/elsewhere"], "no such folder"),
+        (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
+        (["{picture}", "--no-truth"], "has one frame"),
+        (["{picture}", "{picture}", "{picture}", "--no-truth"], "3 paths; without truth"),
+        (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
+        (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(clip, tmp_path, refused, words, told):
     middlebury(tmp_path, clip)
-    picture, truth = (
-        tmp_path / "other-data/Venus/frame10.png",
-        tmp_path / "other-gt-flow/Venus/flow10.flo",
-    )
-    assert "2 paths; give a folder" in run(picture, truth)
-    assert "give comma-separated numbers above 0" in run(tmp_path, "--photons", "1,-3")
-    assert "NDS measures no velocity" in run(tmp_path, "--methods", "NDS")
-    assert "has 2 frames; PPM needs 8" in run(tmp_path, "--methods", "PPM")
     small = tmp_path / "small.png"
     Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
-    assert "give pictures and flow of one size" in run(picture, small, truth)
-    assert "not a supported picture" in run(truth, small, truth)
-    assert "no such folder" in run(tmp_path / "elsewhere")
-    words = run(picture, picture, tmp_path / "none.flo")
-    assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words
+    names = {
+        "root": tmp_path,
+        "small": small,
+        "picture": tmp_path / "other-data/Venus/frame10.png",
+        "truth": tmp_path / "other-gt-flow/Venus/flow10.flo",
+    }
+    assert told in refused("benchmark", "pairs", *(word.format(**names) for word in words))
+
+
+# without truth
+
+MOTION = (2, 1)
+
+
+def frames(count):
+    """Codes of noise that moves by (2, 1) px per frame, around the edges."""
+    texture = np.random.default_rng(0).integers(60, 200, (96, 120)).astype(np.uint8)
+    return [np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(count)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "walk").mkdir()
+    for number, codes in enumerate(frames(4)):
+        Image.fromarray(codes).save(tmp_path / f"walk/f{number}.png")
+    return tmp_path / "walk"
+
+
+@pytest.fixture
+def film(tmp_path):
+    with av.open(tmp_path / "walk.mp4", "w") as container:
+        stream = container.add_stream("libx264", rate=25, options={"qp": "0"})
+        stream.width, stream.height, stream.pix_fmt = 120, 96, "yuv420p"
+        for codes in frames(6):
+            frame = av.VideoFrame.from_ndarray(
+                np.vstack([codes, np.full((48, 120), 128, np.uint8)]), "yuv420p"
+            )
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return tmp_path / "walk.mp4"
+
+
+def moves(first, second):
+    return np.broadcast_to(np.float64(MOTION), (*first.shape, 2))
+
+
+def stays(first, second):
+    return np.zeros((*first.shape, 2))
+
+
+def says_nothing(first, second):
+    return np.full((*first.shape, 2), np.nan)
+
+
+def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
+    methods = list(map(detector_from, (moves, stays, says_nothing)))
+    with ExitStack() as stack:
+        pairs = pairs_without_truth(stack, [folder], most=20)
+        board = distances_of_pairs(pairs, (3.0, 10.0), detector_from(moves), methods, 2)
+    assert board.scenes == ["walk 0", "walk 1", "walk 2"]
+    length = np.hypot(*MOTION)
+    expected = {
+        "moves": (0, length),
+        "stays": (length, length / 2),
+        "says_nothing": (length, length / 2),
+    }
+    by_scene = board.by_scene()
+    for method, both in expected.items():
+        for names, distance in zip((FROM_STAND_IN, FROM_OTHERS), both, strict=True):
+            found = by_scene.xs((method, 10.0), level=("method", "photons"))[list(names.values())]
+            np.testing.assert_allclose(found, [[distance, distance, 0]] * 3, atol=1e-12)
+
+
+def rows_of(out, *words):
+    cli.main(["benchmark", "pairs", *map(str, words), "--no-truth", "--out", str(out)])
+    return list(csv.DictReader(out.read_text().splitlines()))
+
+
+def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
+    rows = rows_of(
+        tmp_path / "pairs.csv", film, "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000"
+    )
+    assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 4"]
+    assert list(rows[0])[4:] == [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
+    assert all(
+        row["stand_in"] == "not the truth but DIS on the pictures without noise, which favors DIS"
+        for row in rows
+    )
+    dark, bright = (
+        {
+            row["method"]: float(row["mean_px_from_stand_in"])
+            for row in rows
+            if row["photons_per_px"] == flux
+        }
+        for flux in ("1", "1000")
+    )
+    assert all(bright[method] < 0.3 for method in bright)
+    assert all(dark[method] > 3 * bright[method] for method in ("DIS", "LK"))
+    said = capsys.readouterr()
+    assert "NO TRUE FLOW: these are distances, not errors" in said.out
+    assert "mean over 2 pairs, 95 % CI over pairs" in said.out
+    assert "which favors DIS" in said.out and "may share an error" in said.out
+    assert "that of BT.709 is used" in said.err
+
+
+def test_pairs_without_contrast_are_left_out(folder, capsys):
+    for number in (0, 1):
+        Image.fromarray(np.zeros((96, 120), np.uint8)).save(folder / f"f{number}.png")
+    with ExitStack() as stack:
+        pairs = pairs_without_truth(stack, [folder], most=20)
+        board = distances_of_pairs(pairs, (1000.0,), "DIS", ["BM"])
+        assert board.scenes == ["walk 1", "walk 2"]
+        assert "walk 0: both pictures are uniform" in capsys.readouterr().err
+        with pytest.raises(UserError, match="no contrast; "):
+            distances_of_pairs({"walk 0": pairs["walk 0"]}, (1000.0,), "DIS", ["BM"])

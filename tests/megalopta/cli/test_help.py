@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from megalopta.benchmark.design import DesignSettings
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking import RankingSettings
 from megalopta.cli.command import VERBS
 from megalopta.cli.describing import described
 from megalopta.cli.main import main, program

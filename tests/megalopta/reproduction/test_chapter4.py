@@ -2,20 +2,19 @@
 
 import csv
 import json
-import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from megalopta.benchmark.panoramas import NATURAL_PANORAMAS
 from megalopta.benchmark.trial import measure_trial
+from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, Threshold
-from megalopta.reproduction import drawing as module
-from megalopta.reproduction.chapter4_curves import SWEEPS
-from megalopta.reproduction.chapter4_table import PRINTED, least, table_trials
-from megalopta.reproduction.drawing import reproduce
-from megalopta.reproduction.sweep_figure import mean_threshold
+from megalopta.reproduction import sweep_figure as module
+from megalopta.reproduction.chapter4 import PRINTED, reproduce, sweep, table_rows, table_trials
+from megalopta.reproduction.sweep_figure import over_templates
 
 
 def crossing(flux):
@@ -49,25 +48,34 @@ def results(trials):
 
 
 def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
-    found = results(table_trials(False))
-    synthetic = least(found, "synthetic", "BM", "literal")
-    assert (synthetic.threshold.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
-    natural = least(found, "natural", "EMD", "ratio")
-    assert natural.threshold[:3] == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
-    assert natural.where == "v = 8"
+    rows = table_rows(results(table_trials(False))).set_index(["method", "images", "metric"])
+    synthetic = rows.loc["BM", "synthetic", "literal"]
+    assert (synthetic.photons_per_frame, synthetic.found_at) == (pytest.approx(1e5), "f = 7")
+    assert synthetic.interval == "[90.0k, 110k]"
+    natural = rows.loc["EMD", "natural", "ratio"]
+    found = natural.photons_per_frame, natural.low, natural.high
+    assert found == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
+    assert natural.found_at == "v = 8"
 
 
-def pictures(of_templates, cache=None):
+def pictures(of_templates):
     """Two pixels for each template: of contrast 1 in light, ½ in gray values."""
     pixels = {"linear": np.array([[0.0, 2.0]]), "srgb": np.array([[1.0, 3.0]])}
     return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
 
 
 def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
-    assert mean_threshold([crossing(1.0), crossing(3.0)]) == (2, 1, 3, "[1.00, 3.00]")
-    assert mean_threshold([crossing(2.0)])[:3] == pytest.approx((2, 1.8, 2.2))
-    above = Threshold("above", 0.25, 1e3, 1e12)
-    assert math.isnan(mean_threshold([crossing(1.0), above]).flux)
+    case = {"size_px": 60, "method": "BM", "metric": "literal", "bits": 2}
+    rows = [(1, "a", 1.0), (1, "b", 3.0), (2, "a", 2.0), (3, "a", 1.0), (3, "b", np.nan)]
+    found = over_templates(
+        pd.DataFrame(
+            {**case, "value": value, "template": template, "photons_per_frame": flux}
+            | {"low": 0.9 * flux, "high": 1.1 * flux}
+            for value, template, flux in rows
+        )
+    )
+    numbers = found[["photons_per_frame", "low", "high"]].to_numpy()
+    np.testing.assert_allclose(numbers, [[2, 1, 3], [2, 1.8, 2.2], [np.nan] * 3])
 
 
 @pytest.mark.slow
@@ -112,7 +120,20 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
 )
 def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, name, value):
     # where each method needs the fewest photons; intervals are within 4 %
-    (point,) = (each for each in SWEEPS[name].points if (each.size, each.value) == (60, value))
+    (point,) = (each for each in sweep(name).points if (each.size, each.value) == (60, value))
     trial = point.trial.model_copy(update={"methods": (method,)})
     found = measure_trial(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("fig-2.9", "no figure 'fig-2.9'.*examples/dissertation"),
+        ("fig-4.5", "a file is in the way; give the path of a folder"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_before_anything_is_written(tmp_path, name, told):
+    (tmp_path / "out").touch()
+    with pytest.raises(UserError, match=told):
+        reproduce([name], tmp_path / "out")

@@ -99,8 +99,7 @@ def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
 
 
 def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_path):
-    from megalopta.benchmark.runner import run
-    from megalopta.benchmark.trial import Trial, template_pixels
+    from megalopta.benchmark.trial import Trial, run, template_pixels
 
     trials = [Trial(size=20, methods=("BM",), search={"frames": 4, "repeats": 2})]
     templates = template_pixels(trial.template for trial in trials)

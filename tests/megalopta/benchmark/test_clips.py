@@ -5,7 +5,7 @@ import h5py
 import numpy as np
 import pytest
 
-from megalopta.benchmark.pairs_on_disk import pairs_below, read_pair, true_flows
+from megalopta.benchmark.clips import pairs_below, read_pair, true_flows
 from megalopta.benchmark.scores import add_entries, score_submission
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from megalopta.benchmark.ranking import lowest
-from megalopta.benchmark.table import (
-    STRETCHES,
-    Sums,
-    interval,
-    mean_of,
-    ratio,
-    units,
-)
+from megalopta.benchmark.table import Sums, interval, lowest, means, ratio, samples
 
 RUNS = 400
 
@@ -75,31 +67,34 @@ def test_draws_are_not_units():
 @pytest.mark.parametrize("blocks", [[5, 0, 0], [1000, 1, 1]])
 def test_one_unit_alone_has_no_interval(blocks):
     one = sums([3.0, 1.0, 2.0] * np.sign(blocks), blocks)
-    assert interval(one).low is None
+    assert np.isnan(interval(one).low)
     assert ratio(one, one) is None
     assert not lowest({"a": one, "b": one})[1]
 
 
-def test_a_unit_is_a_sequence_and_of_few_sequences_a_stretch():
-    of_many = units([sums([1, 2]), sums([3]), sums([4]), sums([5, 5, 5]), sums([6])])
-    assert of_many.totals.tolist() == [3, 3, 4, 15, 6]
-    assert of_many.blocks.tolist() == [2, 1, 1, 3, 1]
-    of_few = units([sums(np.arange(2 * STRETCHES)), sums([7, 8, 9])])
-    assert of_few.totals[:3].tolist() == [1, 5, 9]
-    assert of_few.totals[STRETCHES : STRETCHES + 3].tolist() == [7, 8, 9]
-    assert of_few.totals.sum() == 2 * STRETCHES * (2 * STRETCHES - 1) / 2 + 24
-    assert of_few.blocks.sum() == 2 * STRETCHES + 3
+def test_the_table_has_the_mean_of_every_case_over_what_is_known():
+    """Three methods on three scenes; b is surely lowest, c is not ranked and a has no blocks."""
+    totals = {"a": [0.0, 0.0, 0.0], "b": [1.0, 1.1, 0.9], "c": [0.5, 0.5, 0.5], "d": [2, 2.2, 1.9]}
+    case = "all", 1, 1
+    table = means(
+        samples(
+            ("error", name, 10.0, *case, f"scene {unit}", total, float(name != "a"))
+            for name, values in totals.items()
+            for unit, total in enumerate(values)
+        ),
+        not_ranked="c",
+    )
+    assert table["method"].tolist() == ["b", "c", "d"]
+    assert table["surely_lowest"].tolist() == [True, False, False]
+    expected = interval(sums(totals["d"]))
+    assert tuple(table.iloc[2][["value", "low", "high"]]) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("count", [3, 8])
 def test_95_of_100_intervals_of_a_mean_of_few_scenes_hold_it(count):
     """Of errors that differ between scenes by a factor of 1.35 (5 σ)."""
-    samples = np.random.default_rng(0).lognormal(0, 0.3, (RUNS, count, 1))
-    held = sum(low <= np.exp(0.3**2 / 2) <= high for _, low, high in map(mean_of, samples))
+    errors = np.random.default_rng(0).lognormal(0, 0.3, (RUNS, count))
+    held = sum(
+        low <= np.exp(0.3**2 / 2) <= high for _, low, high in map(interval, map(sums, errors))
+    )
     assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
-
-
-def test_a_mean_is_over_what_is_known():
-    samples = np.array([[1.0, 2.0], [np.nan, 4.0], [np.nan, np.nan]])
-    assert mean_of(samples) == interval(Sums(np.array([3.0, 4.0]), np.array([2.0, 1.0])))
-    assert np.isnan(mean_of(samples[2:]).value)

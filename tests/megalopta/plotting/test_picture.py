@@ -4,9 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from megalopta.core.errors import UserError
 from megalopta.plotting.picture import Figure, write_figure
-from megalopta.reproduction.drawing import reproduce
 
 
 def draw(canvas):
@@ -42,16 +40,6 @@ def test_same_figure_gives_the_same_bytes(tmp_path):
         assert one.read_bytes() == other.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("fig-2.9", "no figure 'fig-2.9'.*examples/dissertation"),
-        ("fig-4.5", "a file is in the way; give the path of a folder"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused_before_anything_is_written(tmp_path, name, told):
-    (tmp_path / "out").touch()
-    with pytest.raises(UserError, match=told):
-        reproduce([name], tmp_path / "out")
+def test_columns_of_unequal_length_are_refused():
     with pytest.raises(ValueError, match="differ in length"):
         Figure("x", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})
