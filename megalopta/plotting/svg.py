@@ -8,7 +8,7 @@ import re
 from typing import Any, Literal
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -70,34 +70,25 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
     """Return a figure as an SVG element; for `in_style` functions.
 
     The name, of letters, digits and dashes, makes its identifiers unique on the page; the
-    description is its text alternative.
+    description is its text alternative. A wide figure scrolls, so that its text stays readable.
     """
     file = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
-        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
-    svg = file.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"(?s)<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg)
-    svg = re.sub(r"font-family:[^;]*; ", "", svg)
-    view = re.search(r'viewBox="[^"]*"', svg)
-    width = f"--natural: {figure.get_figwidth():g}in"
-    head = f'<svg class="plot" role="img" aria-label="{escape(description)}" style="{width}" '
-    head += f"{view[0] if view else ''}>"
-    svg = re.sub(r"<svg[^>]*>", lambda _: head, svg, count=1)
-    svg = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
-    for color in _THEMED:
-        svg = svg.replace(color.lower(), themed(color))
-    return _scrolled(Markup(svg), description)
-
-
-def _scrolled(svg: Markup, description: str) -> Markup:
-    """Return a figure; a wide one in a box that scrolls, so that its text stays readable."""
-    found = re.search(r'viewBox="0 0 ([\d.]+)', svg)
-    if found is None or float(found[1]) < _WIDEST_PT:
-        return svg
-    box = '<div class="scroll" role="region" aria-label="{}" tabindex="0">{}</div>'
-    least = f'style="min-width: {_LEAST_PX_PER_PT * float(found[1]):.0f}px; '
-    return Markup(box).format(description, Markup(svg.replace('style="', Markup(least), 1)))
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        figure.savefig(file, format="svg", transparent=True, metadata=nothing)
+    inside = file.getvalue().partition("</style>")[2].partition("</defs>")[2]
+    inside = re.sub(r' id="[^"]+_\d+"', "", inside)  # of groups, the same in every figure
+    for color, css in _THEMED.items():
+        inside = inside.replace(color.lower(), css)
+    width_pt, height_pt = (_POINTS_PER_INCH * length for length in figure.get_size_inches())
+    is_wide = width_pt >= _WIDEST_PT
+    least = f"min-width: {_LEAST_PX_PER_PT * width_pt:.0f}px; " if is_wide else ""
+    svg = Markup(
+        '<svg class="plot" role="img" aria-label="{}" style="{}--natural: {:g}in" '
+        'viewBox="0 0 {:g} {:g}">{}'
+    ).format(description, least, figure.get_figwidth(), width_pt, height_pt, Markup(inside))
+    box = Markup('<div class="scroll" role="region" aria-label="{}" tabindex="0">{}</div>')
+    return box.format(description, svg) if is_wide else svg
 
 
 def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:
