@@ -18,16 +18,15 @@ from PIL import Image
 from megalopta.config.model import LightLevel
 from megalopta.core.bounded import undamaged
 from megalopta.core.errors import shell_command
-from megalopta.dataset.flow_record import FlowRecord, RotationErrors, TruthErrors
+from megalopta.dataset.flow_record import FlowRecord, TruthErrors
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.endpoint_error import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.plotting import sections as html, svg
 from megalopta.plotting.sections import Section
-from megalopta.plotting.style import BLACK, GLYPHS, method_style
+from megalopta.plotting.style import BLACK, method_style
 from megalopta.plotting.text import (
     FAILS,
     SENSELESS,
@@ -56,22 +55,14 @@ _PALE = 0.02
 _BAND_STANDARD_ERRORS = 2
 _SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
 
-_GROUPS = {
-    "slow": f"below {SLOW_PX:g} px",
-    "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
-    "fast": f"{FAST_PX:g} px or more",
-    "clear": f"hidden: below {percent(OCCLUDED_SHARE)}",
-    "occlusion": f"hidden: {percent(OCCLUDED_SHARE)} or more",
-}
 _GUIDE = (
-    "Each detector runs on every sequence twice: on the readings, and on their noise-free mean. "
-    "Frame {} is shown in pairs at each light level: the response to the noise-free reading on "
-    "the left, that to its {} on the right, in the same colors. Where the two look alike, photon "
-    "noise does no harm."
+    "Each detector runs on the readings, and on their noise-free mean. Frame {} is shown in pairs "
+    "at each light level, in the same colors: the response to the noise-free reading, and that to "
+    "its {}. Where the two look alike, photon noise does no harm."
 )
 _FLICKER = (
-    "This noise is the same in both responses, so it adds no error between them. It flickers like "
-    "texture that does not move, and adds to the errors against the true motion."
+    "This noise is the same in both responses, so it adds no error between them, but it adds to "
+    "the errors against the true motion."
 )
 _ERRORS = Markup(
     "Readings are scaled to a mean of 1; colors show the cube root of the response. Errors compare "
@@ -83,54 +74,37 @@ _ERRORS = Markup(
     "of ten times or more. A dash: the noise-free response shows no motion."
 )
 _TRUTH = (
-    "Errors of block velocities: mean endpoint error, share of outliers (blocks with an error over "
-    "25 %), and median relative error. An arrow leads from the noise-free value to that on {}, and "
-    "to that on corrected readings if there are any. {} of the pixels shown are mixed: the object "
-    "at their center fills less than {}. {} except in the two tables that say otherwise. Blocks "
-    "with less than half of their pixels left are not scored."
+    "Mean endpoint error of blocks, share of outliers (blocks with an error over 25 %), and median "
+    "relative error: noise-free → on {} → on corrected readings if there are any. {} of the pixels "
+    "shown are mixed: the object at their center fills less than {}. {} except in the two tables "
+    "that say otherwise."
 )
 _STAND_IN = (
-    "The true motion of pictures is unknown. Responses are compared with the flow by DIS between "
-    "the pictures without photon noise, which has errors of its own and favors DIS. "
+    "The true motion of pictures is unknown. The flow by DIS between the pictures without photon "
+    "noise stands in for it, which favors DIS. "
 )
 _MIXED = {
     "score": "They count like all others",
     "weigh": "Pixels are weighted by purity",
     "leave_out": "They are excluded",
 }
-_SPLITS = (
-    "Errors by the speed of blocks (px per frame) and by the share of their pixels that is hidden "
-    "in the next frame, on the exposure with the least error of a method. Brackets hold the number "
-    "of blocks in all frames."
-)
-_YAW = (
-    "A weighted sum of all local responses, as in a fly’s tangential cells, gives the camera’s "
-    "yaw rate. Weights are learned from the noise-free responses to the first half of the "
-    "sequence. The table gives the RMS error on the second half: noise-free → on {}."
-)
 _NEEDED = Markup(
-    "How many photons per frame does a detector need to repeat its noise-free response to 2 bits, "
-    "within 25 %? Errors against the true motion are not measured here. The sequence is scaled to "
-    "each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error curve "
-    "falls below 25 %. These pixels detect every photon and have dark counts in proportion to "
-    "their area ({}, per frame)."
-)
-_REPEATS = Markup(
-    "This noise is the same in both responses: N<sub>2b</sub> measures how well a detector repeats "
-    "its response to this light, including the rendering’s flicker."
+    "How many photons per frame does a detector need to repeat its noise-free response within "
+    "25 %, or 2 bits? The sequence is scaled to each number of photons and drawn {} times; "
+    "N<sub>2b</sub> is where the error curve falls below 25 %. These pixels detect every photon "
+    "and have dark counts in proportion to their area ({}, per frame)."
 )
 _CURVES = (
-    "Bands are ± 2 standard errors; errors of exactly zero and beyond the axis are not drawn. "
-    "Frames in which the filters settle are not scored ({} at the start). Dotted lines: photons "
-    "that a sensor detects per frame at a light level. A curve that falls below 25 % on their left "
-    "needs fewer photons, apart from the sensor’s dark readings."
+    "Bands are ± 2 standard errors; errors of zero and beyond the axis are not drawn. The first {} "
+    "frames, in which filters settle, are not scored. Dotted lines: photons that a sensor detects "
+    "per frame at a light level. A curve that falls below 25 % on their left needs fewer photons, "
+    "apart from the sensor’s dark readings."
 )
 _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
 _UNITS = Markup(
     "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
     "literal error divides by each single response: where many are near zero, its N<sub>2b</sub> "
-    "is far above that of the ratio. The dissertation scales every frame to the number of photons; "
-    "scaling by the mean frame keeps bright frames bright, as a camera with a fixed exposure does."
+    "is far above that of the ratio."
 )
 
 
@@ -177,17 +151,6 @@ def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> M
     return html.table(label, [corner, *columns], lines) if lines else Markup("")
 
 
-def _key(report: Report) -> Markup:
-    """Return the markers of all methods in their colors, with their names."""
-    line = Markup('<li><span style="color:{}" aria-hidden="true">{}</span> <b>{}</b> {}</li>')
-    styles = {name: method_style(name) for name in report.settings.methods}
-    lines = (
-        line.format(svg.themed(style["color"]), GLYPHS[style["marker"]], name, METHODS[name].label)
-        for name, style in styles.items()
-    )
-    return Markup('<ul class="key">{}</ul>').format(Markup("").join(lines))
-
-
 def detector_section(report: Report) -> Section:
     """Return the section "Detector responses"; if detectors have not run, the command to run."""
     section = Section("Detector responses", name="detectors", link="Detectors")
@@ -195,7 +158,7 @@ def detector_section(report: Report) -> Section:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
     methods = [METHODS[name] for name in report.settings.methods]
-    body = [rendering(report.scene, _FLICKER), _key(report)]
+    body = [rendering(report.scene, _FLICKER)]
     if report.shown.rim:
         body.append(images.wheel(report.shown.rim))
     for sensor in report.settings.sensors:
@@ -213,13 +176,9 @@ def detector_section(report: Report) -> Section:
         _MIXED[settings.mixed],
     )
     text = text if report.has_truth else _STAND_IN + text
-    for title, guide, tables in (
-        (f"Against the {report.motion_name}", text, against_truth(report)),
-        ("Errors by speed and occlusion", _SPLITS, split_table(report.flow)),
-        ("Yaw rate of the camera", _YAW.format(units), rotation_table(report.flow)),
-    ):
-        if tables:
-            body.append(html.heading(title) + html.paragraph(guide) + tables)
+    if tables := against_truth(report):
+        title = html.heading(f"Against the {report.motion_name}")
+        body.append(title + html.paragraph(text) + tables)
     guide = _GUIDE.format(report.frame + 1, " or ".join(report.units))
     return replace(section, text=guide, body=Markup("\n").join(body))
 
@@ -313,40 +272,6 @@ def against_truth(report: Report) -> Markup:
     return Markup("\n").join(pivoted(label, label, cells) for label, cells in tables.items())
 
 
-def split_table(records: Iterable[FlowRecord]) -> Markup:
-    """Return mean errors by speed and by occlusion, on the exposure with a method's least error."""
-    measured = [record for record in records if record.truth_splits]
-    if not measured:
-        return Markup("")
-    best = _exposure(min(measured, key=lambda record: record.median_error))
-    cells = []
-    for record in measured:
-        if _exposure(record) == best:
-            for name, group in _GROUPS.items():
-                errors = getattr(record.truth_splits, name)
-                if blocks := errors.ideal.blocks:
-                    cells.append((record.method, f"{group} ({blocks:,})", _mean_error(errors)))
-    label = f"Mean error (px) by speed and occlusion on the best exposure: {best}"
-    return pivoted(label, "Detector", cells)
-
-
-def rotation_table(records: Iterable[FlowRecord]) -> Markup:
-    """Return errors of the yaw rate, a row per exposure and a column per method."""
-    rotations = [(record, record.rotation) for record in records if record.rotation]
-    if not rotations:
-        return Markup("")
-
-    def text(rotation: RotationErrors) -> str:
-        largest = SENSELESS * rotation.true_deg_s or math.inf
-        errors = (rotation.ideal_deg_s, rotation.counts_deg_s)
-        return _in_turn(errors, lambda error: number(error) if error < largest else FAILS)
-
-    true = number(rotations[0][1].true_deg_s)
-    label = f"Error of the yaw rate (deg/s); true RMS {true} deg/s"
-    cells = ((_exposure(record), record.method, text(rotation)) for record, rotation in rotations)
-    return pivoted(label, label, cells)
-
-
 def _exposure(record: FlowRecord) -> str:
     return f"{record.sensor}, {level_name(record.level)}"
 
@@ -391,8 +316,6 @@ def threshold_section(report: Report) -> Section:
             )
             charts.append(html.card(title, chart))
     body = [
-        rendering(report.scene, _REPEATS),
-        _key(report),
         html.block("pair", *charts),
         html.paragraph(_CURVES.format(benchmark.warm_up), "note"),
         html.heading(f"N_2b in photons per frame, with {confidence:g} % CI"),
@@ -455,4 +378,4 @@ def error_chart(
         ylabel="error of the response",
         ylim=(_SMALLEST_ERROR, min(_LARGEST_ERROR, 2 * max(largest, 1))),
     )
-    return svg.to_svg(figure, name, description)
+    return svg.with_legend(figure, name, description, loc="lower left")

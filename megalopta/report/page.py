@@ -1,30 +1,30 @@
 """The report of a dataset: its opening with results, its light, its motion, and how it was made."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
 from megalopta import __version__
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
+from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
 from megalopta.plotting import sections as html, svg
 from megalopta.plotting.sections import Section
-from megalopta.plotting.style import BLACK, BLUE, DASHES, MARKERS
+from megalopta.plotting.style import BLACK, BLUE
 from megalopta.plotting.text import (
     level_name,
     level_title,
     number,
     percent,
-    time_text,
     title,
 )
 from megalopta.report import images
@@ -58,51 +58,35 @@ _STAND_IN = (
     "motion that favors DIS."
 )
 _LIGHT = (
-    "In one exposure per frame, a pixel counts single photons or integrates their electrons. A "
-    "reading with mean N scatters by about √N; an integrating pixel adds dark current, reset and "
-    "read noise. Each sensor is exposed to the same light, scaled to each level; a named level has "
-    "its own spectrum. Orange pixels are saturated: their readings are lower bounds. "
+    "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
+    "spectrum. A reading with mean N scatters by about √N; an integrating pixel adds dark current, "
+    "reset and read noise. Orange pixels are saturated: their readings are lower bounds. "
 )
-_INSTANT = (
-    "Every frame is rendered at one instant: camera motion during the exposure does not blur the "
-    "picture."
-)
+_INSTANT = "Every frame is rendered at one instant, without motion blur."
 _PICTURE = (
-    "The light of a picture is constant during an exposure, unless sub_frames says otherwise; blur "
-    "and noise of the picture are part of the light."
+    "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
 )
 _COLUMNS = Markup(
-    "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b>: on its "
-    "whole area. <b>Detected</b>: photons that reach the sensitive area and release a pulse or an "
-    "electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean of both after "
-    "dead time. <b>Signal-to-noise</b> (median over pixels): the light's contribution to a reading "
-    "over the reading's standard deviation. <b>Saturated</b>: readings at a counter's capacity or "
-    "the pixel's full swing. <b>Rendering : shot noise</b>: ratio of standard deviations; above 1, "
-    "the rendering is noisier than the photons."
+    "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
+    "pulse or an electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean "
+    "after dead time. <b>Signal-to-noise</b> (median over pixels): the light's contribution to a "
+    "reading over the reading's standard deviation. <b>Rendering : shot noise</b>: ratio of "
+    "standard deviations; above 1, the rendering is noisier than the photons."
 )
-_SIGNAL = (
-    "Median over pixels; the shaded band holds the middle 90 %. Ten times the light gains a factor "
-    "of √10 where photon noise dominates, and a factor of 10 where dark readings dominate. Below "
-    "1, motion can only be read from many pixels or frames."
-)
+_SECONDS = EngFormatter("s")
 _BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
-_MOTION = (
-    "The renderer knows the exact place of every visible point in the next frame. The median image "
-    "speed is {:.2g} px per frame; {} of the pixels are occluded in the next frame."
-)
+_MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
 _PICTURES_MOTION = (
     "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between them "
-    "without photon noise. It is wrong at occlusions and where there is no texture. Its median "
-    "speed is {:.2g} px per frame."
+    "without photon noise. Its median speed is {:.2g} px per frame."
 )
 _DEPTH = (
-    "When the camera rotates, everything moves alike; when it travels, near objects move faster "
-    "than far ones. Depth is measured {}; its colors are logarithmic. Orange pixels are occluded "
-    "in the next frame. Every object has its own color."
+    "Depth is measured {}; its colors are logarithmic. Orange pixels are occluded in the next "
+    "frame. Every object has its own color."
 )
 _MADE = (
     "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
-    "rendering may differ between machines, within its statistics."
+    "rendering may differ between machines."
 )
 
 
@@ -302,10 +286,7 @@ def light_section(report: Report) -> Section:
                 _budget_table(sensor, budgets),
             )
         )
-    heading = html.heading("Signal and noise of a single pixel")
-    guide = html.block("", heading, html.paragraph(_SIGNAL))
-    chart = html.block("card pair", guide, signal_chart(report.exposures))
-    body = Markup("\n").join([*cards, html.paragraph(_COLUMNS, "note"), chart])
+    body = Markup("\n").join([*cards, html.paragraph(_COLUMNS, "note")])
     return replace(section, text=_LIGHT + timing, body=body)
 
 
@@ -317,23 +298,16 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
     yield "fill factor", percent(sensor.fill_factor)
     where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
     yield "efficiency", f"{percent(curve.values[best])}{where}"
-    yield "exposure", _time(sensor.exposure_s)
+    yield "exposure", _SECONDS(sensor.exposure_s)
     if isinstance(sensor, CtiaSensor):
         yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
         yield "swing", f"{sensor.swing_v:g} V"
         yield "bias of the diodes", _BIASES[sensor.bias.kind]
         return
-    yield "dead time", f"{_time(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
+    yield "dead time", f"{_SECONDS(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
     if sensor.counter_capacity < LARGEST_CAPACITY:
         yield "counter up to", f"{sensor.counter_capacity:,}"
     yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
-
-
-def _time(seconds: float) -> str:
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= 0.999 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{1e9 * seconds:.3g} ns"
 
 
 def _budget_table(sensor: ImageSensor, budgets: Iterable[Budget]) -> Markup:
@@ -355,35 +329,13 @@ def _budget_table(sensor: ImageSensor, budgets: Iterable[Budget]) -> Markup:
             number(budget.detected),
             number(budget.dark),
             number(budget.expected),
-            number(budget.signal_to_noise[1]),
+            number(budget.signal_to_noise),
             percent(budget.saturated_fraction),
             number(budget.rendering_noise),
         )
         for budget in budgets
     )
     return html.table(f"Photon budget of {sensor.name}", head, rows)
-
-
-@svg.in_style
-def signal_chart(budgets: Sequence[Budget]) -> Markup:
-    """Draw the signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    # Before drawing: with no value above zero, the axes keep their first limits.
-    svg.logarithmic(axes, "x", svg.NUMBERS)
-    svg.logarithmic(axes, "y", svg.NUMBERS)
-    lines: dict[str, list[Budget]] = {}
-    for budget in sorted(budgets, key=lambda budget: budget.illuminance_lux):
-        lines.setdefault(budget.sensor.name, []).append(budget)
-    for (sensor, line), marker, dash in zip(lines.items(), cycle(MARKERS), cycle(DASHES)):
-        lux = [budget.illuminance_lux for budget in line]
-        low, median, high = svg.drawable(np.array([budget.signal_to_noise for budget in line])).T
-        label = svg.verbatim(sensor)
-        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=label)
-        axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
-    axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
-    axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
-    description = "Signal-to-noise ratio of a pixel over illuminance"
-    return svg.with_legend(figure, "signal", description, loc="lower right")
 
 
 def motion_section(report: Report) -> Section:
@@ -452,13 +404,13 @@ def making_section(report: Report) -> Section:
     longest = max(report.timings.values(), default=0.0) or 1.0
     bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
     bars = (
-        bar.format(stage, 100 * spent_s / longest, time_text(spent_s))
+        bar.format(stage, 100 * spent_s / longest, duration(spent_s))
         for stage, spent_s in report.timings.items()
     )
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    time = f"Time spent: {time_text(sum(report.timings.values()))}"
+    time = f"Time spent: {duration(sum(report.timings.values()))}"
     body = [
         rendering(report.scene, f"{samples}as many halve the noise of a frame."),
         html.definitions("versions", _rendering_errors(report)),
@@ -471,19 +423,18 @@ def making_section(report: Report) -> Section:
 def _rendering_errors(report: Report) -> Iterator[tuple[str, str]]:
     """Yield errors of the rendered light, by name."""
     noise = report.scene.get("monte_carlo") or {}
-    if noise.get("median_relative"):
-        yield "error (RMS) over the mean light", percent(noise["rms_over_mean"])
-    if surface := noise.get("surface"):
-        yield "the same, of pixels without sky", percent(surface["rms"])
-        yield "relative error of 95 % of the pixels", f"{percent(surface['p95'])} or less"
-        yield "share of the gradient energy due to it", percent(surface["gradient"])
-        yield "fixed error of baked light (RMS)", percent(surface["standing"])
-        share = percent(surface["standing_gradient"])
-        yield "share of the gradient energy due to the fixed error", share
-    if sky := noise.get("sky"):
-        yield "error of the sky (RMS) over its light", percent(sky["rms"])
-    if shares := report.scene.get("light_left_out"):
-        yield "truncation bias of path depth, worst band", percent(max(shares))
+    surface, sky = noise.get("surface") or {}, noise.get("sky") or {}
+    errors = {
+        "error (RMS) over the mean light": noise.get("median_relative") and noise["rms_over_mean"],
+        "the same, of pixels without sky": surface.get("rms"),
+        "relative error that 95 % of the pixels do not exceed": surface.get("p95"),
+        "share of the gradient energy due to it": surface.get("gradient"),
+        "fixed error of baked light (RMS)": surface.get("standing"),
+        "share of the gradient energy due to the fixed error": surface.get("standing_gradient"),
+        "error of the sky (RMS) over its light": sky.get("rms"),
+        "truncation bias of path depth, worst band": max(report.scene.get("light_left_out") or [0]),
+    }
+    yield from ((name, percent(error)) for name, error in errors.items() if error)
 
 
 SECTIONS: tuple[Callable[[Report], Section], ...] = (

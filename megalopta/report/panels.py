@@ -388,4 +388,4 @@ def flow_panel(
 def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
     """Return the content of a JSON file once it is checked. Raises UserError if it is damaged."""
     with bounded.undamaged(path, remedy):
-        return check(bounded.from_json(bounded.read_text(path)))
+        return check(bounded.read_json(path))

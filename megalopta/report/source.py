@@ -44,8 +44,6 @@ _MOST_PIXELS_READ = 4_000_000
 _OTHER_FILMS = 6
 _WHITE_PERCENTILE = 90.0
 """Of readings, as in the preview of the radiance: the brightest tenth may be pure white."""
-_SPREAD_PERCENT = (5, 50, 95)
-"""Percentiles of pixels, drawn as the band of the signal-to-noise ratio"""
 _BRIGHTER = 0.01
 _RED_END_NM = 700.0
 
@@ -74,8 +72,8 @@ class Budget:
     """Reading of a pixel in the dark"""
     expected: float
     """Mean reading, including dark readings"""
-    signal_to_noise: tuple[float, float, float]
-    """Percentiles 5, 50 and 95 of single pixels of the middle frame"""
+    signal_to_noise: float
+    """Median over single pixels of the middle frame"""
     saturated_fraction: float
     """Share of saturated readings"""
     photons_per_frame: float
@@ -161,8 +159,6 @@ class Report:
                 )
                 for factor in (0.0, 1.0, 1 + _BRIGHTER)
             )
-        ratios = np.percentile(lit.signal_to_noise(brighter, _BRIGHTER), _SPREAD_PERCENT)
-        low, median, high = ratios.tolist()
         relative_noise = math.nan
         if "covariance" in noise:
             rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
@@ -175,7 +171,7 @@ class Report:
             detected=float(detected.mean()),
             dark=float(dark.mean_reading.mean()),
             expected=opened["mean_reading"].mean(),
-            signal_to_noise=(low, median, high),
+            signal_to_noise=float(np.median(lit.signal_to_noise(brighter, _BRIGHTER))),
             saturated_fraction=opened["saturated"].mean(),
             photons_per_frame=float(detected.sum(axis=(1, 2)).mean()),
             rendering_noise=relative_noise,
