@@ -5,7 +5,7 @@ from typing import Any
 import matplotlib
 from cycler import cycler
 
-from megalopta.plotting.style import PALETTE
+from megalopta.report.style import PALETTE
 
 
 def use_palette(gallery_conf: dict[str, Any], name: str) -> None:

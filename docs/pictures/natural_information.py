@@ -16,7 +16,7 @@ from megalopta.benchmark.trial import template_pixels
 from megalopta.flow import fisher_information
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.stimuli.moving_template import MovingTemplate
-from megalopta.plotting.style import method_style
+from megalopta.report.style import method_style
 from megalopta.reproduction.chapter4_curves import PHOTOGRAPHED, SWEEPS
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.sweep_figure import threshold_of

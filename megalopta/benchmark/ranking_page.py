@@ -22,10 +22,9 @@ from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.flow.color_wheel import flow_to_rgb
-from megalopta.plotting.sections import Section, write_sections
-from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
-from megalopta.plotting.svg import in_style, to_svg
-from megalopta.plotting.text import UNDEFINED, number
+from megalopta.report.sections import Section, write_sections
+from megalopta.report.style import BLACK, GRAY, PALETTE, in_style, method_style, to_svg
+from megalopta.report.text import UNDEFINED, number
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 
 _LUX = np.logspace(-4, 5, 91)

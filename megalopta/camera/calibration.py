@@ -15,17 +15,20 @@ from megalopta.camera.device_files import filled, save_map, write_device_file, w
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.core.arrays import Floats
-from megalopta.plotting.sections import Section, captioned, write_sections
-from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
-from megalopta.plotting.svg import (
+from megalopta.report.sections import Section, captioned, write_sections
+from megalopta.report.style import (
+    BLACK,
+    BLUE,
     CHART_PT,
+    VERMILION,
     in_style,
+    line_style,
     map_chart,
     new_axes,
     to_svg,
     with_legend,
 )
-from megalopta.plotting.text import number, with_error
+from megalopta.report.text import number, with_error
 from megalopta.sensor import AnalogCounter, Sensor, preset
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
 from megalopta.sensor.calibrate.emva import Step

@@ -16,8 +16,8 @@ from megalopta.camera.calibration import (
 from megalopta.camera.device_files import filled, save_map, write_device_file, write_maps
 from megalopta.camera.emva_page import emva_section
 from megalopta.camera.recording import Beam, Source, read_recorded
-from megalopta.plotting.sections import Section, write_sections
-from megalopta.plotting.text import number, with_error
+from megalopta.report.sections import Section, write_sections
+from megalopta.report.text import number, with_error
 from megalopta.sensor import Sensor, preset
 from megalopta.sensor.calibrate.counting import CountingDevice, DeadTimeEstimate, calibrate_counts
 from megalopta.sensor.calibrate.device import Estimate

@@ -24,17 +24,19 @@ from megalopta.camera.recording import Beam, Source, read_recorded
 from megalopta.camera.stimuli import Rendered
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
-from megalopta.plotting.sections import Section, captioned, write_sections
-from megalopta.plotting.style import BLACK, BLUE, VERMILION
-from megalopta.plotting.svg import (
+from megalopta.report.sections import Section, captioned, write_sections
+from megalopta.report.style import (
+    BLACK,
+    BLUE,
     CHART_PT,
+    VERMILION,
     color_limits,
     in_style,
     map_chart,
     new_axes,
     with_legend,
 )
-from megalopta.plotting.text import number
+from megalopta.report.text import number
 from megalopta.sensor import PRESETS, Sensor, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.quantities import SEGMENT, segment_spectra

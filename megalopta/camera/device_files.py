@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.files import atomic_write, write_text
-from megalopta.plotting.text import number
+from megalopta.report.text import number
 from megalopta.sensor.calibrate.autocorrelation import Autocorrelation, fit_table
 from megalopta.sensor.calibrate.device import Estimate
 from megalopta.sensor.calibrate.pair_crosstalk import PairCrosstalk, fit_crosstalk

@@ -12,10 +12,9 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import EngFormatter
 
-from megalopta.plotting.sections import Section, captioned
-from megalopta.plotting.style import BLACK, BLUE, VERMILION
-from megalopta.plotting.svg import CHART_PT, in_style, new_axes, with_legend
-from megalopta.plotting.text import number
+from megalopta.report.sections import Section, captioned
+from megalopta.report.style import BLACK, BLUE, CHART_PT, VERMILION, in_style, new_axes, with_legend
+from megalopta.report.text import number
 from megalopta.sensor import changed, load_sensor
 from megalopta.sensor.calibrate.emva import (
     FEWEST_STEPS,

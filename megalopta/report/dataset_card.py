@@ -24,10 +24,10 @@ from megalopta.dataset.layout import Tree
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import LICENSE, exposure_name
-from megalopta.plotting.sections import Section, block, captioned, image, write_sections
-from megalopta.plotting.text import level_name, number
 from megalopta.report import images
 from megalopta.report.panels import Panel, SequencePanels
+from megalopta.report.sections import Section, block, captioned, image, write_sections
+from megalopta.report.text import level_name, number
 from megalopta.stages.limits import size
 
 SHOWN = 24

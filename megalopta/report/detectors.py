@@ -24,10 +24,11 @@ from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
-from megalopta.plotting import sections as html, svg
-from megalopta.plotting.sections import Section
-from megalopta.plotting.style import BLACK, method_style
-from megalopta.plotting.text import (
+from megalopta.report import images, sections as html, style as svg
+from megalopta.report.sections import Section
+from megalopta.report.source import Budget, Report
+from megalopta.report.style import BLACK, method_style
+from megalopta.report.text import (
     FAILS,
     SENSELESS,
     UNDEFINED,
@@ -37,8 +38,6 @@ from megalopta.plotting.text import (
     relative_error,
     short,
 )
-from megalopta.report import images
-from megalopta.report.source import Budget, Report
 from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages.flow import responses_path
 

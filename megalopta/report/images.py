@@ -25,7 +25,7 @@ from megalopta.core.errors import missing_extra
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import say
 from megalopta.flow.color_wheel import wheel_legend
-from megalopta.plotting.sections import block, captioned, image, paragraph
+from megalopta.report.sections import block, captioned, image, paragraph
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]

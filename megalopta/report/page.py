@@ -17,17 +17,7 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.files import write_text
 from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
-from megalopta.plotting import sections as html, svg
-from megalopta.plotting.sections import Section
-from megalopta.plotting.style import BLACK, BLUE
-from megalopta.plotting.text import (
-    level_name,
-    level_title,
-    number,
-    percent,
-    title,
-)
-from megalopta.report import images
+from megalopta.report import images, sections as html, style as svg
 from megalopta.report.detectors import (
     ACCURATE,
     absent,
@@ -35,7 +25,16 @@ from megalopta.report.detectors import (
     rendering,
     threshold_section,
 )
+from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
+from megalopta.report.style import BLACK, BLUE
+from megalopta.report.text import (
+    level_name,
+    level_title,
+    number,
+    percent,
+    title,
+)
 from megalopta.scenes import Pictures
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import CtiaSensor, ImageSensor

@@ -31,9 +31,9 @@ from megalopta.dataset.store import exposure_name
 from megalopta.flow import formats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.registry import METHODS, velocity_method
-from megalopta.plotting.text import level_name, number, short, title
 from megalopta.report import images
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
+from megalopta.report.text import level_name, number, short, title
 from megalopta.scenes import Pictures, ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb

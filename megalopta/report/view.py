@@ -18,8 +18,6 @@ from megalopta import __version__
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.plotting.sections import Section, block, write_sections
-from megalopta.plotting.text import number
 from megalopta.report import images
 from megalopta.report.panels import (
     LONGEST_SIDE_PX,
@@ -30,6 +28,8 @@ from megalopta.report.panels import (
     sequence_view,
 )
 from megalopta.report.readings import Treatment, read_mask
+from megalopta.report.sections import Section, block, write_sections
+from megalopta.report.text import number
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300

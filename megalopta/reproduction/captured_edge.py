@@ -44,8 +44,8 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
 from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
-from megalopta.plotting.picture import Figure, write_figure
-from megalopta.plotting.style import BLACK, BLUE, GRAY, GREEN, ORANGE, VERMILION
+from megalopta.report.style import BLACK, BLUE, GRAY, GREEN, ORANGE, VERMILION
+from megalopta.reproduction.picture import Figure, write_figure
 from megalopta.sensor import Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 

@@ -19,8 +19,8 @@ from megalopta.benchmark.trial import PanoramaTemplate, Sweep, Trial, Value
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS
-from megalopta.plotting.picture import Figure
-from megalopta.plotting.text import UNDEFINED
+from megalopta.report.text import UNDEFINED
+from megalopta.reproduction.picture import Figure
 from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figure, threshold_of
 
 POOLING = (60, 120, 180, 240)

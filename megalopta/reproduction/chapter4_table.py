@@ -10,9 +10,7 @@ from megalopta.benchmark.runner import Results
 from megalopta.benchmark.trial import Sweep, Trial
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.response_error import METRICS, Metric
-from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.sections import Section, block, definitions, image, write_sections
-from megalopta.plotting.style import draw_table
+from megalopta.report.sections import Section, block, definitions, image, write_sections
 from megalopta.reproduction.chapter4_curves import (
     PHOTOGRAPHED,
     SWEEPS,
@@ -20,6 +18,7 @@ from megalopta.reproduction.chapter4_curves import (
     interpolation_beside_one_pixel,
     span,
 )
+from megalopta.reproduction.picture import Cell, Figure, columns_of, draw_table
 from megalopta.reproduction.sweep_figure import MeanThreshold, or_nan, sweep_curve
 
 PRINTED: Mapping[str, tuple[float, float]] = {

@@ -14,9 +14,9 @@ from megalopta.benchmark.trial import Sweep, Trial, template_pixels
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.plotting.picture import write_figure
 from megalopta.reproduction.chapter4_curves import SWEEPS, curve_figure, in_form
 from megalopta.reproduction.chapter4_table import TABLE, table_figure, table_trials, write_page
+from megalopta.reproduction.picture import write_figure
 from megalopta.reproduction.sweep_figure import sweep_figure
 
 CHAPTER = "chapter-4"

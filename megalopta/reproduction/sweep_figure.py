@@ -16,8 +16,8 @@ from megalopta.benchmark.runner import Results
 from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, Value
 from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
 from megalopta.flow.metrics.response_error import Metric
-from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import draw_interval, log_decades, method_style
+from megalopta.report.style import method_style
+from megalopta.reproduction.picture import Cell, Figure, columns_of, draw_interval, log_decades
 
 _LABELS = {
     "template.cycles_per_frame": "Cycles per frame",

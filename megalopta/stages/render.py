@@ -19,7 +19,6 @@ from megalopta.core.progress import progress, say, step
 from megalopta.dataset import labels, sintel, stereo
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import SUFFIXES, Dataset
-from megalopta.plotting.text import three_digits
 from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
@@ -33,6 +32,7 @@ from megalopta.render import (
     write_radiance,
     write_truth,
 )
+from megalopta.report.text import three_digits
 from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb

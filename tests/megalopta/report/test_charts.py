@@ -8,10 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
-from megalopta.plotting.style import BLACK, RULE
-from megalopta.plotting.svg import in_style, to_svg
 from megalopta.report.detectors import error_chart
 from megalopta.report.page import speed_chart
+from megalopta.report.style import BLACK, RULE, in_style, to_svg
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
 

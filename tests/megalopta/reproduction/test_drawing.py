@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.plotting.picture import Figure, write_figure
 from megalopta.reproduction.drawing import reproduce
+from megalopta.reproduction.picture import Figure, write_figure
 
 
 def draw(canvas):
