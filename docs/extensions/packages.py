@@ -11,9 +11,11 @@ from pydantic import BaseModel
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-ROOT = Path(__file__).parents[2]
 FOLDER = "generated/reference"
-FOLDERS = ("megalopta", "assets_gen", "scenes", "render", "sensor", "flow")
+PACKAGES = (
+    "megalopta",
+    *(f"megalopta.{name}" for name in ("assets_gen", "scenes", "render", "sensor", "flow")),
+)
 # numpy.typing.NDArray[np.float64], written out.
 ARRAY = re.compile(
     r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
@@ -31,43 +33,26 @@ def setup(app: "Sphinx") -> dict[str, bool]:
 
 def write_pages(folder: Path) -> None:
     """Write a page for every package, and their list; pages that are the same stay untouched."""
-    stubs = [stub for top in FOLDERS for stub in sorted((ROOT / top).rglob("__init__.pyi"))]
-    parts = [stub.parent.relative_to(ROOT).parts for stub in stubs]
-    names = [".".join(p if p[0] == "megalopta" else ("megalopta", *p)) for p in parts]
-    modules = {name: importlib.import_module(name) for name in names}
-    # the innermost package that publishes an object
-    homes = {
-        id(getattr(modules[name], thing)): name
-        for name in sorted(names, key=lambda name: name.count("."))
-        for thing in modules[name].__all__
-    }
+    folder.mkdir(parents=True, exist_ok=True)
     index = ["API reference", "=============", ""]
     index += ["Import a name from the package that publishes it.", ""]
-    pages = {name: _page(name, homes) for name in names}
-    for name, module in modules.items():
+    pages = {}
+    for name in PACKAGES:
+        module = importlib.import_module(name)
         index.append(f"- :doc:`{name}`: {(module.__doc__ or '').partition(chr(10))[0]}")
-    folder.mkdir(parents=True, exist_ok=True)
+        things = {published: getattr(module, published) for published in sorted(module.__all__)}
+        values = [
+            f"``{published}``"
+            for published, thing in things.items()
+            if not (inspect.isclass(thing) or inspect.isroutine(thing))
+        ]
+        # Not in the site's menu, which would be longer than most pages.
+        lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}", ""]
+        pages[name] = [*lines, f"Values and types: {', '.join(values)}." if values else ""]
     for name, lines in {**pages, "index": index}.items():
         path, text = folder / f"{name}.rst", "\n".join([*lines, ""])
         if not path.exists() or path.read_text("utf-8") != text:
             path.write_text(text, "utf-8")
-
-
-def _page(name: str, homes: dict[int, str]) -> list[str]:
-    module = importlib.import_module(name)
-    values, links = [], {}
-    for published in sorted(module.__all__):
-        thing = getattr(module, published)
-        if not (inspect.isclass(thing) or inspect.isroutine(thing)):
-            values.append(f"``{published}``")
-        elif (home := homes[id(thing)]) != name:
-            links[published] = f":py:obj:`{published} <{home}.{published}>`"
-    # Not in the site's menu, which would be longer than most pages.
-    lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}"]
-    if links:
-        lines.append(f"   :exclude-members: {', '.join(links)}")
-        lines += ["", f"Also exported: {', '.join(links.values())}."]
-    return [*lines, "", f"Values and types: {', '.join(values)}."] if values else lines
 
 
 def _shorten(app, what, name, thing, *rest):
