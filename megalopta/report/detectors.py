@@ -198,32 +198,28 @@ def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detect
     """Return the responses to the noise-free reading and to the counts, in the same colors."""
     path, name = responses_path(report.dataset, sensor, level), level_name(level)
     with undamaged(path, "run megalopta flow again with --redo"):
-        ideal, noisy = (
+        responses = [
             np.asarray(StoredFrames.open(path, array).read([report.frame])[0], np.float64)
             for array in (f"{method.name}-ideal", method.name)
-        )
-    known = np.abs(ideal[np.isfinite(ideal)])
-    draw: Callable[[Any], Image.Image]
+        ]
     if method.gives == "velocity":
         rim = report.shown.rim or 1.0
         smallest, nothing, legend = _PALE * rim, "no motion found", Markup("")
-        draw = lambda flow: Image.fromarray(flow_to_rgb(flow, rim))  # noqa: E731
-        sizes = [np.hypot(*np.moveaxis(response, -1, 0)) for response in (ideal, noisy)]
+        pictures = [Image.fromarray(flow_to_rgb(response, rim)) for response in responses]
+        responses = [np.hypot(*np.moveaxis(response, -1, 0)) for response in responses]
     else:
-        high = float(np.percentile(known, _BRIGHT_PERCENTILE) if known.size else 0.0) or 1.0
-        has_sign = np.nanmin(ideal, initial=0.0) < 0
-        colors, low = ("RdBu_r", -high) if has_sign else ("inferno", 0.0)
+        known = responses[0][np.isfinite(responses[0])]
+        bright = np.percentile(np.abs(known), _BRIGHT_PERCENTILE) if known.size else 0.0
+        high = float(bright) or 1.0
+        colors, low = ("RdBu_r", -high) if np.min(known, initial=0.0) < 0 else ("inferno", 0.0)
         scale = images.map_scale(colors, low, high, _ROOT)
         smallest, nothing, legend = 0.0, "no response", scale.legend(number(low), number(high))
-        draw = lambda response: scale.picture(report.shown.pixels(response))  # noqa: E731
-        sizes = [np.abs(response) for response in (ideal, noisy)]
-    shown = []
-    for response, size, kind in zip(
-        (ideal, noisy), sizes, ("noise-free", f"from {sensor.unit}"), strict=True
-    ):
-        note = "" if np.nanmax(size, initial=0.0) > smallest else nothing
+        pictures = [scale.picture(report.shown.pixels(response)) for response in responses]
+    kinds, shown = ("noise-free", f"from {sensor.unit}"), []
+    for picture, response, kind in zip(pictures, responses, kinds, strict=True):
+        largest = np.max(np.abs(response[np.isfinite(response)]), initial=0.0)
         alt = f"{method.name}, {name}, {kind}"
-        shown.append(images.still(draw(response), kind, alt, note))
+        shown.append(images.still(picture, kind, alt, "" if largest > smallest else nothing))
     return html.block("", html.paragraph(name), html.block("two", *shown), legend)
 
 

@@ -1,7 +1,7 @@
 """Arrays as pictures, and pictures as films: PNG of a page, contact sheets, GIF and MP4.
 
-A page shows some frames and pixels (`Selection`), noisy ones with few colors, so that it stays
-small. Pixels are repeated or skipped, never averaged, so that noise keeps its strength.
+A page shows some frames and pixels (`selection`), in few colors, so that it stays small. Pixels are
+repeated or skipped, never averaged, so that noise keeps its strength.
 """
 
 import base64
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -185,32 +185,19 @@ def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
     return float(f"{max(fastest, 1e-3):.1e}")
 
 
-class Selection(NamedTuple):
-    """Frames shown, by number from 0, and step of the pixels shown."""
-
-    frames: tuple[int, ...]
-    step: int
-
-
 def selection(
     frames: range, shape: tuple[int, int], films: int, longest_px: int, most_frames: int
-) -> Selection:
-    """Choose the frames and pixels that fit a page with this many films."""
+) -> tuple[tuple[int, ...], int]:
+    """Choose the frames, and the step between pixels, that fit a page with this many films."""
     step = math.ceil(max(shape) / longest_px)
     fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
-    return Selection(evenly_spaced(frames, max(min(most_frames, fitting), 1)), step)
+    return evenly_spaced(frames, max(min(most_frames, fitting), 1)), step
 
 
-def evenly_spaced(frames: Sequence[int], most: int) -> tuple[int, ...]:
-    """Return at most `most` of the frames, evenly spaced, starting with the first."""
-    count = min(len(frames), most)
-    return tuple(frames[index * len(frames) // count] for index in range(count))
-
-
-def with_ends(items: Sequence[Item], most: int) -> list[Item]:
+def evenly_spaced(items: Sequence[Item], most: int) -> tuple[Item, ...]:
     """Return at most `most` of some items, evenly spaced, with the first and the last."""
     last, count = len(items) - 1, min(len(items), most)
-    return [items[round(index * last / max(count - 1, 1))] for index in range(count)]
+    return tuple(items[round(index * last / max(count - 1, 1))] for index in range(count))
 
 
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:

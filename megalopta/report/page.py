@@ -229,7 +229,7 @@ def _opening(report: Report) -> Markup:
     shown, frames = report.shown, report.shown.frames
     budgets = report.of(sensor)
     films = [images.film(None, "light", "The scene's light, tone-mapped")]
-    films += [_counts_film(report, one) for one in images.with_ends(budgets, _MOST_LEVELS)]
+    films += [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:

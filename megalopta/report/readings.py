@@ -22,7 +22,7 @@ from megalopta.core.named_file import file_content
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
-from megalopta.sensor.event_stream import Events, histogram
+from megalopta.sensor.event_stream import histogram
 from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
@@ -211,20 +211,18 @@ def _of_events(path: Path) -> ShownReadings:
     events, origin = stored.events, stored.origin
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        counts = histogram(_frames_of(events, part))
+        starts = events.starts[part.start : part.stop + 1]
+        chosen = slice(starts[0], starts[-1])
+        counts = histogram(
+            replace(
+                events,
+                time_s=events.time_s[chosen],
+                pixel=events.pixel[chosen],
+                starts=starts - starts[0],
+                shape=(len(starts) - 1, *events.shape[1:]),
+            )
+        )
         return counts, np.zeros(counts.shape, np.bool_)
 
     frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
     return ShownReadings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)
-
-
-def _frames_of(events: Events, part: slice) -> Events:
-    """Return the events of a range of frames."""
-    first, end = events.starts[part.start], events.starts[part.stop]
-    return replace(
-        events,
-        time_s=events.time_s[first:end],
-        pixel=events.pixel[first:end],
-        starts=events.starts[part.start : part.stop + 1] - first,
-        shape=(part.stop - part.start, *events.shape[1:]),
-    )

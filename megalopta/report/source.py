@@ -48,8 +48,8 @@ _BRIGHTER = 0.01
 _RED_END_NM = 700.0
 
 
-def select(configuration: Configuration) -> images.Selection:
-    """Choose the frames and pixels of a sequence to show."""
+def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
+    """Choose the frames, and the step between pixels, of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
     films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
     most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))

@@ -122,7 +122,7 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     readings = shown.of("readings")[::-1]
     if varied == "level":
         readings = [panel for panel in readings if panel.sensor == sensors[0]]
-    readings = images.with_ends(readings, _MOST_EXPOSURES)
+    readings = list(images.evenly_spaced(readings, _MOST_EXPOSURES))
     brightest = [(panel.sensor, panel.level) for panel in readings[:1]]
     flow = [panel for panel in shown.of("flow") if (panel.sensor, panel.level) in brightest]
     panels = [*shown.of("light"), *readings, *flow, *shown.of("motion")]
