@@ -351,7 +351,7 @@ def error_chart(
         errors = svg.drawable(np.array(curve.errors))
         lower, upper = (np.clip(errors + sign * spread, 1e-9, None) for sign in (-1, 1))
         axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
-        axes.plot(curve.fluxes, errors, **style, markersize=4)
+        axes.plot(curve.fluxes, errors, **style, markersize=4, label=curve.method)
     axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle="--")
     right = {"textcoords": "offset points", "ha": "right", "fontsize": 10.5}
     place = {"xycoords": ("axes fraction", "data"), **right}

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from megalopta import __version__
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
-from megalopta.core.files import write_text
 from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
 from megalopta.report import images, sections as html, style as svg
@@ -45,12 +44,7 @@ _MOST_LEVELS = 4
 _SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
 
-_OUTCOME = (
-    "sensor",
-    "best method",
-    "within 25 % down to",
-    "median error there",
-)
+_OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
 """Heads of the table of results"""
 _STAND_IN = (
     "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
@@ -94,17 +88,11 @@ def write_report(dataset: Dataset) -> Path:
 
     Raises UserError if nothing was rendered yet, or a file cannot be read.
     """
-    path = dataset.root / "report.html"
-    write_text(path, page(dataset))
-    return path
-
-
-def page(dataset: Dataset) -> str:
-    """Return the report as HTML."""
     report = Report(dataset)
     shown, frames = report.shown, report.settings.trajectory.frames
     pixels = f"one of {shown.step} × {shown.step} pixels and " if shown.step > 1 else ""
-    return html.page_of(
+    return html.write_sections(
+        dataset.root / "report.html",
         title(report.settings),
         lead(report),
         [make(report) for make in SECTIONS],

@@ -92,17 +92,11 @@ def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Mar
 def write_sections(
     path: Path, title: str, summary: str, sections: Iterable[Section | None], **parts: Any
 ) -> Path:
-    """Write a page atomically; return its path.
+    """Write a page atomically; return its path. Text that is not marked as safe is escaped.
 
     Further parts are `header`, HTML below the summary, `footer`, and the `film` with a slider
     (`megalopta.report.source.Report.film`).
     """
-    write_text(path, page_of(title, summary, sections, **parts))
-    return path
-
-
-def page_of(title: str, summary: str, sections: Iterable[Section | None], **parts: Any) -> str:
-    """Return a page as HTML; text that is not marked as safe is escaped, None skipped."""
     template = Environment(
         loader=PackageLoader("megalopta.report", "."),
         autoescape=True,
@@ -112,4 +106,6 @@ def page_of(title: str, summary: str, sections: Iterable[Section | None], **part
     ).get_template("page.html")
     values = {"header": "", "footer": "", "film": None, **parts}
     shown = [section for section in sections if section]
-    return template.render(title=title, summary=summary, sections=shown, **values)
+    text = template.render(title=title, summary=summary, sections=shown, **values)
+    write_text(path, text)
+    return path

@@ -15,7 +15,7 @@ LINK = re.compile(
     r"!?\[[^\]]*\]\(([^)\s]+)\)|\{download\}`[^<`]*<([^>]+)>`|^\[[^\]]+\]: (\S+)$", re.MULTILINE
 )
 ROLE = re.compile(r"\{py:\w+\}`~?([\w.]+)`")
-CODE = re.compile(r"`((?:sensor|flow|render|scenes|tests|megalopta)/[\w/]+\.py)`")
+CODE = re.compile(r"`((?:sensor|flow|render|scenes|tests|megalopta)/(?!\S*NAME)[\w/]+\.py)`")
 SCRIPT = re.compile(r"(?:sphx_glr_)?(plot_\w+?)(?:_\d{3}\.png)?$")
 MADE = {
     f"generated/{page}"
