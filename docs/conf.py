@@ -16,11 +16,9 @@ extensions = [
     "sphinx.ext.viewcode",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
-    "mathml",
     "pydantic_fields",
     "packages",
-    "notebook",
-    "keyboard",
+    "website",
 ]
 default_role = "py:obj"
 exclude_patterns = [
@@ -65,5 +63,5 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "remove_config_comments": True,
     "abort_on_example_error": True,
-    "reset_modules": ("matplotlib", "palette.use_palette"),
+    "reset_modules": ("matplotlib", "website.use_palette"),
 }

@@ -14,6 +14,8 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
 SHARED = "core"
 """The package of the program that the libraries import, too."""
+SHOWING = "report"
+"""Others build their pages with its builder, and it shows theirs: its modules count singly."""
 
 
 def sources() -> list[Path]:
@@ -41,6 +43,8 @@ def room_of(module: str) -> str:
 def place_of(module: str) -> str:
     """The room of a module, or the module itself where it stands beside rooms."""
     room = room_of(module)
+    if room == SHOWING:
+        return module
     has_rooms = any(package.rpartition(".")[0] == room for package in PACKAGES)
     return module if has_rooms else room
 

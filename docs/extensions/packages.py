@@ -11,16 +11,11 @@ from pydantic import BaseModel
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-ROOT = Path(__file__).parents[2]
 FOLDER = "generated/reference"
-FOLDERS = {
-    "megalopta": "Datasets, and pictures of your own as photons",
-    "assets_gen": "Shapes and textures from a seed",
-    "scenes": "Objects, light, cameras and their motion",
-    "render": "Radiance and truth",
-    "sensor": "Light to readings and back",
-    "flow": "Readings to motion",
-}
+PACKAGES = (
+    "megalopta",
+    *(f"megalopta.{name}" for name in ("assets_gen", "scenes", "render", "sensor", "flow")),
+)
 # numpy.typing.NDArray[np.float64], written out.
 ARRAY = re.compile(
     r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
@@ -36,70 +31,28 @@ def setup(app: "Sphinx") -> dict[str, bool]:
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def packages() -> dict[str, list[str]]:
-    """Return the packages by their folder, as they are imported."""
-    found = {}
-    for folder in FOLDERS:
-        stubs = sorted((ROOT / folder).rglob("__init__.pyi"))
-        parts = (stub.parent.relative_to(ROOT).parts for stub in stubs)
-        found[folder] = [".".join(p if p[0] == "megalopta" else ("megalopta", *p)) for p in parts]
-    return found
-
-
 def write_pages(folder: Path) -> None:
-    """Write a page for every package, and their list."""
+    """Write a page for every package, and their list; pages that are the same stay untouched."""
     folder.mkdir(parents=True, exist_ok=True)
-    index = [
-        "API reference",
-        "=============",
-        "",
-        "Import a name from the package that publishes it.",
-        "",
-    ]
-    homes = _homes([name for names in packages().values() for name in names])
-    for top, names in packages().items():
-        index += [FOLDERS[top], "-" * len(FOLDERS[top]), ""]
-        index += [f"- :doc:`{name}`{_purpose(name)}" for name in names] + [""]
-        for name in names:
-            write(folder / f"{name}.rst", _page(name, homes))
-    write(folder / "index.rst", index)
-
-
-def _purpose(name: str) -> str:
-    first = (importlib.import_module(name).__doc__ or "").partition("\n")[0]
-    return f": {first}" if first else ""
-
-
-def _homes(names: list[str]) -> dict[int, str]:
-    """Return the innermost package that publishes each object, by the object's id."""
-    inner_last = sorted(names, key=lambda name: name.count("."))
-    modules = [importlib.import_module(name) for name in inner_last]
-    return {id(getattr(each, name)): each.__name__ for each in modules for name in each.__all__}
-
-
-def _page(name: str, homes: dict[int, str]) -> list[str]:
-    module = importlib.import_module(name)
-    has_entry = inspect.isclass, inspect.isroutine
-    values, elsewhere = [], []
-    for each in sorted(module.__all__):
-        thing = getattr(module, each)
-        if not any(is_one(thing) for is_one in has_entry):
-            values.append(f"``{each}``")
-        elif homes[id(thing)] != name:
-            elsewhere.append(each)
-    # Not in the site's menu, which would be longer than most pages.
-    lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}"]
-    lines += [f"   :exclude-members: {', '.join(elsewhere)}"] if elsewhere else []
-    links = (f":py:obj:`{each} <{homes[id(getattr(module, each))]}.{each}>`" for each in elsewhere)
-    lines += ["", f"Also exported: {', '.join(links)}.", ""] if elsewhere else [""]
-    return [*lines, f"Values and types: {', '.join(values)}.", ""] if values else lines
-
-
-def write(path: Path, lines: list[str]) -> None:
-    """Write a page unless it is there: Sphinx reads again what is newer."""
-    text = "\n".join(lines)
-    if not path.exists() or path.read_text("utf-8") != text:
-        path.write_text(text, "utf-8")
+    index = ["API reference", "=============", ""]
+    index += ["Import a name from the package that publishes it.", ""]
+    pages = {}
+    for name in PACKAGES:
+        module = importlib.import_module(name)
+        index.append(f"- :doc:`{name}`: {(module.__doc__ or '').partition(chr(10))[0]}")
+        things = {published: getattr(module, published) for published in sorted(module.__all__)}
+        values = [
+            f"``{published}``"
+            for published, thing in things.items()
+            if not (inspect.isclass(thing) or inspect.isroutine(thing))
+        ]
+        # Not in the site's menu, which would be longer than most pages.
+        lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}", ""]
+        pages[name] = [*lines, f"Values and types: {', '.join(values)}." if values else ""]
+    for name, lines in {**pages, "index": index}.items():
+        path, text = folder / f"{name}.rst", "\n".join([*lines, ""])
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
 
 
 def _shorten(app, what, name, thing, *rest):
@@ -107,9 +60,8 @@ def _shorten(app, what, name, thing, *rest):
     _options, signature, returns = rest
     if isinstance(thing, type) and issubclass(thing, BaseModel):
         return "(...)", returns
-    return signature and ARRAY.sub(r"NDArray[\1]", signature), returns and ARRAY.sub(
-        r"NDArray[\1]", returns
-    )
+    short = (text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returns))
+    return tuple(short)
 
 
 def _as_written(app, what, name, thing, options, lines):
@@ -117,11 +69,11 @@ def _as_written(app, what, name, thing, options, lines):
     kept: list[str] = []
     for line in lines:
         depth = len(line) - len(line.lstrip())
-        above = next((each for each in reversed(kept) if each.strip()), "")
-        starts = line.strip() and kept and not kept[-1].strip()
-        deeper = depth >= 4 + len(above) - len(above.lstrip())
-        if starts and deeper and not above.rstrip().endswith("::"):
-            kept += [above[: len(above) - len(above.lstrip())] + "::", ""]
+        above = next((text for text in reversed(kept) if text.strip()), "")
+        margin = above[: len(above) - len(above.lstrip())]
+        is_start = line.strip() and kept and not kept[-1].strip()
+        if is_start and depth >= 4 + len(margin) and not above.rstrip().endswith("::"):
+            kept += [f"{margin}::", ""]
         kept.append(line)
     parts = "\n".join(kept).split("`")
     parts[::2] = [re.sub(r"(?<!\\)\|", r"\\|", part) for part in parts[::2]]

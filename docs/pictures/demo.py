@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
-from megalopta.plotting.style import method_style
+from megalopta.report.style import method_style
 from megalopta.sensor import open_counts
 from megalopta.stages.run import run_all
 

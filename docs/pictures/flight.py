@@ -10,18 +10,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-from megalopta.report.film import Moment, composed, gif
+from megalopta.report.images import Row, composed, gif
+from megalopta.report.panels import View, sequence_view
 from megalopta.report.readings import Treatment
-from megalopta.report.seen import Seen
-from megalopta.report.seen_sequence import seen_sequence
 
 HERE = Path(__file__).parent
 OUT, PICTURE = Path("out/pictures/flight"), HERE.parent / "flight.gif"
 WIDTH_PX, LETTERS_PX, FRAME_MS = 1040, 15, 200
 
 
-def moment(seen: Seen, index: int) -> Moment:
-    """Return the panels of a frame, at a light level that falls from frame to frame."""
+def moment(seen: View, index: int) -> tuple[str, Row]:
+    """Return label and pictures of a frame, at a light level that falls from frame to frame."""
     brightest_first = seen.of("readings")[::-1]
     readings = brightest_first[index * len(brightest_first) // len(seen.frames)]
     (light,), (motion,) = seen.of("light"), seen.of("motion")
@@ -33,7 +32,7 @@ def moment(seen: Seen, index: int) -> Moment:
         ("true motion", motion),
     ]
     frame = seen.frames[index]
-    return Moment(readings.level, [(label, panel.picture(frame)) for label, panel in panels])
+    return readings.level, [(label, panel.picture(frame)) for label, panel in panels]
 
 
 def draw() -> None:
@@ -41,9 +40,9 @@ def draw() -> None:
     rendering = ["render", str(HERE / "flight.yaml"), "--out", str(OUT)]
     for asked in (rendering, ["sense", str(OUT)], ["flow", str(OUT)]):
         subprocess.run([sys.executable, "-m", "megalopta", *asked], check=True)
-    seen = seen_sequence(OUT, Treatment())
+    seen = sequence_view(OUT, Treatment())
     moments = [moment(seen, index) for index in range(len(seen.frames))]
-    images = [composed(each, WIDTH_PX, LETTERS_PX).quantize(128) for each in moments]
+    images = [composed(*each, WIDTH_PX, LETTERS_PX).quantize(128) for each in moments]
     PICTURE.write_bytes(gif(images, FRAME_MS))
     print(f"{PICTURE}: {PICTURE.stat().st_size / 1e6:.1f} MB, {len(images)} frames")
 

@@ -11,8 +11,8 @@ from denoised import seen
 from PIL import Image
 
 from megalopta.config.model import Configuration
-from megalopta.plotting.text import level_name, lux, number
 from megalopta.report.images import gray_counts, write_sheet
+from megalopta.report.text import level_name, lux, number
 from megalopta.scenes.levels import LEVELS
 
 PRESETS = "open", "dense", "understorey", "clearing", "rainforest", "trail"

@@ -15,7 +15,7 @@ from megalopta.benchmark.trial import run, template_pixels
 from megalopta.flow import fisher_information
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.stimuli.moving_template import MovingTemplate
-from megalopta.plotting.style import method_style
+from megalopta.report.style import method_style
 from megalopta.reproduction.chapter4 import PRINTED, SIZE, sweep
 from megalopta.reproduction.sweep_figure import thresholds
 

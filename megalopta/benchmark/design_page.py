@@ -10,10 +10,17 @@ from matplotlib.ticker import FuncFormatter
 from megalopta.benchmark.design import Design, DesignPoint, DesignRow
 from megalopta.config.model import level_text
 from megalopta.core.files import write_csv, write_json
-from megalopta.plotting.sections import Section, captioned, write_sections
-from megalopta.plotting.style import BLACK, line_style
-from megalopta.plotting.svg import CHART_PT, in_style, logarithmic, new_axes, with_legend
-from megalopta.plotting.text import UNDEFINED, level_name, number, short
+from megalopta.report.sections import Section, captioned, write_sections
+from megalopta.report.style import (
+    BLACK,
+    CHART_PT,
+    in_style,
+    line_style,
+    logarithmic,
+    new_axes,
+    with_legend,
+)
+from megalopta.report.text import UNDEFINED, level_name, number, short
 
 _CHARTS = 4
 _NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")

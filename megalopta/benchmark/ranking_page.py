@@ -15,9 +15,9 @@ from matplotlib.ticker import PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, sequence_errors as errors, table
 from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Pooling, Ranking
-from megalopta.plotting import sections, style, svg
-from megalopta.plotting.sections import Section
-from megalopta.plotting.text import UNDEFINED, level_name, number, percent, short
+from megalopta.report import sections, style
+from megalopta.report.sections import Section
+from megalopta.report.text import UNDEFINED, level_name, number, percent, short
 
 _INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
 """Text on colors, which is the same on light and dark pages; color where nothing is measured"""
@@ -127,17 +127,17 @@ def order_changes(ranking: Ranking) -> list[str]:
     ]
 
 
-@svg.in_style
+@style.in_style
 def error_curves(ranking: Ranking, metric: str, label: str) -> Markup:
     """Draw a metric of all blocks over photons, a curve per method with its interval."""
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     _curves(figure.add_subplot(), ranking, metric, "all")
     figure.axes[0].set(xlabel="photons per frame", ylabel=label)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right upper")
-    return svg.to_svg(figure, f"errors-{metric.replace('_', '-')}", f"{label}, over photons")
+    return style.to_svg(figure, f"errors-{metric.replace('_', '-')}", f"{label}, over photons")
 
 
-@svg.in_style
+@style.in_style
 def group_curves(ranking: Ranking) -> Markup:
     """Draw mean errors over photons, a panel per group of blocks; empty without such groups."""
     blocks = ranking.facts.blocks
@@ -155,7 +155,7 @@ def group_curves(ranking: Ranking) -> Markup:
     figure.supxlabel("photons per frame", fontsize=10)
     figure.supylabel("mean endpoint error (px per frame)", fontsize=10)
     figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside right upper")
-    return svg.to_svg(figure, "errors-groups", "Mean errors over photons, by group of blocks")
+    return style.to_svg(figure, "errors-groups", "Mean errors over photons, by group of blocks")
 
 
 def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
@@ -197,7 +197,7 @@ def pooling_grid(ranking: Ranking) -> Markup:
     return _best(ranking, "pooling", "The best method by photons and pooling", rows)
 
 
-@svg.in_style
+@style.in_style
 def _best(
     ranking: Ranking, name: str, title: str, rows: Mapping[str, tuple[Pooling, str]]
 ) -> Markup:
@@ -227,7 +227,7 @@ def _best(
     axes.set_xticks(range(len(fluxes)), [short(flux) for flux in fluxes])
     axes.set(xlabel="photons per frame")
     axes.grid(False)
-    return svg.to_svg(figure, name, title)
+    return style.to_svg(figure, name, title)
 
 
 def _range(bounds: tuple[float, float], name: str) -> str:

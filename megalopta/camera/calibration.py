@@ -21,8 +21,8 @@ from megalopta.camera.sources import Beam, Source, read_recorded
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
-from megalopta.plotting.sections import Section
-from megalopta.plotting.text import number, with_error
+from megalopta.report.sections import Section
+from megalopta.report.text import number, with_error
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import crosstalk as estimates
 from megalopta.sensor.calibrate.counts import CountingDevice, calibrate_counts, summed, summed_bits

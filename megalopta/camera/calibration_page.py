@@ -12,10 +12,10 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
-from megalopta.plotting import svg
-from megalopta.plotting.sections import Section, captioned, write_sections
-from megalopta.plotting.style import BLACK, BLUE, VERMILION, line_style
-from megalopta.plotting.text import number, with_error
+from megalopta.report import style
+from megalopta.report.sections import Section, captioned, write_sections
+from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
+from megalopta.report.text import number, with_error
 from megalopta.sensor import changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
 from megalopta.sensor.calibrate.device import Device, Estimate
@@ -109,7 +109,7 @@ def write_page(
 ) -> None:
     """Write a page: the table of quantities, sections, and their maps before the last one."""
     charts = (
-        svg.map_chart(each.scale * each.estimate.value, f"map-{at}", f"{each.name} ({each.unit})")
+        style.map_chart(each.scale * each.estimate.value, f"map-{at}", f"{each.name} ({each.unit})")
         for at, each in enumerate(quantities)
         if np.isfinite(each.estimate.value).any()
     )
@@ -164,10 +164,10 @@ def code_charts(device: Device) -> Iterator[Markup]:
         )
 
 
-@svg.in_style
+@style.in_style
 def _falls_chart(device: Device) -> Markup:
     """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
+    figure, axes = style.new_axes(*style.CHART_PT)
     used = device.falls.frames > 0
     dark = (device.counts.light_hz == 0)[:, None] & used
     mean, variance = 1e3 * device.falls.mean_v, 1e6 * device.falls.variance_v2
@@ -178,13 +178,13 @@ def _falls_chart(device: Device) -> Markup:
     axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
     axes.set(xlabel="mean drop of the output (mV)", ylabel="variance (mV²)")
     description = "Photon transfer: variance of readings over their mean"
-    return svg.with_legend(figure, "transfer", description, markerscale=3)
+    return style.with_legend(figure, "transfer", description, markerscale=3)
 
 
-@svg.in_style
+@style.in_style
 def _saturation_chart(device: Device, efficiency: Estimate, dead_time_s: Estimate) -> Markup:
     """Draw counts over light at the median pixel, with both models and the line without loss."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
+    figure, axes = style.new_axes(*style.CHART_PT)
     lit = device.counts.light_hz > 0
     light, exposure = device.counts.light_hz[lit], device.counts.exposure_s[lit]
     mean = np.where(device.falls.frames[lit] > 0, device.counts.mean[lit], np.nan)
@@ -198,7 +198,7 @@ def _saturation_chart(device: Device, efficiency: Estimate, dead_time_s: Estimat
         axes.plot(grid, counted / exposure.max(), **line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s per pixel)", ylabel="counts/s")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    return svg.with_legend(figure, "saturation", "Saturation curve: counts over light")
+    return style.with_legend(figure, "saturation", "Saturation curve: counts over light")
 
 
 def emva_section(

@@ -20,7 +20,7 @@ from megalopta.camera.sources import Beam, RecordingFrames, Source, read_recorde
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
-from megalopta.plotting.sections import write_sections
+from megalopta.report.sections import write_sections
 from megalopta.sensor import PRESETS, AnalogCounter, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes

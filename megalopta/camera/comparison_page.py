@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from megalopta.core.arrays import Floats
-from megalopta.plotting import svg
-from megalopta.plotting.sections import Section, captioned
-from megalopta.plotting.style import BLACK, BLUE, VERMILION
-from megalopta.plotting.text import number
+from megalopta.report import style
+from megalopta.report.sections import Section, captioned
+from megalopta.report.style import BLACK, BLUE, VERMILION
+from megalopta.report.text import number
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
 from megalopta.sensor.compare.two_sample import SEGMENT, Difference, segment_spectra
@@ -209,78 +209,80 @@ def _curves(captured: Levels, simulated: Levels) -> Iterator[Markup]:
 
 def _maps(at: int, maps: Sequence[Floats], p: Floats) -> Iterator[Markup]:
     """Yield maps of the mean at one level: captured, simulated, and their difference."""
-    limits = svg.color_limits(*maps)
+    limits = style.color_limits(*maps)
     for values, label in zip(maps, ("captured", "simulated"), strict=True):
-        yield svg.map_chart(values, f"mean-{at}-{label}", f"mean, {label} (counts)", limits)
+        yield style.map_chart(values, f"mean-{at}-{label}", f"mean, {label} (counts)", limits)
     apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
     title = "mean, captured minus simulated (standard errors)"
-    yield svg.map_chart(apart, f"mean-{at}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
+    yield style.map_chart(apart, f"mean-{at}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
-@svg.in_style
+@style.in_style
 def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
     """Draw variance of pixels over their mean."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    for levels, style in zip((captured, simulated), _STYLES, strict=True):
+    figure, axes = style.new_axes(*style.CHART_PT)
+    for levels, line in zip((captured, simulated), _STYLES, strict=True):
         for place, level in enumerate(levels):
             shown = _thinned(level.readings.reshape(len(level.readings), -1).T)
-            look = style | {"label": "" if place else style["label"]}
+            look = line | {"label": "" if place else line["label"]}
             axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **look)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
-    return svg.with_legend(figure, "transfer", "Photon transfer: variance over mean", markerscale=2)
+    return style.with_legend(
+        figure, "transfer", "Photon transfer: variance over mean", markerscale=2
+    )
 
 
-@svg.in_style
+@style.in_style
 def _dark_chart(captured: Level, simulated: Level) -> Markup:
     """Draw the distribution of dark counts over pixels."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    for level, style in zip((captured, simulated), _STYLES, strict=True):
+    figure, axes = style.new_axes(*style.CHART_PT)
+    for level, line in zip((captured, simulated), _STYLES, strict=True):
         rates = np.maximum(level.readings.mean(axis=0) / level.exposure_s, 1e-3)
         shares = (np.arange(rates.size) + 0.5) / rates.size
-        look = style | {"marker": ""}
+        look = line | {"marker": ""}
         axes.plot(_thinned(np.sort(rates, axis=None)), _thinned(shares), **look)
     axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="cumulative share of pixels")
-    return svg.with_legend(figure, "dark", "Distribution of dark counts over the pixels")
+    return style.with_legend(figure, "dark", "Distribution of dark counts over the pixels")
 
 
-@svg.in_style
+@style.in_style
 def _spectrum_chart(captured: Level, simulated: Level) -> Markup:
     """Draw the temporal spectrum of the readings, mean over pixels."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    for level, style in zip((captured, simulated), _STYLES, strict=True):
+    figure, axes = style.new_axes(*style.CHART_PT)
+    for level, line in zip((captured, simulated), _STYLES, strict=True):
         power = segment_spectra(level.readings).mean(axis=0)[1:]
         cycles = np.arange(1, power.size + 1) / SEGMENT
-        axes.plot(cycles, power, **style | {"marker": ""})
+        axes.plot(cycles, power, **line | {"marker": ""})
     axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
-    return svg.with_legend(figure, "spectrum", "Temporal spectrum, captured and simulated")
+    return style.with_legend(figure, "spectrum", "Temporal spectrum, captured and simulated")
 
 
-@svg.in_style
+@style.in_style
 def _time_chart(captured: Level, simulated: Level) -> Markup:
     """Draw mean counts of frames over time."""
-    figure, axes = svg.new_axes(1.5 * svg.CHART_PT[0], 0.8 * svg.CHART_PT[1])
-    for frames, style in zip((captured, simulated), _STYLES, strict=True):
+    figure, axes = style.new_axes(1.5 * style.CHART_PT[0], 0.8 * style.CHART_PT[1])
+    for frames, line in zip((captured, simulated), _STYLES, strict=True):
         means = frames.readings[:_FRAMES_SHOWN].mean(axis=(1, 2))
-        axes.plot(means, **style | {"marker": ""})
+        axes.plot(means, **line | {"marker": ""})
     axes.set(xlabel="frame", ylabel="mean counts")
     outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
-    return svg.with_legend(figure, "time", "Mean counts of frames", **outside)
+    return style.with_legend(figure, "time", "Mean counts of frames", **outside)
 
 
-@svg.in_style
+@style.in_style
 def _response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
     """Draw a transfer function: peak response over speed, mean and standard deviation."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
+    figure, axes = style.new_axes(*style.CHART_PT)
     shown = [each for each in responses if each.name == method]
     speeds = [each.speed_mm_s for each in shown]
     sides = [each.captured for each in shown], [each.simulated for each in shown]
-    for values, style in zip(sides, _STYLES, strict=True):
+    for values, line in zip(sides, _STYLES, strict=True):
         means, spreads = zip(*((each.mean(), each.std(ddof=1)) for each in values), strict=True)
-        axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **style)
+        axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **line)
     axes.axhline(0, color=BLACK, linewidth=0.5)
     unit = shown[0].difference.unit
     axes.set(xlabel="speed (mm/s)", ylabel=f"peak response ({unit})", title=method)
-    return svg.with_legend(figure, f"response-{method}", f"Transfer function of {method}")
+    return style.with_legend(figure, f"response-{method}", f"Transfer function of {method}")
 
 
 def _thinned(values: NDArray[Any]) -> NDArray[Any]:

@@ -1,44 +1,47 @@
-"""Arrays as pictures: PNG data URIs, color scales and their legends, stills and films of a page.
+"""Arrays as pictures, and pictures as films: PNG of a page, contact sheets, GIF and MP4.
 
-Films show some frames and pixels (`Selection`).
+A page shows some frames and pixels (`selection`), in few colors, so that it stays small. Pixels are
+repeated or skipped, never averaged, so that noise keeps its strength.
 """
 
 import base64
-import colorsys
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib import colormaps
+from matplotlib.colors import hsv_to_rgb
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
+from megalopta.core.errors import missing_extra
 from megalopta.core.files import atomic_write
+from megalopta.core.progress import say
 from megalopta.flow.color_wheel import wheel_legend
-from megalopta.plotting.sections import block, captioned, image, paragraph
+from megalopta.report.sections import block, captioned, image, paragraph
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
-
-# Few colors and bits make small files; noisy pictures look the same.
-_COLORS = 96
-_ID_COLORS = 89
-_RGB_BITS = 6
-_LEGEND_STEPS = 128
-_GAP = 6
-"""Gap between pictures of a sheet (px)"""
+Item = TypeVar("Item")
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
-_NOTHING = (24, 26, 30)
+PLAYBACK_HZ = (2.0, 30.0)
+"""Frame rates at which a film can be followed (Hz)."""
 
-_WHEEL_PX = 96
-COLORS = Markup(
+_COLORS, _ID_COLORS, _RGB_BITS = 96, 89, 6
+_LEGEND_STEPS, _WHEEL_PX = 128, 96
+_GAP_PX = 6
+_MOST_PIXELS_SHOWN = 8_000_000
+"""Limit of all films of a page"""
+_WHEEL = Markup(
     "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
     "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
     "undefined."
@@ -63,11 +66,19 @@ class ColorScale:
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
+
+        def stretched(values: Floats | float) -> Floats:
+            if self.logarithmic:
+                return np.log(values)
+            return np.sign(values) * np.abs(values) ** (1 / self.root)
+
         unknown = np.isnan(values) if marked is None else marked | np.isnan(values)
-        index = np.where(unknown, len(self.colors), self._index(np.nan_to_num(values)))
-        picture = Image.fromarray(index.astype(np.uint8))
-        picture.putpalette(self.colors.tobytes() + bytes(self.special))
-        return picture
+        low, high = stretched(self.low), stretched(self.high)
+        place = (stretched(np.clip(np.nan_to_num(values), self.low, self.high)) - low) / (
+            high - low
+        )
+        index = np.where(unknown, len(self.colors), np.rint(place * (len(self.colors) - 1)))
+        return _indexed(index, self.colors.tobytes() + bytes(self.special))
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
         """Return the legend: the colors between two texts, and the meaning of the special color."""
@@ -81,15 +92,11 @@ class ColorScale:
             low, bar, high, marked.format(self.special, special) if special else ""
         )
 
-    def _index(self, values: Floats) -> NDArray[np.int64]:
-        low, high = self._stretched(self.low), self._stretched(self.high)
-        bounded = self._stretched(np.clip(values, self.low, self.high))
-        return np.rint((bounded - low) / (high - low) * (len(self.colors) - 1)).astype(np.int64)
 
-    def _stretched(self, values: Floats | float) -> Floats:
-        if self.logarithmic:
-            return np.log(values)
-        return np.sign(values) * np.abs(values) ** (1 / self.root)
+def _indexed(index: NDArray[np.generic], palette: bytes) -> Image.Image:
+    picture = Image.fromarray(index.astype(np.uint8))
+    picture.putpalette(palette)
+    return picture
 
 
 def gray_scale(white: float) -> ColorScale:
@@ -120,10 +127,18 @@ def rgb_picture(pixels: Rgb) -> Image.Image:
 
 def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
     """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
-    index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
-    picture = Image.fromarray(index.astype(np.uint8))
-    picture.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
-    return picture
+    # Multiples of the golden ratio spread evenly over the hues.
+    hue, value = np.outer((0.618034, 0.7548777), np.arange(_ID_COLORS)) % 1
+    colors = hsv_to_rgb(np.stack([hue, np.full_like(hue, 0.45), 0.55 + 0.4 * value], axis=-1))
+    palette = bytes((24, 26, 30)) + np.rint(255 * colors).astype(np.uint8).tobytes()
+    return _indexed(np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS), palette)
+
+
+def data_uri(picture: Image.Image) -> str:
+    """Return an image as a PNG data URI."""
+    data = io.BytesIO()
+    picture.save(data, "PNG")
+    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
 
 
 def film_strip(images: Sequence[Image.Image]) -> Image.Image:
@@ -132,8 +147,8 @@ def film_strip(images: Sequence[Image.Image]) -> Image.Image:
     film = Image.new(first.mode, (first.width, first.height * len(images)))
     if first.mode == "P":
         film.putpalette(first.getpalette() or [])
-    for index, each in enumerate(images):
-        film.paste(each, (0, index * first.height))
+    for index, picture in enumerate(images):
+        film.paste(picture, (0, index * first.height))
     return film
 
 
@@ -156,105 +171,33 @@ def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
     return captioned(shown, title)
 
 
-def sheet(
-    rows: Sequence[Sequence[tuple[str, Image.Image]]], letters_px: int = 12, footer: str = ""
-) -> Image.Image:
-    """Return rows of pictures, each with its title below, as one; the footer is below all."""
-    line_px = letters_px * 3 // 2
-    lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
-    heights = [max(each.height for _, each in row) + _GAP for row in rows]
-    width = max(sum(each.width + _GAP for _, each in row) for row in rows) + _GAP
-    below = line_px if footer else 0
-    sheet = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP + below), "white")
-    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(letters_px), _GAP
-    for row, line, height in zip(rows, lines, heights, strict=True):
-        left = _GAP
-        for title, picture in row:
-            sheet.paste(picture, (left, top))
-            draw.text((left, top + picture.height + 1), _spaced(title), "black", font)
-            left += picture.width + _GAP
-        top += line + height
-    draw.text((_GAP, top), _spaced(footer), "black", font)
-    return sheet
-
-
-def _spaced(text: str) -> str:
-    """Return a text with plain spaces: the font has no others."""
-    return " ".join(text.split())
-
-
-def write_sheet(path: Path, rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> None:
-    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
-    drawn = sheet(rows)
-    with atomic_write(path) as temporary:
-        if path.suffix == ".png":
-            drawn.quantize(256).save(temporary, "PNG", optimize=True)
-        else:
-            drawn.save(temporary, "JPEG", quality=88)
-
-
-def wheel(text: str, *beside: Markup) -> Markup:
-    """Return the color wheel of motion with a text."""
+def wheel(rim_px: float) -> Markup:
+    """Return the color wheel of motion, whose rim is a speed in px per frame."""
     drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
-    return block("wheel", *beside, drawn, paragraph(text))
-
-
-def data_uri(picture: Image.Image) -> str:
-    """Return an image as a PNG data URI."""
-    data = io.BytesIO()
-    picture.save(data, "PNG")
-    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
-
-
-def _id_color(number: int) -> tuple[int, ...]:
-    # Multiples of the golden ratio spread evenly over the hues.
-    hue, value = number * 0.618034 % 1, 0.55 + 0.4 * (number * 0.7548777 % 1)
-    return tuple(round(255 * part) for part in colorsys.hsv_to_rgb(hue, 0.45, value))
-
-
-Item = TypeVar("Item")
-
-PLAYBACK_HZ = (2.0, 30.0)
-"""Frame rates at which a film can be followed (Hz)."""
-_FASTEST_PERCENT, _SLOWEST = 99.0, 1e-3
-_MOST_PIXELS_SHOWN = 8_000_000
-"""Limit of all films of a page"""
+    return block("wheel", drawn, paragraph(_WHEEL.format(rim_px)))
 
 
 def fastest_of(flows: Iterable[NDArray[np.floating]]) -> float:
     """Return the speed that has the full color, two digits: all but a hundredth are slower."""
-    speed = np.concatenate([np.hypot(*np.moveaxis(each, -1, 0)).ravel() for each in flows])
+    speed = np.concatenate([np.hypot(*np.moveaxis(flow, -1, 0)).ravel() for flow in flows])
     known = speed[np.isfinite(speed)]
-    fastest = float(np.percentile(known, _FASTEST_PERCENT)) if known.size else 0.0
-    return float(f"{max(fastest, _SLOWEST):.1e}")
-
-
-class Selection(NamedTuple):
-    """Frames shown, by number from 0, and step of the pixels shown."""
-
-    frames: tuple[int, ...]
-    step: int
+    fastest = float(np.percentile(known, 99)) if known.size else 0.0
+    return float(f"{max(fastest, 1e-3):.1e}")
 
 
 def selection(
     frames: range, shape: tuple[int, int], films: int, longest_px: int, most_frames: int
-) -> Selection:
-    """Choose the frames and pixels that fit a page with this many films."""
+) -> tuple[tuple[int, ...], int]:
+    """Choose the frames, and the step between pixels, that fit a page with this many films."""
     step = math.ceil(max(shape) / longest_px)
     fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
-    return Selection(evenly_spaced(frames, max(min(most_frames, fitting), 1)), step)
+    return evenly_spaced(frames, max(min(most_frames, fitting), 1)), step
 
 
-def evenly_spaced(frames: Sequence[int], most: int) -> tuple[int, ...]:
-    """Return at most `most` of the frames, evenly spaced, starting with the first."""
-    count = min(len(frames), most)
-    return tuple(frames[index * len(frames) // count] for index in range(count))
-
-
-def with_ends(items: Sequence[Item], most: int) -> list[Item]:
+def evenly_spaced(items: Sequence[Item], most: int) -> tuple[Item, ...]:
     """Return at most `most` of some items, evenly spaced, with the first and the last."""
     last, count = len(items) - 1, min(len(items), most)
-    return [items[round(index * last / max(count - 1, 1))] for index in range(count)]
+    return tuple(items[round(index * last / max(count - 1, 1))] for index in range(count))
 
 
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
@@ -265,3 +208,131 @@ def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1
     period = float(times_s[-1] - times_s[0]) / max(len(times_s) - 1, 1)
     decimals = max(2, math.ceil(-math.log10(period))) if period > 0 else 2
     return f"{name} · {times_s[frame]:.{decimals}f} s"
+
+
+Row = Sequence[tuple[str, Image.Image]]
+"""Pictures with their titles"""
+
+
+def sheet(rows: Sequence[Row], letters_px: int = 12, footer: str = "") -> Image.Image:
+    """Return rows of pictures, each with its title below, as one; the footer is below all."""
+    line_px = letters_px * 3 // 2
+    lines = [line_px if any(title for title, _ in row) else 0 for row in rows]
+    heights = [max(picture.height for _, picture in row) + _GAP_PX for row in rows]
+    width = max(sum(picture.width + _GAP_PX for _, picture in row) for row in rows) + _GAP_PX
+    below = line_px if footer else 0
+    drawn = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP_PX + below), "white")
+    draw, font, top = ImageDraw.Draw(drawn), ImageFont.load_default(letters_px), _GAP_PX
+
+    def write(text: str, left: int, top: int) -> None:
+        # the font has no space but the plain one
+        draw.text((left, top), " ".join(text.split()), "black", font)
+
+    for row, line, height in zip(rows, lines, heights, strict=True):
+        left = _GAP_PX
+        for title, picture in row:
+            drawn.paste(picture, (left, top))
+            write(title, left, top + picture.height + 1)
+            left += picture.width + _GAP_PX
+        top += line + height
+    write(footer, _GAP_PX, top)
+    return drawn
+
+
+def write_sheet(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
+    drawn = sheet(rows)
+    with atomic_write(path) as temporary:
+        if path.suffix == ".png":
+            drawn.quantize(256).save(temporary, "PNG", optimize=True)
+        else:
+            drawn.save(temporary, "JPEG", quality=88)
+
+
+_PANEL_PX, _IN_ONE_ROW = 480, 4
+_GIF_FRAMES, _FEWEST_GIF_FRAMES, _GIF_BYTES = 60, 8, 4_000_000
+_GIF_MS = (20, 600_000)
+"""Shortest and longest duration of a GIF frame"""
+_CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
+"""MP4 codecs, the better first, with their options for good quality"""
+
+
+def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image.Image:
+    """Return pictures side by side, about so wide, in two rows where there are many.
+
+    Pixels are magnified by a whole number, or skipped.
+    """
+    columns = len(pictures) if len(pictures) <= _IN_ONE_ROW else math.ceil(len(pictures) / 2)
+    panel_px = min(width_px // columns, _PANEL_PX)
+    drawn = []
+    for title, picture in pictures:
+        scale: float = panel_px // picture.width
+        if picture.width > panel_px:
+            scale = 1 / math.ceil(picture.width / panel_px)
+        size = math.ceil(picture.width * scale), math.ceil(picture.height * scale)
+        drawn.append((title, picture.convert("RGB").resize(size, Image.Resampling.NEAREST)))
+    rows = [drawn[first : first + columns] for first in range(0, len(drawn), columns)]
+    return sheet(rows, letters_px, label)
+
+
+def write_film(
+    folder: Path, moments: Iterable[tuple[str, Row]], frames: int, rate_hz: float
+) -> list[Path]:
+    """Write film.mp4, where the encoder is installed, and film.gif; return their paths.
+
+    There are `frames` moments: a label, and pictures with titles. The GIF skips frames if needed.
+    """
+    shown: list[Image.Image] = []
+    every = math.ceil(frames / _GIF_FRAMES)
+    with _mp4_writer(folder / "film.mp4", rate_hz) as write:
+        for index, (label, pictures) in enumerate(moments):
+            if write:
+                write(composed(label, pictures, 1280, 16))
+            if index % every == 0:
+                shown.append(composed(label, pictures, 640, 12).quantize(256))
+    content, frame_ms = gif(shown, 1000 * every / rate_hz), 1000 * every / rate_hz
+    while len(content) > _GIF_BYTES and len(shown) >= 2 * _FEWEST_GIF_FRAMES:
+        shown, frame_ms = shown[::2], 2 * frame_ms
+        content = gif(shown, frame_ms)
+    with atomic_write(folder / "film.gif") as temporary:
+        temporary.write_bytes(content)
+    return [folder / "film.mp4", folder / "film.gif"] if write else [folder / "film.gif"]
+
+
+def gif(images: Sequence[Image.Image], frame_ms: float) -> bytes:
+    """Return a GIF that repeats."""
+    first, *others = [
+        picture if picture.mode == "P" else picture.convert("RGB").quantize(256)
+        for picture in images
+    ]
+    data, duration = io.BytesIO(), min(max(round(frame_ms), _GIF_MS[0]), _GIF_MS[1])
+    first.save(data, "GIF", save_all=True, append_images=others, duration=duration, loop=0)
+    return data.getvalue()
+
+
+@contextmanager
+def _mp4_writer(path: Path, rate_hz: float) -> Iterator[Callable[[Image.Image], None] | None]:
+    """Yield a function that appends a picture to a film; without an encoder, say so, yield None."""
+    try:
+        import av
+    except ModuleNotFoundError as error:
+        if (problem := missing_extra(error)) is None:
+            raise
+        say(f"view: no film.mp4: {problem}; film.gif is written")
+        yield None
+        return
+    name = next(codec for codec in _CODECS if codec in av.codecs_available)
+    with atomic_write(path) as temporary, av.open(str(temporary), "w") as container:
+        stream = container.add_stream(name, Fraction(rate_hz).limit_denominator(1000))
+        stream.pix_fmt, stream.options = "yuv420p", _CODECS[name]
+
+        def write(picture: Image.Image) -> None:
+            # yuv420p needs even sides: the last line is repeated
+            padding = (0, picture.height % 2), (0, picture.width % 2), (0, 0)
+            pixels = np.pad(np.asarray(picture), padding, "edge")
+            if not stream.codec_context.is_open:
+                stream.height, stream.width = pixels.shape[:2]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, "rgb24")))
+
+        yield write
+        container.mux(stream.encode(None))

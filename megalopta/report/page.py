@@ -1,95 +1,131 @@
-"""The report: its opening with setup and results, and its sections in order."""
+"""The report of a dataset: its opening with results, its light, its motion, and how it was made."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, dropwhile, takewhile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import EngFormatter
+from numpy.typing import NDArray
 
-from megalopta.benchmark.ranking_page import ATLAS, atlas, best_methods, order_changes
-from megalopta.benchmark.ranking_run import FOLDER, read_ranking
-from megalopta.config.model import Configuration, LightLevel
+from megalopta import __version__
+from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
-from megalopta.core.files import write_text
-from megalopta.dataset.flow_record import FlowRecord
+from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
-from megalopta.plotting.sections import (
-    Section,
-    block,
-    card,
-    definitions,
-    folded,
-    page_of,
-    paragraph,
-    table,
+from megalopta.report import images, sections as html, style as svg
+from megalopta.report.detectors import (
+    ACCURATE,
+    absent,
+    detector_section,
+    rendering,
+    threshold_section,
 )
-from megalopta.plotting.text import (
-    UNDEFINED,
+from megalopta.report.sections import Section
+from megalopta.report.source import Budget, Report
+from megalopta.report.style import BLACK, BLUE
+from megalopta.report.text import (
     level_name,
     level_title,
     number,
     percent,
-    time_text,
     title,
 )
-from megalopta.report.detectors import ACCURATE, detector_section
-from megalopta.report.images import film, with_ends
-from megalopta.report.light_section import counts_film, light_section
-from megalopta.report.motion_section import flow_film, motion_section
-from megalopta.report.source import (
-    Budget,
-    Record,
-    Report,
-    by_sensor,
-    rendering,
-    rendering_errors,
-)
-from megalopta.report.thresholds import threshold_section
-from megalopta.scenes import Light, Pictures
+from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
-from megalopta.stages import versions
+from megalopta.sensor import CtiaSensor, ImageSensor
+from megalopta.sensor.spad.counters import LARGEST_CAPACITY
+from megalopta.sensor.spad.model import active_effects
 
-OUTCOME = (
-    "sensor",
-    "best method",
-    "within 25 % down to",
-    "median error there",
-    "photons per pixel",
-    "signal-to-noise",
-    "dark readings dominate at",
+_MOST_LEVELS = 4
+_SPEED_BINS = 48
+_BACKDROP_GRAY = 0.35
+
+_OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
+"""Heads of the table of results"""
+_STAND_IN = (
+    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
+    "motion that favors DIS."
 )
-"""Heads of the table of results; ranges go from the brightest light to the darkest."""
+_LIGHT = (
+    "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
+    "spectrum. A reading with mean N scatters by about √N; an integrating pixel adds dark current, "
+    "reset and read noise. Orange pixels are saturated: their readings are lower bounds. "
+)
+_INSTANT = "Every frame is rendered at one instant, without motion blur."
+_PICTURE = (
+    "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
+)
+_COLUMNS = Markup(
+    "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
+    "pulse or an electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean "
+    "after dead time. <b>Signal-to-noise</b> (median over pixels): the light's contribution to a "
+    "reading over the reading's standard deviation. <b>Rendering : shot noise</b>: ratio of "
+    "standard deviations; above 1, the rendering is noisier than the photons."
+)
+_SECONDS = EngFormatter("s")
+_BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
+_MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
+_PICTURES_MOTION = (
+    "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between them "
+    "without photon noise. Its median speed is {:.2g} px per frame."
+)
+_DEPTH = (
+    "Depth is measured {}; its colors are logarithmic. Orange pixels are occluded in the next "
+    "frame. Every object has its own color."
+)
+_MADE = (
+    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
+    "rendering may differ between machines."
+)
 
 
-def lead(configuration: Configuration, record: Record) -> str:
-    """Return a paragraph on scene, camera and sensors; `record` is that of the scene."""
-    levels = configuration.light_levels
-    *others, last = (sensor.name for sensor in configuration.sensors)
+def write_report(dataset: Dataset) -> Path:
+    """Write DATASET/report.html from the finished stages; return its path.
+
+    Raises UserError if nothing was rendered yet, or a file cannot be read.
+    """
+    report = Report(dataset)
+    shown, frames = report.shown, report.settings.trajectory.frames
+    pixels = f"one of {shown.step} × {shown.step} pixels and " if shown.step > 1 else ""
+    return html.write_sections(
+        dataset.root / "report.html",
+        title(report.settings),
+        lead(report),
+        [make(report) for make in SECTIONS],
+        header=_opening(report),
+        film=report.film(),
+        footer=(
+            f"Written by megalopta {__version__}. Pictures show {pixels}{len(shown.frames)} of "
+            f"{frames} frames; the last one has no next frame, so no motion."
+        ),
+    )
+
+
+def lead(report: Report) -> str:
+    """Return a paragraph on scene, camera and sensors."""
+    settings, scene, levels = report.settings, report.settings.scene, report.settings.light_levels
+    *others, last = (sensor.name for sensor in settings.sensors)
     sensors = f"{', '.join(others)} and {last}" if others else last
-    scene, light = configuration.scene, configuration.light
-    about = (
-        _assumed(scene, light, record)
-        if isinstance(scene, Pictures)
-        else f"The {configuration.camera} {configuration.trajectory}. Every frame is "
-        "rendered as spectral radiance, together with its exact motion. "
-    )
+    if isinstance(scene, Pictures):
+        pictures = report.scene["pictures"]
+        about = (
+            f"{pictures['transfer']} codes are converted to light; white has the spectrum of "
+            f"{scene.white_name(settings.light)}, and the mean reflectance is "
+            f"{percent(scene.reflectance)}. {percent(pictures['saturated'])} of the pixels are "
+            "saturated in the file."
+        )
+    else:
+        about = (
+            f"The {settings.camera} {settings.trajectory}. Every frame is rendered as "
+            "spectral radiance, together with its exact motion."
+        )
     return (
-        f"{scene.describe()} {about}"
-        f"The light becomes readings of {sensors} at "
-        f"{len(levels)} light level{'s'[: len(levels) != 1]}, from which motion detectors estimate "
-        "the motion."
-    )
-
-
-def _assumed(scene: Pictures, light: Light, record: Record) -> str:
-    """Return the assumptions about pictures, and their limits."""
-    found = record["pictures"]
-    return (
-        f"{found['transfer']} codes are converted to light; white has the spectrum of "
-        f"{scene.white_name(light)}, and the mean reflectance is {percent(scene.reflectance)}. "
-        f"{percent(found['saturated'])} of the pixels are saturated in the file. "
+        f"{scene.describe()} {about} The light becomes readings of {sensors} at {len(levels)} "
+        f"light level{'s'[: len(levels) != 1]}, from which motion detectors estimate the motion."
     )
 
 
@@ -100,289 +136,298 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     for what, count in report.settings.scene.counts.items():
         yield what, f"{count:,}"
     for what in ("objects", "triangles"):
-        if noted := report.scene.get(what):
-            yield what, f"{noted:,}"
+        if count := report.scene.get(what):
+            yield what, f"{count:,}"
     if light := report.scene.get("illuminance"):
         yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
         if ground := [point["lux"] for point in light["ground"]]:
             mean = sum(ground) / len(ground)
             yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
     if report.has_truth:
-        yield "objects in view at any time", f"{report.objects_seen:,}"
-    if report.shown.motions:
+        objects = np.unique([truth.object_id for truth in report.truths])
+        yield "objects in view at any time", f"{np.count_nonzero(objects):,}"
+    if report.shown.rim:
         yield "px per frame, median speed", f"{report.median_speed:.2g}"
     yield "frames per second", f"{trajectory.frame_rate_hz:g}"
 
 
-def outcome(records: Sequence[FlowRecord], budgets: Sequence[Budget]) -> list[tuple[str, ...]]:
-    """Return rows below `OUTCOME`, one per sensor."""
-    ranked = by_sensor(sorted(budgets, key=lambda each: -each.illuminance_lux))
-    names = dict.fromkeys([*ranked, *(each.sensor for each in records)])
-    return [(name, *_reach(records, name), *_light(ranked.get(name, []))) for name in names]
+class _Reached(NamedTuple):
+    """Errors of a method at one light level, against the reference motion."""
 
-
-def _light(own: Sequence[Budget]) -> tuple[str, str, str]:
-    if not own:
-        return UNDEFINED, UNDEFINED, UNDEFINED
-    ends = own[:1] if len(own) == 1 else (own[0], own[-1])
-    drowned = [level_name(each.level) for each in own if each.dark > each.detected]
-    return (
-        " → ".join(number(each.photons) for each in ends),
-        " → ".join(number(each.signal_to_noise[1]) for each in ends),
-        ", ".join(drowned) or UNDEFINED,
-    )
-
-
-class _Answer(NamedTuple):
-    """Error of one method at one light level, against the true velocity."""
-
+    illuminance_lux: float
+    error: float
+    """Median over the blocks, relative"""
     method: str
     """Name, with ", corrected" on corrected readings"""
     level: LightLevel
-    error: float
-    """Median over the blocks, relative"""
     outliers: float
     """Share of blocks that are off by more than 25 %"""
 
 
-def _answers(records: Sequence[FlowRecord], sensor: str) -> dict[str, list[_Answer]]:
-    """Return the errors on a sensor by method, the brightest level first."""
-    found: dict[str, list[_Answer]] = {}
-    for each in sorted(records, key=lambda each: -illuminance_of(each.level)):
-        if each.sensor == sensor and each.truth:
-            for ending, errors in (("", each.truth.counts), (", corrected", each.truth.corrected)):
-                if errors and errors.relative_error_median is not None:
-                    name, share = f"{each.method}{ending}", errors.outlier_fraction or 0.0
-                    answer = _Answer(name, each.level, errors.relative_error_median, share)
-                    found.setdefault(name, []).append(answer)
-    return found
+def _reached(report: Report, sensor: str) -> _Reached | None:
+    """Return the best method in the least light at which one is accurate.
 
-
-def _least_light(records: Sequence[FlowRecord], sensor: str) -> _Answer | None:
-    """Return the answer at the least light down to which a method is accurate.
-
-    Brighter levels at which it fails, for example by saturation, are skipped.
+    Where none is, it is the one with the least error at any light.
     """
-    reached = []
-    for own in _answers(records, sensor).values():
-        from_first = dropwhile(lambda each: each.error >= ACCURATE, own)
-        reached += list(takewhile(lambda each: each.error < ACCURATE, from_first))[-1:]
-    return min(reached, key=lambda each: (illuminance_of(each.level), each.error), default=None)
-
-
-def _reach(records: Sequence[FlowRecord], sensor: str) -> tuple[str, str, str]:
-    """Return the method that is accurate down to the least light, this light, and its error."""
-    if found := _least_light(records, sensor):
-        return found.method, level_name(found.level), percent(found.error)
-    every = chain.from_iterable(_answers(records, sensor).values())
-    best = min(
-        every, key=lambda each: (each.error, -illuminance_of(each.level), each.method), default=None
-    )
-    if best is None:
-        return UNDEFINED, UNDEFINED, UNDEFINED
-    return best.method, "none", f"{percent(best.error)} at {level_name(best.level)}"
-
-
-_GLOSSARY = {
-    "Radiance": "light from a place in a direction, per area, solid angle and wavelength "
-    "(W·m⁻²·sr⁻¹·nm⁻¹), independent of any sensor.",
-    "Illuminance": "photopic light on a level surface under the open sky (lux).",
-    "Photons": "mean number on a pixel in one exposure; its efficiency is the share detected.",
-    "Events": "detections that reach a pixel's counter, including dark counts, afterpulses and "
-    "crosstalk, after losses by dead time.",
-    "Reading": "output of a counter, which may saturate, wrap around or have an offset.",
-    "Shot noise": "standard deviation of photon counts, the square root of their mean.",
-    "Dark counts": "detections without a photon, at a rate that differs between pixels.",
-    "Dead time": "time after a detection in which a pixel detects nothing.",
-    "Saturated": "a reading at the pixel's limit, a lower bound.",
-    "Corrected": "readings after correction for dark counts, dead time, counter, flat field and "
-    "hot pixels.",
-    "True motion": "displacement of the point at a pixel's center from one frame to the next (px, "
-    "to the right and down).",
-    "Occluded": "hidden, or out of view, in the other frame.",
-    "Parallax": "motion due to the camera's translation, larger for near objects.",
-    "Endpoint error (EPE)": "distance between a velocity and the true one (px).",
-    "N_2b": "photons per frame, summed over all pixels, at which a detector's error is 25 % "
-    "(2 bits).",
-    "Fixed error": "part of the rendered light's error that is the same in all frames "
-    "and moves with the surfaces.",
-}
-
-_STAND_IN = (
-    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
-    "motion that favors DIS."
-)
-_RANKING = (
-    "Endpoint error against the true motion, on perfect pixels. Illuminance and exposure set the "
-    "photons. {} {} This holds for this scene, path and settings. All curves, poolings and the "
-    "camera’s motion are in {}/ranking.html next to this page."
-)
-_MADE = (
-    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
-    "rendering may differ between machines, within its statistics."
-)
-_FILES = """
-dataset.yaml                 all settings and the version that made it
-sequences/SEQ.json           software of each stage, and every file's hash
-timings.json                 seconds each stage took
-training/clean, final        tone-mapped radiance; counts of the first sensor and level (PNG)
-training/flow                true motion to the next frame (.flo, px)
-training/occlusions, invalid pixels without a match, without defined motion (PNG)
-training/depth, camdata_left depth (.dpt, m) and camera (.cam)
-radiance                     spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹ per band (EXR)
-truth                        motion both ways, depth, normals, objects, occlusion (EXR)
-radiance_shutter             radiance through the shutter, as sensors see it, if there is one (EXR)
-truth_shutter                truth of every row at its own time, with a rolling shutter (EXR)
-counts                       counts, noise-free mean and saturation per sensor and level (Zarr)
-results                      responses (Zarr), errors and photon benchmark (JSON, CSV)"""
-
-
-def ranking_section(report: Report) -> Section | None:
-    """Return the ranking against the true motion; None if it was not computed."""
-    ranking = read_ranking(report.dataset.root / FOLDER)
-    if ranking is None:
-        return None
-    return Section(
-        "Which method is best",
-        _RANKING.format(best_methods(ranking), " ".join(order_changes(ranking)), FOLDER),
-        body=block("card", atlas(ranking)) + paragraph(ATLAS, "note"),
-        name="ranking",
-        link="Which is best",
-    )
-
-
-def making_section(report: Report) -> Section:
-    """Return times, versions, settings and files."""
-    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
-    remark = rendering(report.scene, f"{samples}as many halve the noise of a frame.")
-    variant = ""
-    if report.has_truth:
-        variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    total = time_text(sum(report.timings.values()))
-    body = [
-        remark,
-        definitions("versions", rendering_errors(report.scene)),
-        block(
-            "pair",
-            card(f"Time spent: {total}", _bars(report), paragraph(variant, "note")),
-            card(
-                "Software that wrote this report",
-                definitions("versions", versions.versions().items()),
-            ),
-        ),
-        folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
-        folded("Files", Markup("<pre>{}</pre>").format(_FILES)),
+    errors = [
+        _Reached(
+            illuminance_of(record.level),
+            errors.relative_error_median,
+            f"{record.method}{ending}",
+            record.level,
+            errors.outlier_fraction or 0.0,
+        )
+        for record in report.flow
+        if record.sensor == sensor and record.truth
+        for ending, errors in (("", record.truth.counts), (", corrected", record.truth.corrected))
+        if errors and errors.relative_error_median is not None
     ]
-    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
-
-
-def _bars(report: Report) -> Markup:
-    longest = max(report.timings.values(), default=0.0) or 1.0
-    bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
-    bars = (
-        bar.format(stage, 100 * spent / longest, time_text(spent))
-        for stage, spent in report.timings.items()
-    )
-    return block("bars", *bars)
-
-
-SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
-    light_section,
-    motion_section,
-    detector_section,
-    threshold_section,
-    ranking_section,
-    lambda _: Section("Glossary", body=definitions("words", _GLOSSARY.items()), name="words"),
-    making_section,
-)
-"""Sections of the page and its navigation, in order; None is skipped."""
-
-
-def write_report(dataset: Dataset) -> Path:
-    """Write DATASET/report.html from the finished stages; return its path.
-
-    Raises UserError if nothing was rendered yet, or a file cannot be read.
-    """
-    path = dataset.root / "report.html"
-    write_text(path, page(dataset))
-    return path
-
-
-def page(dataset: Dataset) -> str:
-    """Return the report as HTML."""
-    report = Report(dataset)
-    sections = (make(report) for make in SECTIONS)
-    settings, shown = report.settings, report.shown
-    return page_of(
-        title(settings),
-        lead(settings, report.scene),
-        sections,
-        header=_opening(report),
-        film=report.film(),
-        footer=(
-            f"Written by megalopta {versions.versions()['megalopta']}. Pictures show "
-            f"{f'one of {shown.step} × {shown.step} pixels and ' if shown.step > 1 else ''}"
-            f"{len(shown.frames)} of {settings.trajectory.frames} frames; the last one has no next "
-            "frame, so no motion."
-        ),
-    )
+    accurate = [reached for reached in errors if reached.error < ACCURATE]
+    return min(accurate) if accurate else min(errors, key=lambda one: one.error, default=None)
 
 
 def _opening(report: Report) -> Markup:
     """Return key numbers and results."""
-    counted = list(facts(report))
+    numbers = list(facts(report))
     # per row, for rows of nearly equal length
-    many, few = (math.ceil(len(counted) / math.ceil(len(counted) / most)) for most in (8, 4))
-    tiles = block("", definitions("facts", counted), style=f"--many:{many};--few:{few}")
-    rows = outcome(report.flow, report.exposures)
-    if not rows:
+    many, few = (math.ceil(len(numbers) / math.ceil(len(numbers) / most)) for most in (8, 4))
+    tiles = html.block("", html.definitions("facts", numbers), style=f"--many:{many};--few:{few}")
+    if not report.exposures:
         return tiles
-    name, reach = _farthest(report)
-    results = table("Results", OUTCOME, rows)
-    note = "" if report.has_truth else _STAND_IN
-    shown = paragraph(reach), strip(report, name), results, paragraph(note, "note")
-    return tiles + block("outcome", Markup("<h2>Results</h2>"), *shown)
-
-
-def _farthest(report: Report) -> tuple[str, str]:
-    """Return the sensor on which motion is seen in the least light, and a sentence on it.
-
-    Without such a sensor, the first.
-    """
     names = [sensor.name for sensor in report.settings.sensors]
-    if not report.flow:
-        return names[0], ""
-    reached = {name: each for name in names if (each := _least_light(report.flow, name))}
-    if not reached:
-        return names[0], f"No method stays within 25 % of the {report.motion_name} at any level."
-    sensor = min(reached, key=lambda name: illuminance_of(reached[name].level))
-    found = reached[sensor]
-    return sensor, (
-        f"{found.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-        f"{level_title(found.level)}: the median error of its blocks is {percent(found.error)}, "
-        f"and {percent(found.outliers)} of them are off by more than 25 %."
+    best = {name: reached for name in names if (reached := _reached(report, name))}
+    accurate = {name: reached for name, reached in best.items() if reached.error < ACCURATE}
+    sensor, sentence = names[0], ""
+    if accurate:
+        sensor, reached = min(accurate.items(), key=lambda pair: pair[1])
+        sentence = (
+            f"{reached.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+            f"{level_title(reached.level)}: the median error of its blocks is "
+            f"{percent(reached.error)}, and {percent(reached.outliers)} of them are off by more "
+            "than 25 %."
+        )
+    elif report.flow:
+        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
+    rows = []
+    for name, reached in best.items():
+        level, error = level_name(reached.level), percent(reached.error)
+        reach = (level, error) if name in accurate else ("none", f"{error} at {level}")
+        rows.append((name, reached.method, *reach))
+    shown, frames = report.shown, report.shown.frames
+    budgets = report.of(sensor)
+    films = [images.film(None, "light", "The scene's light, tone-mapped")]
+    films += [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
+    if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
+        films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
+    if shown.rim:
+        films.append(shown.motion(report.motion_name).film(frames))
+    return tiles + html.block(
+        "outcome",
+        Markup("<h2>Results</h2>"),
+        html.paragraph(sentence),
+        html.block("strip", *films),
+        html.table("Results", _OUTCOME, rows) if rows else Markup(""),
+        html.paragraph("" if report.has_truth or not report.flow else _STAND_IN, "note"),
     )
 
 
-_MOST_LEVELS = 4
+def _counts_film(report: Report, budget: Budget) -> Markup:
+    """Return the readings of an exposure as a film, with their scale."""
+    panel = report.shown.readings(budget.sensor, budget.level)
+    return panel.film(report.shown.frames, f"{panel.name} of {panel.sensor}, {panel.level}")
 
 
-def strip(report: Report, sensor: str) -> Markup:
-    """Return the strip of one sensor; nothing without readings.
-
-    It has its light levels, and the flow of the best method in the brightest if one ran.
-    """
-    own = by_sensor(report.exposures).get(sensor, [])
-    if not own:
-        return Markup("")
-    brightest_first = sorted(own, key=lambda each: -each.illuminance_lux)
-    brightest = brightest_first[0]
-    found = report.shown.found_flow(brightest.sensor, brightest.level)
-    flow = found and report.shown.film(found, f"{found.name} at {found.level}")
-    return block(
-        "strip",
-        film(None, "light", "The scene's light, tone-mapped"),
-        *(counts_film(report, each) for each in with_ends(brightest_first, _MOST_LEVELS)),
-        flow or Markup(""),
-        flow_film(report) if report.shown.motions else Markup(""),
+def light_section(report: Report) -> Section:
+    """Return the section "From light to counts"; without counts, the command to run."""
+    section = Section(
+        f"From light to {' and '.join(report.units)}",
+        name="light",
+        link=f"Light to {report.units[0]}",
     )
+    if not report.exposures:
+        missing = absent(report, "sense", "No sensor has been exposed yet.")
+        return replace(section, body=missing)
+    shutter, cards = report.settings.shutter, []
+    if not report.has_truth:
+        timing = _PICTURE
+    elif shutter.is_instant:
+        timing = _INSTANT
+    else:
+        line = ("column", "row")[shutter.across]
+        timing = (
+            f"Frames and true motion are those of the shutter, blurred by the motion during "
+            f"{shutter.exposure_s or 0:g} s and read out {line} by {line} from the "
+            f"{shutter.readout_from} within {shutter.readout_s or 0:g} s."
+        )
+    for sensor in report.settings.sensors:
+        about = " · ".join(f"{name} {value}" for name, value in _properties(sensor))
+        budgets = report.of(sensor.name)
+        films = (_counts_film(report, budget) for budget in budgets)
+        light = images.film(None, "radiance", "The scene's light, tone-mapped")
+        cards.append(
+            html.card(
+                sensor.name,
+                html.paragraph(f"{about}.", "note"),
+                html.block("strip", light, *films),
+                _budget_table(sensor, budgets),
+            )
+        )
+    body = Markup("\n").join([*cards, html.paragraph(_COLUMNS, "note")])
+    return replace(section, text=_LIGHT + timing, body=body)
+
+
+def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
+    """Yield properties of a sensor by name: pixel, efficiency, exposure, readout, effects."""
+    curve = sensor.efficiency
+    best = int(np.argmax(curve.values))
+    yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
+    yield "fill factor", percent(sensor.fill_factor)
+    where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
+    yield "efficiency", f"{percent(curve.values[best])}{where}"
+    yield "exposure", _SECONDS(sensor.exposure_s)
+    if isinstance(sensor, CtiaSensor):
+        yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
+        yield "swing", f"{sensor.swing_v:g} V"
+        yield "bias of the diodes", _BIASES[sensor.bias.kind]
+        return
+    yield "dead time", f"{_SECONDS(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
+    if sensor.counter_capacity < LARGEST_CAPACITY:
+        yield "counter up to", f"{sensor.counter_capacity:,}"
+    yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
+
+
+def _budget_table(sensor: ImageSensor, budgets: Iterable[Budget]) -> Markup:
+    """Return the photon budget, a row per light level."""
+    head = (
+        "Light",
+        "Photons on the pixel",
+        "Detected",
+        f"Dark {sensor.unit}",
+        f"Expected {sensor.unit}",
+        "Signal-to-noise",
+        "Saturated",
+        "Rendering : shot noise",
+    )
+    rows = (
+        (
+            level_title(budget.level),
+            number(budget.photons),
+            number(budget.detected),
+            number(budget.dark),
+            number(budget.expected),
+            number(budget.signal_to_noise),
+            percent(budget.saturated_fraction),
+            number(budget.rendering_noise),
+        )
+        for budget in budgets
+    )
+    return html.table(f"Photon budget of {sensor.name}", head, rows)
+
+
+def motion_section(report: Report) -> Section:
+    """Return the section "True motion"; for pictures, with the stand-in for it."""
+    shown, settings = report.shown, report.settings
+    films = [shown.motion(report.motion_name).film(shown.frames)] if shown.rim else []
+    films += _truth_films(report) if report.has_truth else []
+    body = html.block("strip", *films)
+    if shown.rim:
+        depth = _DEPTH.format(settings.camera.depth_meaning) if report.has_truth else ""
+        guide = html.block("", images.wheel(shown.rim), html.paragraph(depth, "note"))
+        chart = html.card("Image speed", speed_chart(report.speed, report.median_speed))
+        body += html.block("pair", guide, chart)
+    if not report.has_truth:
+        text = _PICTURES_MOTION.format(report.median_speed)
+        return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
+    if not shown.rim:
+        text = "A single frame has no motion; its depth and objects are known exactly."
+        return Section("Truth", text, body=body, name="motion")
+    hidden = float(np.mean([truth.occluded_forward.mean() for truth in report.truths]))
+    text = _MOTION.format(report.median_speed, percent(hidden))
+    return Section("True motion", text, body=body, name="motion")
+
+
+def _truth_films(report: Report) -> list[Markup]:
+    """Return depth, occlusion, purity and objects as films."""
+    shown, truths = report.shown, report.truths
+    films = [shown.depth.film(shown.frames)]
+    if shown.rim:
+        hidden = []
+        for frame, truth in zip(shown.frames, truths, strict=True):
+            gray = np.asarray(shown.light.picture(frame).convert("L")) * _BACKDROP_GRAY
+            picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
+            picture[shown.pixels(truth.occluded_forward)] = images.ORANGE
+            hidden.append(images.rgb_picture(picture))
+        alt = "Occluded pixels in orange"
+        films.append(images.film(hidden, "occluded in the next frame", alt))
+    scale = images.map_scale("viridis", 0.0, 1.0)
+    purity = [scale.picture(shown.pixels(truth.footprint.purity)) for truth in truths]
+    alt = "Share of each pixel filled by the object at its center"
+    films.append(images.film(purity, "purity", alt, scale.legend("0", "1")))
+    objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
+    alt = "Each object in its own color, the sky dark"
+    return [*films, images.film(objects, "objects", alt)]
+
+
+@svg.in_style
+def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
+    """Draw the histogram of the true image speed (px per frame)."""
+    figure, axes = svg.new_axes(*svg.CHART_PT)
+    weights = np.full(speeds.size, 100 / max(speeds.size, 1))
+    style = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
+    axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
+    axes.axvline(median, color=BLACK, linewidth=1.2)
+    place = ("data", "axes fraction")
+    axes.annotate(f" median {median:.2g}", (median, 1), xycoords=place, va="top", fontsize=10.5)
+    axes.grid(axis="y")
+    axes.set(xlabel="image speed (px per frame)", ylabel="share of pixels (%)")
+    axes.set_xlim(0, None)
+    return svg.to_svg(figure, "speed", "Histogram of the true image speed")
+
+
+def making_section(report: Report) -> Section:
+    """Return errors of the rendered light, times and settings."""
+    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
+    longest = max(report.timings.values(), default=0.0) or 1.0
+    bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
+    bars = (
+        bar.format(stage, 100 * spent_s / longest, duration(spent_s))
+        for stage, spent_s in report.timings.items()
+    )
+    variant = ""
+    if report.has_truth:
+        variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
+    time = f"Time spent: {duration(sum(report.timings.values()))}"
+    body = [
+        rendering(report.scene, f"{samples}as many halve the noise of a frame."),
+        html.definitions("versions", _rendering_errors(report)),
+        html.card(time, html.block("bars", *bars), html.paragraph(variant, "note")),
+        html.folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
+    ]
+    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
+
+
+def _rendering_errors(report: Report) -> Iterator[tuple[str, str]]:
+    """Yield errors of the rendered light, by name."""
+    noise = report.scene.get("monte_carlo") or {}
+    surface, sky = noise.get("surface") or {}, noise.get("sky") or {}
+    errors = {
+        "error (RMS) over the mean light": noise.get("median_relative") and noise["rms_over_mean"],
+        "the same, of pixels without sky": surface.get("rms"),
+        "relative error that 95 % of the pixels do not exceed": surface.get("p95"),
+        "share of the gradient energy due to it": surface.get("gradient"),
+        "fixed error of baked light (RMS)": surface.get("standing"),
+        "share of the gradient energy due to the fixed error": surface.get("standing_gradient"),
+        "error of the sky (RMS) over its light": sky.get("rms"),
+        "truncation bias of path depth, worst band": max(report.scene.get("light_left_out") or [0]),
+    }
+    yield from ((name, percent(error)) for name, error in errors.items() if error)
+
+
+SECTIONS: tuple[Callable[[Report], Section], ...] = (
+    light_section,
+    motion_section,
+    detector_section,
+    threshold_section,
+    making_section,
+)
+"""Sections of the page and its navigation, in order."""

@@ -5,7 +5,7 @@ when they are asked for.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +24,7 @@ from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, resp
 from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
-from megalopta.sensor.quantities import Events, histogram
+from megalopta.sensor.quantities import histogram
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Of files that hold readings, or pictures"""
@@ -81,38 +81,53 @@ class ShownReadings:
 
     def treated(self, treatment: Treatment) -> "ShownReadings":
         """Return these readings as they are to be shown. Raises UserError where they cannot be."""
-        _check(self, treatment)
+        frames, rows, columns = self.shape[:3]
+        if treatment.summed > frames:
+            raise UserError(
+                f"--sum {treatment.summed}: there are {frames} frames; give that or less"
+            )
+        if treatment.bad is not None and treatment.bad.shape != (rows, columns):
+            raise UserError(
+                f"--bad-pixels: a mask of {treatment.bad.shape[1]} × {treatment.bad.shape[0]} "
+                f"pixels, but frames have {columns} × {rows}; give one of their size"
+            )
+        if treatment.is_inverted and self.is_binary and treatment.summed == 1:
+            raise UserError(
+                "--invert: one binary frame does not determine the flux; add --sum, such as "
+                "--sum 64"
+            )
+        if treatment.is_inverted and not (self.is_binary or isinstance(self.sensor, Sensor)):
+            raise UserError(
+                "--invert: the response of this sensor is not known; omit it, or give binary "
+                "frames, a recording, or a dataset of a SPAD array"
+            )
         return replace(self, treatment=treatment)
 
     def frame(self, number: int) -> tuple[Floats, Mask]:
         """Return what is shown from a frame on, and which were saturated, (H, W) or (H, W, 3)."""
         summed, is_inverted = self.treatment.summed, self.treatment.is_inverted
         values, is_full = np.zeros(self.shape[1:]), np.zeros(self.shape[1:], np.bool_)
-        for part in self._parts(number):
-            counts, full = self.read(part)
+        end, most = number + summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
+        for first in range(number, end, most):
+            counts, full = self.read(slice(first, min(first + most, end)))
             if is_inverted and not self.is_binary:
-                counts, full = self._detections(counts, full)
+                full = full | (counts > self._curve.largest)
+                counts = self._curve.arrivals_of(counts.astype(np.float64))
             values += counts.sum(axis=0, dtype=np.float64)
             is_full |= full.any(axis=0)
         if is_inverted:
             values /= summed
         if is_inverted and self.is_binary:
-            values, is_full = _flux(values, summed)
-        bad = self.treatment.bad
-        if bad is None:
+            # a share e⁻ᶠ of the frames has no detection, where there are f on average
+            most_share = 1 - 0.5 / summed
+            is_full = values > most_share
+            values = -np.log1p(-np.minimum(values, most_share))
+        if (bad := self.treatment.bad) is None:
             return values, is_full
-        good = ~bad[..., np.newaxis] if is_full.ndim > bad.ndim else ~bad
-        return _filled(values, bad), is_full & good
-
-    def _parts(self, number: int) -> Iterator[slice]:
-        """Yield ranges of the frames that are summed, of which each fits into memory."""
-        end, most = number + self.treatment.summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
-        yield from (slice(at, min(at + most, end)) for at in range(number, end, most))
-
-    def _detections(self, counts: NDArray[Any], full: Mask) -> tuple[Floats, Mask]:
-        """Return what would have been counted if nothing were lost; beyond the curve it is full."""
-        detections = self._curve.arrivals_of(counts.astype(np.float64))
-        return detections, full | (counts > self._curve.largest)
+        planes = np.moveaxis(values, -1, 0) if values.ndim > 2 else values[np.newaxis]
+        filled, _ = filled_in(planes, np.zeros_like(planes), bad)
+        good = ~bad[..., np.newaxis] if values.ndim > 2 else ~bad
+        return np.moveaxis(filled, 0, -1) if values.ndim > 2 else filled[0], is_full & good
 
     @cached_property
     def _curve(self) -> ResponseCurve:
@@ -126,33 +141,25 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
 
     Raises UserError where there are none, or they are damaged.
     """
-    _check_thing(path)
+    is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin"))
+    if not (is_array or is_recording(path)) and path.exists():
+        if is_footage(path):
+            raise UserError(
+                f"{path}: pictures, no readings; make photons of them first: "
+                f"{shell_command('sense', path, '--photons', '2')}"
+            )
+        for folder in path.resolve().parents:
+            if (folder / "dataset.yaml").exists() or is_recording(folder):
+                run = shell_command("view", folder)
+                raise UserError(f"{path}: a part of {folder}; run: {run}")
+    if not (is_array or is_recording(path) or path.is_file()):
+        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
     with refused_as("", OSError):
         if is_recording(path):
             return _recorded(path)
         if path.is_file() and file_bytes(path)[:8].tobytes().startswith(_EVENTS):
             return _of_events(path)
         return _of_frames(path, kind)
-
-
-def _check_thing(path: Path) -> None:
-    """Refuse what can hold no readings."""
-    if is_recording(path) or path.suffix.lower() in _ARRAYS or any(path.glob("*.bin")):
-        return
-    if path.exists() and is_footage(path):
-        raise UserError(
-            f"{path}: pictures, no readings; make photons of them first: "
-            f"{shell_command('sense', path, '--photons', '2')}"
-        )
-    if path.exists() and (whole := next(filter(_is_whole, path.resolve().parents), None)):
-        raise UserError(f"{path}: a part of {whole}; run: {shell_command('view', whole)}")
-    if not path.is_file():
-        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
-
-
-def _is_whole(folder: Path) -> bool:
-    """Return true of a dataset or a recording, with the stores in it."""
-    return (folder / "dataset.yaml").exists() or is_recording(folder)
 
 
 def read_mask(path: Path) -> Mask:
@@ -164,44 +171,6 @@ def read_mask(path: Path) -> Mask:
             f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
         )
     return mask
-
-
-def _flux(share: Floats, frames: int) -> tuple[Floats, Mask]:
-    """Return detections in a frame, and which pixels had one in every frame.
-
-    None falls into a share e⁻ᶠ of the frames, where there are f on average.
-    """
-    most = 1 - 0.5 / frames
-    return -np.log1p(-np.minimum(share, most)), share > most
-
-
-def _check(readings: ShownReadings, treatment: Treatment) -> None:
-    frames, shape = readings.shape[0], readings.shape[1:3]
-    if treatment.summed > frames:
-        raise UserError(f"--sum {treatment.summed}: there are {frames} frames; give that or less")
-    if treatment.bad is not None and treatment.bad.shape != shape:
-        rows, columns = treatment.bad.shape
-        raise UserError(
-            f"--bad-pixels: a mask of {columns} × {rows} pixels, but frames have "
-            f"{shape[1]} × {shape[0]}; give one of their size"
-        )
-    if not treatment.is_inverted:
-        return
-    if readings.is_binary and treatment.summed == 1:
-        raise UserError(
-            "--invert: one binary frame does not determine the flux; add --sum, such as --sum 64"
-        )
-    if not readings.is_binary and not isinstance(readings.sensor, Sensor):
-        raise UserError(
-            "--invert: the response of this sensor is not known; omit it, or give binary "
-            "frames, a recording, or a dataset of a SPAD array"
-        )
-
-
-def _filled(values: Floats, bad: Mask) -> Floats:
-    planes = np.moveaxis(values, -1, 0) if values.ndim > 2 else values[np.newaxis]
-    filled, _ = filled_in(planes, np.zeros_like(planes), bad)
-    return np.moveaxis(filled, 0, -1) if values.ndim > 2 else filled[0]
 
 
 def _recorded(path: Path) -> ShownReadings:
@@ -241,20 +210,18 @@ def _of_events(path: Path) -> ShownReadings:
     events, origin = stored.events, stored.origin
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        counts = histogram(_frames_of(events, part))
+        starts = events.starts[part.start : part.stop + 1]
+        chosen = slice(starts[0], starts[-1])
+        counts = histogram(
+            replace(
+                events,
+                time_s=events.time_s[chosen],
+                pixel=events.pixel[chosen],
+                starts=starts - starts[0],
+                shape=(len(starts) - 1, *events.shape[1:]),
+            )
+        )
         return counts, np.zeros(counts.shape, np.bool_)
 
     frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
     return ShownReadings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)
-
-
-def _frames_of(events: Events, part: slice) -> Events:
-    """Return the events of a range of frames."""
-    first, end = events.starts[part.start], events.starts[part.stop]
-    return replace(
-        events,
-        time_s=events.time_s[first:end],
-        pixel=events.pixel[first:end],
-        starts=events.starts[part.start : part.stop + 1] - first,
-        shape=(part.stop - part.start, *events.shape[1:]),
-    )

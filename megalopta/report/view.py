@@ -1,38 +1,35 @@
-"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
+"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events.
 
-from collections.abc import Callable, Iterator
+Rerun's recording has the timelines "time" and "frame". A sequence has its camera and its visible
+points in the world there: z is up, meters.
+"""
+
+import io
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from megalopta import __version__
 from megalopta.core.errors import UserError
+from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.plotting.sections import Section, block, write_sections
-from megalopta.plotting.text import number
-from megalopta.report.film import Moment, write_film
-from megalopta.report.images import (
-    COLORS,
-    PLAYBACK_HZ,
-    Selection,
-    evenly_spaced,
-    frame_label,
-    selection,
-    wheel,
-    with_ends,
-)
-from megalopta.report.readings import Treatment, read_mask
-from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen import (
+from megalopta.report import images
+from megalopta.report.panels import (
     LONGEST_SIDE_PX,
     MOST_FRAMES,
     Panel,
-    Seen,
-    film_of,
-    seen_readings,
+    View,
+    file_view,
+    sequence_view,
 )
+from megalopta.report.readings import Treatment, read_mask
+from megalopta.report.sections import Section, block, write_sections
+from megalopta.report.text import number
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300
@@ -42,6 +39,8 @@ _MOST_EXPOSURES = 4
 """Of a film"""
 _UNTIMED_HZ = 12.0
 """Playback rate of frames without times, Hz"""
+_RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
+"""Most frames, and points of a frame"""
 
 
 @dataclass(frozen=True)
@@ -62,16 +61,6 @@ class ViewOptions:
     """True to write view.rrd for the Rerun viewer"""
 
 
-class Choice(NamedTuple):
-    """A control of the page: which of what is shown, a list or, of what is in order, a slider."""
-
-    name: str
-    title: str
-    texts: list[str]
-    is_slider: bool = False
-    """It begins at its end."""
-
-
 def view(
     thing: str | Path, out: str | Path = "out/view", asked: ViewOptions | None = None
 ) -> list[Path]:
@@ -83,157 +72,197 @@ def view(
 
     Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
     """
-    thing, folder, asked = Path(thing), Path(out), asked or ViewOptions()
-    is_dataset = (thing / "dataset.yaml").exists()
-    if is_dataset and (sheet := _contact_sheet(thing, folder, asked)):
-        return [sheet]
-    bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
-    treatment = Treatment(asked.summed, asked.is_inverted, bad)
-    found = (_sequence if is_dataset else seen_readings)(thing, treatment, asked.kind)
-    written = [write_rrd(folder / "view.rrd", found)] if asked.with_rerun else []
-    page = _page(found, folder / "view.html", asked.fps)
-    return [*_film(found, folder, asked.fps), page, *written]
-
-
-def _contact_sheet(root: Path, folder: Path, asked: ViewOptions) -> Path | None:
-    """Write the contact sheet of a dataset of many sequences; None of one."""
     from megalopta.dataset.opened import open_dataset
     from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 
-    if len(open_dataset(root)) <= 1:
-        return None
-    if asked != ViewOptions():
-        raise UserError(
-            f"{root}: many sequences have only a contact sheet; omit --sum and similar options"
-        )
-    return write_contact_sheet(root, SHOWN, folder)
+    thing, folder, asked = Path(thing), Path(out), asked or ViewOptions()
+    is_dataset = (thing / "dataset.yaml").exists()
+    if is_dataset and len(open_dataset(thing)) > 1:
+        if asked != ViewOptions():
+            raise UserError(
+                f"{thing}: many sequences have only a contact sheet; omit --sum and similar options"
+            )
+        return [write_contact_sheet(thing, SHOWN, folder)]
+    if is_dataset and asked.kind:
+        raise UserError(f"{thing}: a dataset states its own format; omit --format {asked.kind}")
+    bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
+    treatment = Treatment(asked.summed, asked.is_inverted, bad)
+    if is_dataset:
+        shown = sequence_view(thing, treatment)
+    else:
+        shown = file_view(thing, treatment, asked.kind)
+    written = [write_rrd(folder / "view.rrd", shown)] if asked.with_rerun else []
+    page = _write_page(shown, folder / "view.html", asked.fps)
+    return [*_write_film(shown, folder, asked.fps), page, *written]
 
 
-def _sequence(root: Path, treatment: Treatment, kind: FrameKind | None) -> Seen:
-    from megalopta.report.seen_sequence import seen_sequence
+def _exposures(shown: View) -> tuple[list[str], list[str]]:
+    """Return names of sensors, and of light levels from the darkest on."""
+    readings = shown.of("readings")
+    sensors = dict.fromkeys(panel.sensor for panel in readings)
+    return list(sensors), list(dict.fromkeys(panel.level for panel in readings))
 
-    if kind:
-        raise UserError(f"{root}: a dataset states its own format; omit --format {kind}")
-    return seen_sequence(root, treatment)
+
+def _playback_hz(shown: View, frames: int, fps: float | None) -> float:
+    """Return the rate of so many frames, evenly spaced: real time if that can be followed."""
+    if fps or shown.rate_hz is None:
+        return fps or _UNTIMED_HZ
+    slowest, fastest = images.PLAYBACK_HZ
+    return min(max(shown.rate_hz * frames / len(shown.frames), slowest), fastest)
 
 
-def _film(found: Seen, folder: Path, fps: float | None) -> list[Path]:
-    frames, (panels, notes) = evenly_spaced(found.frames, _FILM_FRAMES), _in_film(found)
+def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
+    """Write the film.
+
+    Of exposures it has few, from the brightest on: the first sensor's, or at one light level of all
+    sensors; of flow by a method, that in the brightest.
+    """
+    sensors, levels = _exposures(shown)
+    varied = "level" if len(levels) > 1 else "sensor"
+    readings = shown.of("readings")[::-1]
+    if varied == "level":
+        readings = [panel for panel in readings if panel.sensor == sensors[0]]
+    readings = list(images.evenly_spaced(readings, _MOST_EXPOSURES))
+    brightest = [(panel.sensor, panel.level) for panel in readings[:1]]
+    flow = [panel for panel in shown.of("flow") if (panel.sensor, panel.level) in brightest]
+    panels = [*shown.of("light"), *readings, *flow, *shown.of("motion")]
+    titles = [f"{panel.name}, {getattr(panel, varied)}".rstrip(", ") for panel in panels]
+    constant = (sensors if varied == "level" else levels)[:1]
+    notes = filter(None, dict.fromkeys([*constant, *(panel.note for panel in panels)]))
+    remarks = "".join(f" · {note}" for note in notes)
+    frames = images.evenly_spaced(shown.frames, _FILM_FRAMES)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
-        def moments() -> Iterator[Moment]:
+        def moments() -> Iterator[tuple[str, images.Row]]:
             for frame in frames:
-                label = frame_label(frame, found.times_s, found.treatment.summed)
-                pictures = [(label, each.picture(frame)) for label, each in panels]
-                yield Moment(" · ".join([label, *notes]), pictures)
+                label = images.frame_label(frame, shown.times_s, shown.treatment.summed)
+                pictures = (panel.picture(frame) for panel in panels)
+                yield f"{label}{remarks}", list(zip(titles, pictures, strict=True))
                 advance()
 
-        return write_film(folder, moments, len(frames), _rate(found, len(frames), fps))
+        playback_hz = _playback_hz(shown, len(frames), fps)
+        return images.write_film(folder, moments(), len(frames), playback_hz)
 
 
-def _in_film(found: Seen) -> tuple[list[tuple[str, Panel]], list[str]]:
-    """Return panels with labels, and what is said of all.
-
-    Of exposures there are few, from the brightest on: the first sensor's, or at one light level of
-    all sensors; of what was found, the motion in the brightest.
-    """
-    sensors, levels = _choices(found)
-    varied = "level" if len(levels) > 1 else "sensor"
-    own = [e for e in found.of("readings") if varied == "sensor" or e.sensor == sensors[0]][::-1]
-    chosen = with_ends(own, _MOST_EXPOSURES)
-    best = [(each.sensor, each.level) for each in chosen[:1]]
-    flow = [each for each in found.of("flow") if (each.sensor, each.level) in best]
-    shown = [*found.of("light"), *chosen, *flow, *found.of("motion")]
-    panels = [(f"{each.name}, {getattr(each, varied)}".rstrip(", "), each) for each in shown]
-    constant = (sensors if varied == "level" else levels)[:1]
-    notes = dict.fromkeys([*constant, *(each.note for each in shown)])
-    return panels, [note for note in notes if note]
-
-
-def _rate(found: Seen, shown: int, fps: float | None) -> float:
-    """Return frames a second, so many of those that can be shown."""
-    if fps or found.rate_hz is None:
-        return fps or _UNTIMED_HZ
-    slowest, fastest = PLAYBACK_HZ
-    return min(max(found.rate_hz * shown / len(found.frames), slowest), fastest)
-
-
-def _page(found: Seen, path: Path, fps: float | None) -> Path:
-    films = len(found.of("readings")) + 2 * len(found.of("light", "motion"))
-    most = min(MOST_FRAMES, _STRIP_PX * found.step // found.shape[0])
-    chosen = selection(found.frames, found.shape, films, LONGEST_SIDE_PX, most)
-    with progress("Drawing the page", len(found.panels), "panel") as advance:
-        shown = [_drawn(found, panel, chosen, advance) for panel in found.panels]
-    legend = wheel(COLORS.format(found.rim)) if found.rim else Markup("")
-    section = Section(
-        "Side by side" if len(shown) > 1 else "What was read",
-        body=block("panels", *shown) + legend,
-    )
-    playback_hz = _rate(found, len(chosen.frames), fps)
-    treated = found.treatment.description() if found.of("readings") else ""
-    said = found.summary, treated, _speed(found, chosen, playback_hz)
-    return write_sections(
-        path,
-        found.title,
-        " ".join(filter(None, said)),
-        [section],
-        film=_transport(found, chosen, playback_hz),
-        footer=_omitted(found, chosen),
-    )
-
-
-def _drawn(found: Seen, panel: Panel, chosen: Selection, advance: Callable[[], None]) -> Markup:
-    """Return a panel as a film; of readings and flow, shown only where they are chosen."""
-    inside = film_of(panel, chosen.frames)
-    advance()
-    if panel.kind in ("light", "motion"):
-        return block("", inside)
-    sensors, levels = _choices(found)
-    places = sensors.index(panel.sensor), levels.index(panel.level)
-    is_first = places == (0, len(levels) - 1)
-    return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
-        *places, "" if is_first else Markup(" hidden"), inside
-    )
-
-
-def _choices(found: Seen) -> tuple[list[str], list[str]]:
-    """Return names of sensors, and of light levels from the darkest on."""
-    readings = found.of("readings")
-    sensors = dict.fromkeys(each.sensor for each in readings)
-    return list(sensors), list(dict.fromkeys(each.level for each in readings))
-
-
-def _transport(found: Seen, chosen: Selection, playback_hz: float) -> dict[str, Any]:
-    """Return how the films of the page are moved, and which are shown."""
-    sensors, levels = _choices(found)
-    summed = found.treatment.summed
-    choices = Choice("sensor", "sensor", sensors), Choice("level", "light", levels, True)
-    return {
-        "labels": [frame_label(each, found.times_s, summed) for each in chosen.frames],
-        "start": len(chosen.frames) // 2,
+def _write_page(shown: View, path: Path, fps: float | None) -> Path:
+    """Write the page: one film of light and motion, and of the chosen sensor and level."""
+    films = len(shown.of("readings")) + 2 * len(shown.of("light", "motion"))
+    most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0])
+    frames, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
+    sensors, levels = _exposures(shown)
+    parts = []
+    with progress("Drawing the page", len(shown.panels), "panel") as advance:
+        for panel in shown.panels:
+            parts.append(_chosen(panel, panel.film(frames), sensors, levels))
+            advance()
+    body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
+    heading = "Side by side" if len(parts) > 1 else "What was read"
+    playback_hz = _playback_hz(shown, len(frames), fps)
+    treatment = shown.treatment.description() if shown.of("readings") else ""
+    speed = ""
+    if shown.rate_hz is not None:
+        slower = shown.rate_hz * len(frames) / len(shown.frames) / playback_hz
+        ratio = f"{number(max(slower, 1 / slower))} times {'slower' if slower > 1 else 'faster'}"
+        is_real = abs(slower - 1) < 0.02
+        speed = f"It plays {'in real time' if is_real else f'{ratio} than in reality'}."
+    total, filmed = len(shown.frames), min(len(shown.frames), _FILM_FRAMES)
+    left_out = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
+    left_out += f" and {f'all {total}' if len(frames) == total else f'{len(frames)} of {total}'}"
+    left_out += " frames" + (f"; the film has {filmed}" if filmed > len(frames) else "")
+    choices = [
+        {"name": "sensor", "title": "sensor", "texts": sensors, "is_slider": False},
+        {"name": "level", "title": "light", "texts": levels, "is_slider": True},
+    ]
+    film = {
+        "labels": [
+            images.frame_label(frame, shown.times_s, shown.treatment.summed) for frame in frames
+        ],
+        "start": len(frames) // 2,
         "playback_hz": playback_hz,
-        "choices": [each for each in choices if len(each.texts) > 1],
-        "aspect": f"{found.shape[1]}/{found.shape[0]}",
+        "choices": [choice for choice in choices if len(choice["texts"]) > 1],
+        "aspect": f"{shown.shape[1]}/{shown.shape[0]}",
         "radiance": "",
         "note": "",
     }
+    return write_sections(
+        path,
+        shown.title,
+        " ".join(filter(None, (shown.summary, treatment, speed))),
+        [Section(heading, body=body)],
+        film=film,
+        footer=f"Written by megalopta {__version__}. The page shows {left_out}.",
+    )
 
 
-def _speed(found: Seen, chosen: Selection, playback_hz: float) -> str:
-    if found.rate_hz is None:
-        return ""
-    slower = found.rate_hz * len(chosen.frames) / len(found.frames) / playback_hz
-    if abs(slower - 1) < 0.02:
-        return "It plays in real time."
-    if slower > 1:
-        return f"It plays {number(slower)} times slower than in reality."
-    return f"It plays {number(1 / slower)} times faster than in reality."
+def _chosen(panel: Panel, film: Markup, sensors: list[str], levels: list[str]) -> Markup:
+    """Return a film, of readings and flow shown only where sensor and level are chosen."""
+    if panel.kind in ("light", "motion"):
+        return block("", film)
+    places = sensors.index(panel.sensor), levels.index(panel.level)
+    is_first = places == (0, len(levels) - 1)
+    return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
+        *places, "" if is_first else Markup(" hidden"), film
+    )
 
 
-def _omitted(found: Seen, chosen: Selection) -> str:
-    step, shown, total = chosen.step, len(chosen.frames), len(found.frames)
-    pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
-    frames = f"all {total} frames" if shown == total else f"{shown} of {total} frames"
-    film = min(total, _FILM_FRAMES)
-    more = f"; the film has {film}" if film > shown else ""
-    return f"Written by megalopta {__version__}. The page shows {pixels} and {frames}{more}."
+def write_rrd(path: Path, shown: View) -> Path:
+    """Write a view as .rrd for Rerun's viewer; return its path.
+
+    Raises ModuleNotFoundError if the Rerun SDK is not installed.
+    """
+    import rerun
+
+    frames = images.evenly_spaced(shown.frames, _RERUN_FRAMES)
+    with atomic_write(path) as temporary, rerun.RecordingStream("megalopta") as recording:
+        recording.save(temporary)
+        if shown.sequence:
+            recording.log(["world"], rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        with progress("Writing for Rerun", len(frames), "frame") as advance:
+            for frame in frames:
+                recording.set_time("frame", sequence=frame)
+                if shown.times_s is not None:
+                    recording.set_time("time", duration=float(shown.times_s[frame]))
+                for panel in shown.panels:
+                    recording.log(*_rerun_image(rerun, panel, frame))
+                for place, entity in _rerun_scene(rerun, shown, frame):
+                    recording.log(place, entity)
+                advance()
+        recording.disconnect()
+    return path
+
+
+def _rerun_image(rerun: Any, panel: Panel, frame: int) -> tuple[list[str], Any]:
+    """Return the place of a panel, names of nested entities, and its picture."""
+    above = {
+        "light": ["world", "camera", "light"],
+        "readings": ["readings"],
+        "flow": ["found_flow"],
+    }.get(panel.kind, [panel.name])
+    place = ["_".join(name.split()) for name in (*above, panel.sensor, panel.level) if name]
+    data = io.BytesIO()
+    panel.picture(frame).convert("RGB").save(data, "PNG")
+    return place, rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
+
+
+def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str], Any]]:
+    """Yield camera, pinhole and the points that the pixels see, with their places."""
+    sequence, step = shown.sequence, shown.step
+    if sequence is None:
+        return
+    pose, camera = sequence.poses[frame], ["world", "camera"]
+    yield camera, rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+    if sequence.intrinsics is not None:  # a panorama has none
+        matrix, (height, width) = sequence.intrinsics.copy(), sequence.shape
+        matrix[:2] /= step
+        size = [math.ceil(width / step), math.ceil(height / step)]
+        axes = rerun.ViewCoordinates.RDF
+        yield camera, rerun.Pinhole(image_from_camera=matrix, resolution=size, camera_xyz=axes)
+    if sequence.configuration.scene.has_truth:
+        from megalopta.dataset.frames import read_truth_frame
+
+        (light,) = shown.of("light")
+        colors = np.asarray(light.picture(frame).convert("RGB")).reshape(-1, 3)
+        position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)
+        known = np.flatnonzero(np.isfinite(position).all(axis=-1))
+        known = known[:: max(1, math.ceil(known.size / _RERUN_POINTS))]
+        yield ["world", "points"], rerun.Points3D(position[known], colors=colors[known])

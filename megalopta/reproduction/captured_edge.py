@@ -24,8 +24,8 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
 from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
-from megalopta.plotting import style
-from megalopta.plotting.picture import Figure, write_figure
+from megalopta.report import style
+from megalopta.reproduction.picture import Figure, write_figure
 from megalopta.sensor import Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 

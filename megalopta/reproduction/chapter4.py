@@ -28,11 +28,10 @@ from megalopta.core.progress import progress
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.response_error import METRICS
-from megalopta.plotting import sections
-from megalopta.plotting.picture import Figure, write_figure
-from megalopta.plotting.sections import Section
-from megalopta.plotting.style import draw_table
-from megalopta.plotting.text import UNDEFINED
+from megalopta.report import sections
+from megalopta.report.sections import Section
+from megalopta.report.text import UNDEFINED
+from megalopta.reproduction.picture import Figure, draw_table, write_figure
 from megalopta.reproduction.sweep_figure import (
     DEFAULT,
     Workers,

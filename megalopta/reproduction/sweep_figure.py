@@ -25,8 +25,8 @@ from megalopta.benchmark.trial import (
     template_pixels,
 )
 from megalopta.core.folders import ensure_directory
-from megalopta.plotting import style
-from megalopta.plotting.picture import Figure, write_figure
+from megalopta.report import style
+from megalopta.reproduction.picture import Figure, write_figure
 
 _LABELS = {
     "template.cycles_per_frame": "Cycles per frame",

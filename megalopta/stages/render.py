@@ -20,7 +20,6 @@ from megalopta.dataset import labels, sintel
 from megalopta.dataset.frames import decoded
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
 from megalopta.dataset.store import SUFFIXES, Dataset
-from megalopta.plotting.text import three_digits
 from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
@@ -34,6 +33,7 @@ from megalopta.render import (
     write_radiance,
     write_truth,
 )
+from megalopta.report.text import three_digits
 from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb

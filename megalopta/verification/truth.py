@@ -1,26 +1,23 @@
 """`megalopta check truth`: a dataset's flow against a second derivation, and against its images.
 
-Flow is rederived from stored depth, poses and motions (`reprojection`), in both directions. A
-bending object differs from its motion by the straight edges of its triangles, which only shows in
-the largest percent. Then the next image is warped back along the stored flow, and the remaining
-shift between it and this image is estimated by least squares on the gradient (Lucas and Kanade,
-1981), over the whole image. Aliasing and moving shadows leave one or two tenths of a pixel; a wrong
-sign or a grid off by half a pixel leaves more than the limit. Noise of the rendering leaves more in
-small images, so three standard errors of the shift are subtracted.
+Flow is rederived from stored depth, poses and motions (`reprojection`), in both directions. Then
+the next image is warped back along the stored flow, and the remaining shift between it and this
+image is estimated by least squares on the gradient (Lucas and Kanade, 1981), over the whole image.
+Aliasing and moving shadows leave one or two tenths of a pixel; a wrong sign or a grid off by half a
+pixel leaves more than the limit. Noise of the rendering leaves more in small images, so three
+standard errors of the shift are subtracted.
 
-The truth of whole pixels is compared with that of their centers. A center is a place like any other
-of its pixel. Where one object fills the pixel, its flow belongs to the distribution with the given
-mean and spread, and is rarely farther from the mean than a few spreads. Over the image, the shares
-of sky, and of hidden area, sum to the number of pixels with such a center, within chance: a share s
+The truth of whole pixels is compared with that of their centers. Where one object fills the pixel,
+its center's flow is rarely farther from the mean than a few spreads. Over the image, the shares of
+sky, and of hidden area, sum to the number of pixels with such a center, within chance: a share s
 gives a center with a variance of s·(1 − s). Edges along rows or columns make chance larger, which
-their sums show. Where the centers of neighbors see different objects,
-the outline between them crosses one of the two.
+their sums show. Where the centers of neighbors see different objects, the outline between them
+crosses one of the two.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +38,11 @@ LARGEST_SHIFT_PX = 0.3
 LARGEST_STANDARD_ERRORS = 5.0
 LARGEST_PART_MISSED = 0.1
 
+_MEANING = (
+    "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: whole "
+    "pixels against their centers; shares: likewise, in standard errors; outlines: share without "
+    "mixed pixels; image: shift of the next one, warped back along the flow, beyond noise"
+)
 _SMOOTHING_PX = 1.0
 _FARTHEST_SPREADS = 4.0
 
@@ -69,13 +71,7 @@ def run_check_truth(dataset: Dataset) -> bool:
     dataset.require_truth()
     require(dataset, "render")
     console, rows = Console(), check_truth(dataset)
-    console.print(
-        "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: "
-        "whole pixels against their centers; shares: likewise, in standard errors; outlines: share "
-        "without mixed pixels; image: shift of the next one, warped back along the flow, beyond "
-        "noise",
-        highlight=False,
-    )
+    console.print(_MEANING, highlight=False)
     table = Table(caption="pass: median below its limit")
     for name in ("residual (px)", "values", "median", "99 %", "limit", "pass"):
         table.add_column(name, justify="left" if name.startswith("residual") else "right")
@@ -90,26 +86,35 @@ def run_check_truth(dataset: Dataset) -> bool:
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
     motions = motions_of(dataset)
-    kept: dict[str, list[Floats]] = {}
+    residuals: dict[str, list[Floats]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Rederiving flow", frames - 1, "pair") as advance:
-        for one, two in pairwise(_frame(dataset, index) for index in range(frames)):
-            there = rederived_flow(one.truth, one.view, two.view, motions)
-            back = rederived_flow(two.truth, two.view, one.view, motions)
+        for (truth, view, image), (next_truth, next_view, next_image) in pairwise(
+            _frame(dataset, index) for index in range(frames)
+        ):
+            there = rederived_flow(truth, view, next_view, motions)
+            back = rederived_flow(next_truth, next_view, view, motions)
             for way, seen, stored, again in (
-                ("forward", one.truth, one.truth.flow_forward, there),
-                ("backward", two.truth, two.truth.flow_backward, back),
+                ("forward", truth, truth.flow_forward, there),
+                ("backward", next_truth, next_truth.flow_backward, back),
             ):
-                for name, where in _groups(seen, list(motions)).items():
-                    residual = _distance(stored[where], again[where])
-                    kept.setdefault(f"{name}, {way}", []).append(residual)
-            for name, values in footprint_residuals(one.truth):
-                kept.setdefault(name, []).append(values)
-            shift = remaining_shift(one.image, two.image, one.truth)
+                is_moving = np.isin(seen.object_id, list(motions))
+                groups = {
+                    "at rest": ~is_moving & (seen.object_id > 0),
+                    "sky": seen.object_id == 0,
+                    "moving": is_moving,
+                }
+                for name, where in groups.items():
+                    if where.any():
+                        distance = _distance(stored[where], again[where])
+                        residuals.setdefault(f"{name}, {way}", []).append(distance)
+            for name, values in footprint_residuals(truth):
+                residuals.setdefault(name, []).append(values)
+            shift = remaining_shift(image, next_image, truth)
             if np.isfinite(shift):
-                kept.setdefault("image, warped", []).append(np.array([shift]))
+                residuals.setdefault("image, warped", []).append(np.array([shift]))
             advance()
-    return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
+    return [_residual(name, np.concatenate(residuals[name])) for name in sorted(residuals)]
 
 
 def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
@@ -129,7 +134,7 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     # Pixels without a partner take this image's value and have no effect.
     warped = image.copy()
     warped[inside] = map_coordinates(following, [y[inside], x[inside]], order=3, mode="nearest")
-    first, second = (gaussian_filter(each, _SMOOTHING_PX) for each in (image, warped))
+    first, second = (gaussian_filter(values, _SMOOTHING_PX) for values in (image, warped))
     down, right = np.gradient((first + second) / 2)
     slope, difference = np.stack([right, down], axis=-1)[inside], (first - second)[inside]
     shift, *_ = np.linalg.lstsq(slope, difference, rcond=None)
@@ -139,13 +144,8 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
     return float(max(np.linalg.norm(shift) - 3 * np.sqrt(squared_error), 0))
 
 
-class _Frame(NamedTuple):
-    truth: Truth
-    view: View
-    image: Floats
-
-
-def _frame(dataset: Dataset, index: int) -> _Frame:
+def _frame(dataset: Dataset, index: int) -> tuple[Truth, View, Floats]:
+    """Return truth, camera and brightness (H, W) of a frame."""
     path, light = dataset.truth(index), dataset.radiance(index)
     remedy = f"remove the file and run: {dataset.render_again}"
     with undamaged(path, remedy):
@@ -153,17 +153,7 @@ def _frame(dataset: Dataset, index: int) -> _Frame:
         view = View.of(dataset.configuration.camera, read_attributes(path))
     with undamaged(light, remedy):
         radiance, _ = read_radiance(light)
-    return _Frame(truth, view, radiance.sum(axis=-1, dtype=np.float64))
-
-
-def _groups(truth: Truth, moving: list[int]) -> dict[str, NDArray[np.bool_]]:
-    is_moving = np.isin(truth.object_id, moving)
-    groups = {
-        "at rest": ~is_moving & (truth.object_id > 0),
-        "sky": truth.object_id == 0,
-        "moving": is_moving,
-    }
-    return {name: where for name, where in groups.items() if where.any()}
+    return truth, view, radiance.sum(axis=-1, dtype=np.float64)
 
 
 def _distance(stored: NDArray[np.float32], again: Floats) -> Floats:
@@ -175,19 +165,15 @@ def _distance(stored: NDArray[np.float32], again: Floats) -> Floats:
 
 
 def _residual(name: str, values: Floats) -> Residual:
-    limit = _limit(name)
+    limit = LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX
+    if name.startswith("outlines"):
+        limit = LARGEST_PART_MISSED
+    elif "share" in name:
+        limit = LARGEST_STANDARD_ERRORS
     if not values.size:
         return Residual(name, 0, 0.0, 0.0, limit)
     median, high = np.percentile(values, [50, 99], method="nearest").tolist()
     return Residual(name, values.size, median, high, limit)
-
-
-def _limit(name: str) -> float:
-    if name.startswith("outlines"):
-        return LARGEST_PART_MISSED
-    if "share" in name:
-        return LARGEST_STANDARD_ERRORS
-    return LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX
 
 
 def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:

@@ -1,23 +1,25 @@
 """What a page says can be done, can be done as it stands there."""
 
-import re
+import json
 
+import numpy as np
 import pytest
 
 from .pages import DOCS, PAGES, blocks, run
 
+NOTEBOOK = DOCS / "tutorials" / "notebook.ipynb"
 # Pages that render or record: a minute each.
 DEAR = {page for page in PAGES if any(block.language == "sh" for block in blocks(page))}
-
-
-def name(page):
-    return str(page.relative_to(DOCS))
 
 
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, marks=[pytest.mark.slow] if page in DEAR else [], id=name(page))
+        pytest.param(
+            page,
+            marks=[pytest.mark.slow] if page in DEAR else [],
+            id=str(page.relative_to(DOCS)),
+        )
         for page in PAGES
         if blocks(page)
     ],
@@ -29,9 +31,20 @@ def test_the_blocks_of_a_page_run_one_after_the_other(page, tmp_path, monkeypatc
         run(block, tmp_path, names)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name == "theory"], ids=name)
-def test_the_code_and_the_tests_that_theory_names_exist(page):
-    for path in re.findall(
-        r"`((?:sensor|flow|render|scenes|tests|megalopta)/[\w/]+\.py)`", page.read_text("utf-8")
-    ):
-        assert (DOCS.parent / path).exists(), f"{name(page)} names {path}"
+def test_the_notebook_is_stored_without_outputs():
+    cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
+    assert all(cell["outputs"] == [] for cell in cells if cell["cell_type"] == "code")
+
+
+@pytest.mark.slow
+def test_the_notebook_draws_photons_flow_and_errors():
+    nbformat = pytest.importorskip("nbformat")
+    client = pytest.importorskip("nbclient").NotebookClient
+    executed = client(nbformat.read(NOTEBOOK, 4), timeout=300, kernel_name="python3").execute()
+    outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    printed = "".join(output.get("text", "") for output in outputs)
+    errors = {
+        name: list(map(float, rest)) for name, *rest in map(str.split, printed.splitlines()[-2:])
+    }
+    assert all(np.array(errors["PF"]) < errors["DIS"])

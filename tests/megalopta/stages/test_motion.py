@@ -13,7 +13,7 @@ from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.formats import write_flo
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
-from megalopta.report.seen_sequence import ShownSequence
+from megalopta.report.panels import SequencePanels
 from megalopta.sensor import expectation, read_counts
 from megalopta.verification.truth import check_truth, footprint_residuals
 
@@ -157,7 +157,7 @@ def test_of_a_rolling_shutter_the_motion_of_what_sensors_see_is_shown(rolling, t
     copy = Sequence(open_sequence(tmp_path / "data"))
     flow = read_truth(copy.dataset.exposed_truth(0)).flow_forward
     write_flo(copy.dataset.frame("training/flow", 0), np.zeros_like(flow))  # of whole frames
-    np.testing.assert_array_equal(ShownSequence(copy, range(2), 1).motion_of(0), flow)
+    np.testing.assert_array_equal(SequencePanels(copy, range(2), 1).motion_of(0), flow)
 
 
 def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rolling):

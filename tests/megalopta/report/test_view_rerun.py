@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.dataset.opened import open_dataset
+from megalopta.report.panels import sequence_view
 from megalopta.report.readings import Treatment
-from megalopta.report.rerun_log import write_rrd
-from megalopta.report.seen_sequence import seen_sequence
+from megalopta.report.view import write_rrd
 
 chunk = pytest.importorskip("rerun.chunk", reason="no Rerun SDK that reads its files")
 
@@ -16,7 +16,7 @@ chunk = pytest.importorskip("rerun.chunk", reason="no Rerun SDK that reads its f
 @pytest.fixture(scope="module")
 def logged(whole, tmp_path_factory):
     """Columns by place and component, a row for each frame."""
-    path = write_rrd(tmp_path_factory.mktemp("rrd") / "view.rrd", seen_sequence(whole, Treatment()))
+    path = write_rrd(tmp_path_factory.mktemp("rrd") / "view.rrd", sequence_view(whole, Treatment()))
     found = defaultdict(dict)
     for each in chunk.RrdReader(path).stream().to_chunks():
         batch = each.to_record_batch()

@@ -71,14 +71,6 @@ def relative_error(value: float | None) -> str:
     return percent(value) if value < SENSELESS else FAILS
 
 
-def time_text(seconds: float) -> str:
-    """Format seconds, or minutes and seconds."""
-    if seconds < 99.95:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s"
-
-
 def level_name(level: LightLevel) -> str:
     """Name of a light level: "full moon", "10 lux"."""
     return level.replace("_", "\u00a0") if isinstance(level, str) else lux(level)

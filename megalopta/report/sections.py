@@ -2,16 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from megalopta.core.files import write_text
-
-_NOTHING = Markup("")
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,7 @@ class Section:
     head: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
     charts: tuple[Markup, ...] = field(default=())
-    body: Markup = field(default=_NOTHING)
+    body: Markup = field(default=Markup(""))
     name: str = ""
     """Identifier; a section with one is linked at the top of the page."""
     link: str = ""
@@ -32,7 +29,7 @@ class Section:
     @property
     def table(self) -> Markup:
         """Table as HTML; empty without rows."""
-        return table(self.title, self.head, self.rows) if self.rows else _NOTHING
+        return table(self.title, self.head, self.rows) if self.rows else Markup("")
 
 
 def captioned(chart: Markup, caption: str) -> Markup:
@@ -73,54 +70,42 @@ def folded(summary: str, inside: Markup) -> Markup:
 
 def definitions(kind: str, pairs: Iterable[tuple[str, str]]) -> Markup:
     """Return a definition list of this class."""
-    rows = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in pairs)
+    rows = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*pair) for pair in pairs)
     return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(rows))
 
 
 def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     """Return a table of text; the first cell of a row is its heading."""
-    lines = [[_cell("th", row[0], "row"), *(_cell("td", each) for each in row[1:])] for row in rows]
-    top = [_cell("th", each, "col") if each else Markup("<td></td>") for each in head]
+    column, row_head = Markup('<th scope="col">{}</th>'), Markup('<th scope="row">{}</th>')
+    cell, line = Markup("<td>{}</td>"), Markup("<tr>{}</tr>")
+    top = Markup("").join((column if text else cell).format(text) for text in head)
+    lines = Markup("\n").join(
+        line.format(Markup("").join([row_head.format(first), *map(cell.format, others)]))
+        for first, *others in rows
+    )
     return Markup(
         '<div class="scroll" role="region" aria-label="{}" tabindex="0"><table>\n'
         "<thead><tr>{}</tr></thead>\n<tbody>\n{}\n</tbody></table></div>"
-    ).format(
-        label,
-        Markup("").join(top),
-        Markup("\n").join(Markup("<tr>{}</tr>").format(Markup("").join(each)) for each in lines),
-    )
-
-
-def _cell(tag: str, text: str, scope: str = "") -> Markup:
-    scoped = Markup(' scope="{}"').format(scope) if scope else ""
-    return Markup("<{0}{1}>{2}</{0}>").format(tag, scoped, text)
+    ).format(label, top, lines)
 
 
 def write_sections(
     path: Path, title: str, summary: str, sections: Iterable[Section | None], **parts: Any
 ) -> Path:
-    """Write a page atomically; return its path.
+    """Write a page atomically; return its path. Text that is not marked as safe is escaped.
 
     Further parts are `header`, HTML below the summary, `footer`, and the `film` with a slider
     (`megalopta.report.source.Report.film`).
     """
-    write_text(path, page_of(title, summary, sections, **parts))
-    return path
-
-
-def page_of(title: str, summary: str, sections: Iterable[Section | None], **parts: Any) -> str:
-    """Return a page as HTML; text that is not marked as safe is escaped, None skipped."""
-    values = {"header": "", "footer": "", "film": None, **parts}
-    shown = [each for each in sections if each]
-    return _template().render(title=title, summary=summary, sections=shown, **values)
-
-
-@cache
-def _template() -> Template:
-    return Environment(
-        loader=PackageLoader("megalopta.plotting", "."),
+    template = Environment(
+        loader=PackageLoader("megalopta.report", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     ).get_template("page.html")
+    values = {"header": "", "footer": "", "film": None, **parts}
+    shown = [section for section in sections if section]
+    text = template.render(title=title, summary=summary, sections=shown, **values)
+    write_text(path, text)
+    return path

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from megalopta.plotting.text import with_error
+from megalopta.report.text import with_error
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from megalopta.plotting.picture import Figure, write_figure
+from megalopta.reproduction.picture import Figure, write_figure
 
 
 def draw(canvas):

@@ -3,7 +3,7 @@
 import pytest
 from markupsafe import Markup
 
-from megalopta.plotting.sections import Section, write_sections
+from megalopta.report.sections import Section, write_sections
 
 from ..accessibility import needs_axe, violations
 

@@ -1,1 +1,0 @@
-"""Style, axes and files of figures; pages of sections."""

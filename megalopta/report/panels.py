@@ -1,0 +1,391 @@
+"""What is shown is one thing: a panel, the pictures of one quantity, frame by frame.
+
+Panels are of a dataset's sequence (light, readings, flow by a method, true motion, depth) or of a
+file of readings. Page, film, report and Rerun's recording show the same ones.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence as Listed
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import TypeAdapter
+
+from megalopta.config.model import LightLevel
+from megalopta.core import bounded
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import shell_command
+from megalopta.core.progress import say
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.opened import open_dataset
+from megalopta.dataset.picture_light import clean_flow, light_of, photons_per_lux, resized
+from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.store import exposure_name
+from megalopta.flow import formats
+from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.flow.detectors.registry import METHODS, velocity_method
+from megalopta.report import images
+from megalopta.report.readings import ShownReadings, Treatment, readings_of
+from megalopta.report.text import level_name, number, short, title
+from megalopta.scenes import Pictures, ToneCurve
+from megalopta.scenes.levels import illuminance_of
+from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
+from megalopta.sensor import ImageSensor, StoredFrames
+from megalopta.sensor.formats.reading import FrameKind
+from megalopta.stages.flow import responses_path
+from megalopta.stages.registry import STAGES
+from megalopta.stages.run import finished, has_output, require
+
+MOST_FRAMES = 80
+"""Of a page"""
+LONGEST_SIDE_PX = 320
+WHITE_PERCENTILE = 99.0
+"""Percentile of readings above which all are white"""
+_SAMPLED = 8
+"""Frames, spread evenly, that scales of colors are taken from"""
+_CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
+
+_Read = TypeVar("_Read")
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Pictures of one quantity, drawn when they are asked for."""
+
+    kind: Literal["light", "readings", "flow", "motion", "depth"]
+    """Flow is estimated from readings; motion is the true one, or its stand-in."""
+    name: str
+    caption: str
+    """Meaning of its colors"""
+    picture: Callable[[int], Image.Image]
+    """Returns the picture of a frame, by its number"""
+    legend: Markup = field(default=Markup(""))
+    note: str = ""
+    """Note on a special color, for a film, which has no legend"""
+    sensor: str = ""
+    level: str = ""
+    """Sensor and light level of readings, and of the flow from them; empty of a file"""
+
+    def film(self, frames: Iterable[int], title: str = "") -> Markup:
+        """Return frames as a film of a page; by default its title is the panel's name."""
+        what = f"{self.name}, {self.sensor}, {self.level}" if title else self.name
+        pictures = [self.picture(frame) for frame in frames]
+        return images.film(pictures, title or self.name, f"{what}: {self.caption}", self.legend)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class View:
+    """Panels side by side, over the same frames."""
+
+    title: str
+    summary: str
+    shape: tuple[int, int]
+    frames: range
+    """Frames that can be shown, by number"""
+    step: int
+    """Step between the drawn pixels of a line"""
+    times_s: Floats | None
+    """Start of each frame, if known"""
+    treatment: Treatment
+    panels: tuple[Panel, ...]
+    """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
+    rim: float | None = None
+    """Speed of the full color, px per frame, if there is flow"""
+    sequence: Sequence | None = None
+
+    def of(self, *kinds: str) -> list[Panel]:
+        """Return the panels of these kinds."""
+        return [panel for panel in self.panels if panel.kind in kinds]
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Real frame rate of the frames that can be shown, if known."""
+        times = self.times_s
+        if times is None or len(times) < 2 or times[-1] <= times[0]:
+            return None
+        return float((len(times) - 1) / (times[-1] - times[0])) / self.frames.step
+
+
+def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -> View:
+    """Return the view of a recording, or of a file or folder of frames or events.
+
+    Raises UserError if it is none of these, is damaged, or does not allow the treatment.
+    """
+    readings = readings_of(path, kind).treated(treatment)
+    total, rows, columns = readings.shape[:3]
+    frames = range(0, total - treatment.summed + 1, treatment.summed)
+    step = math.ceil(max(rows, columns) / LONGEST_SIDE_PX)
+    what = "binary frames" if readings.is_binary else "frames"
+    return View(
+        title=path.resolve().name,
+        summary=f"{total} {what} of {columns} × {rows} pixels.",
+        shape=(rows, columns),
+        frames=frames,
+        step=step,
+        times_s=readings.times_s,
+        treatment=treatment,
+        panels=(readings_panel(readings, frames, step),),
+    )
+
+
+def sequence_view(root: Path, treatment: Treatment) -> View:
+    """Return the view of a dataset of one sequence, with its finished stages.
+
+    Raises UserError if it is damaged, not rendered yet, or does not allow the treatment.
+    """
+    sequence = open_dataset(root)[0]
+    settings, (height, width) = sequence.configuration, sequence.shape
+    has_truth = settings.scene.has_truth
+    if has_truth:
+        require(sequence.dataset, "render")
+    # the last frame has no next frame, and so no motion
+    end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
+    frames = range(0, max(end, 1), treatment.summed)
+    step = math.ceil(max(sequence.shape) / LONGEST_SIDE_PX)
+    shown = SequencePanels(sequence, frames, step, treatment)
+    exposures = settings.exposures if "sense" in shown.finished else ()
+    darkest_first = sorted(exposures, key=lambda exposure: illuminance_of(exposure[1]))
+    panels = [shown.light, *(shown.readings(*exposure) for exposure in darkest_first)]
+    panels += filter(None, (shown.found_flow(*exposure) for exposure in darkest_first))
+    if shown.rim:
+        panels.append(shown.motion("true flow" if has_truth else "flow of the clean pictures"))
+    return View(
+        title=title(settings),
+        summary=f"{len(sequence)} frames of {width} × {height} pixels."
+        + ("" if has_truth else _CAVEAT),
+        shape=sequence.shape,
+        frames=frames,
+        step=step,
+        times_s=sequence.times_s,
+        treatment=treatment,
+        panels=tuple(panels),
+        rim=shown.rim,
+        sequence=sequence,
+    )
+
+
+class SequencePanels:
+    """Panels of a sequence: some frames, every `step`-th pixel of a line, of finished stages.
+
+    Eight of the frames set the scales of colors. Raises UserError on use of what is damaged.
+    """
+
+    def __init__(
+        self,
+        sequence: Sequence,
+        frames: Listed[int],
+        step: int,
+        treatment: Treatment | None = None,
+        white_percentile: float = WHITE_PERCENTILE,
+    ) -> None:
+        self.sequence, self.frames, self.step = sequence, frames, step
+        self._treatment, self._white_percentile = treatment or Treatment(), white_percentile
+        self._sampled = images.evenly_spaced(frames, _SAMPLED)
+
+    @cached_property
+    def finished(self) -> list[str]:
+        """Finished stages; unfinished output, which is not shown, is reported."""
+        dataset = self.sequence.dataset
+        stages = finished(dataset)
+        for stage in STAGES:
+            if stage not in stages and has_output(dataset, stage):
+                what = f"{dataset.root}: stage {stage!r}"
+                say(f"{what} is not finished with this configuration, and not shown")
+        return stages
+
+    @cached_property
+    def records(self) -> list[FlowRecord]:
+        """Errors of every method on every exposure, in the configured order; none without flow.
+
+        Raises UserError if flow.json is damaged.
+        """
+        if "flow" not in self.finished:
+            return []
+        dataset, settings = self.sequence.dataset, self.sequence.configuration
+        check = TypeAdapter(list[FlowRecord]).validate_python
+        remedy = f"run: {shell_command('flow', dataset.root, '--redo')}"
+        stored = checked_json(dataset.result("flow.json"), check, remedy)
+        records = {(record.sensor, record.level, record.method): record for record in stored}
+        sensors = [sensor.name for sensor in settings.sensors]
+        order = product(sensors, settings.light_levels, settings.methods)
+        return [records[key] for key in order if key in records]
+
+    @cached_property
+    def rim(self) -> float | None:
+        """Speed of the full color, px per frame; None without a second frame."""
+        has_motion = len(self.sequence) > 1
+        return images.fastest_of(map(self.motion_of, self._sampled)) if has_motion else None
+
+    @cached_property
+    def light(self) -> Panel:
+        """Light that sensors see."""
+        settings, bands = self.sequence.configuration, self.sequence.bands_nm
+        white = settings.scene.white(settings.light)
+
+        def linear(frame: int) -> Floats:
+            return linear_srgb(self.pixels(self.sequence.radiance[frame]), bands, white)
+
+        curve = ToneCurve.of(map(linear, self._sampled))
+        caption = "as the eye would see it in bright light"
+
+        @lru_cache(MOST_FRAMES)
+        def picture(frame: int) -> Image.Image:
+            return images.rgb_picture(encode_srgb(curve(linear(frame))))
+
+        return Panel("light", "light", caption, picture, Markup(f", {caption}"))
+
+    def readings(self, sensor: ImageSensor, level: LightLevel) -> Panel:
+        """Return the readings of a sensor. Raises UserError if they cannot be treated as asked."""
+        name = exposure_name(sensor, level)
+        counts, full = (self.sequence.counts(name, array) for array in ("counts", "saturated"))
+        unit = counts.unit.split()[0]
+        raw = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
+        treated = raw.treated(self._treatment)
+        panel = readings_panel(treated, self.frames, self.step, self._white_percentile)
+        return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
+        """Return the flow by the best method on an exposure; None if no velocity method ran."""
+        able = [
+            record
+            for record in self.records
+            if (record.sensor, record.level) == (sensor.name, level)
+            and METHODS[record.method].gives == "velocity"
+        ]
+        if not able or self.rim is None:
+            return None
+        method = min(able, key=lambda record: record.median_error).method
+        path = responses_path(self.sequence.dataset, sensor, level)
+        with bounded.undamaged(path, "run flow again"):
+            stored = StoredFrames.open(path, method)
+        grid = velocity_method(method).grid(self.sequence.shape)
+        bottom = grid.top + grid.rows * grid.block_px
+        right = grid.left + grid.columns * grid.block_px
+
+        def flow(frame: int) -> Floats:
+            blocks = stored.read([min(frame, len(stored) - 1)])[0].astype(np.float64)
+            pixels = np.full((*grid.shape, 2), np.nan)
+            pixels[grid.top : bottom, grid.left : right] = np.repeat(
+                np.repeat(blocks, grid.block_px, axis=0), grid.block_px, axis=1
+            )
+            return self.pixels(pixels)
+
+        panel = flow_panel("flow", f"flow by {method}", flow, self.rim)
+        return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def motion(self, name: str) -> Panel:
+        """Return the motion to the next frame; of pictures, the flow of the clean ones."""
+        return flow_panel("motion", name, self.motion_of, self.rim or 1.0)
+
+    @property
+    def depth(self) -> Panel:
+        """Depth in logarithmic colors, the sky gray."""
+
+        def depth(frame: int) -> NDArray[np.floating]:
+            values = self.pixels(self.sequence.depth[frame]).astype(np.float64)
+            return np.where(np.isinf(values), np.nan, values)
+
+        sampled = np.concatenate([depth(frame).ravel() for frame in self._sampled])
+        known = sampled[~np.isnan(sampled)]
+        near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
+        far = max(far, near * 1.01)
+        scale = images.map_scale("viridis_r", near, far, logarithmic=True)
+        caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
+        legend = scale.legend(number(near), f"{number(far)} m", "sky" * (known.size < sampled.size))
+        return Panel("depth", "depth", caption, lambda frame: scale.picture(depth(frame)), legend)
+
+    def pixels(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return the shown pixels of an image (H, W, ...)."""
+        return image[:: self.step, :: self.step]
+
+    def motion_of(self, frame: int) -> NDArray[np.floating]:
+        """Return the motion from a frame to the next (h, w, 2), px, NaN where undefined.
+
+        Of pictures, whose true motion is unknown, it is the flow between the noise-free pictures,
+        reduced by `step`.
+        """
+        sequence = self.sequence
+        if frame + 1 == len(sequence):
+            return np.full((*self.pixels(np.empty(sequence.shape)).shape, 2), np.nan)
+        if not sequence.configuration.scene.has_truth:
+            frames, (rows, columns) = light_of(sequence.dataset).frames, sequence.shape
+            small = -(-rows // self.step), -(-columns // self.step)
+            first, second = (resized(frames.at(index), small) for index in (frame, frame + 1))
+            return self.step * clean_flow(first, second)
+        if sequence.configuration.shutter.readout_s:  # the small files have that of whole frames
+            return self.pixels(sequence.flow(frame))
+        path = sequence.dataset.frame("training/flow", frame)
+        with bounded.undamaged(path, "regenerate the sequence"):
+            return self.pixels(formats.read_flo(path))
+
+    def _level(self, level: LightLevel) -> str:
+        """Return the name of a level; for pictures, with the photons of the first sensor."""
+        settings, name = self.sequence.configuration, level_name(level)
+        if not isinstance(settings.scene, Pictures):
+            return name
+        mean = self.sequence.dataset.read_scene_record()["pictures"]["mean"]
+        bands, sensor = settings.render.bands_nm, settings.sensors[0]
+        of_unit = light_of(self.sequence.dataset).radiance_of_unit
+        per_lux = photons_per_lux(of_unit, settings.light, bands, sensor, mean)
+        return f"{name}, {number(per_lux * illuminance_of(level))} photons"
+
+
+def readings_panel(
+    readings: ShownReadings,
+    frames: Listed[int],
+    step: int,
+    white_percentile: float = WHITE_PERCENTILE,
+) -> Panel:
+    """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
+    sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
+    bright = np.percentile(np.stack([values for values, _ in sampled]), white_percentile)
+    white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
+    scale = images.gray_scale(white)
+
+    @lru_cache(MOST_FRAMES)
+    def picture(frame: int) -> Image.Image:
+        values, full = (array[::step, ::step] for array in readings.frame(frame))
+        if values.ndim == 2:
+            return scale.picture(values, full)
+        part = np.clip(values / white, 0, 1) ** (1 / scale.root)
+        return images.rgb_picture(np.rint(255 * part).astype(np.uint8))
+
+    is_full = any(full.any() for _, full in sampled)
+    unit = "detections" if readings.treatment.is_inverted else readings.unit
+    return Panel(
+        "readings",
+        unit,
+        f"black 0, white {number(white)} {unit}",
+        picture,
+        scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else ""),
+        "orange: saturated pixels" if is_full else "",
+    )
+
+
+def flow_panel(
+    kind: Literal["flow", "motion"],
+    name: str,
+    flow: Callable[[int], NDArray[np.floating]],
+    fastest: float,
+) -> Panel:
+    """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
+    caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
+
+    @lru_cache(MOST_FRAMES)
+    def picture(frame: int) -> Image.Image:
+        return images.rgb_picture(flow_to_rgb(flow(frame), fastest))
+
+    return Panel(kind, name, caption, picture)
+
+
+def checked_json(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
+    """Return the content of a JSON file once it is checked. Raises UserError if it is damaged."""
+    with bounded.undamaged(path, remedy):
+        return check(bounded.read_json(path))

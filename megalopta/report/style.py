@@ -1,0 +1,175 @@
+"""House style of all figures, and charts of pages as SVG in light and dark.
+
+The colors are those of Okabe and Ito (2008), for color-blind readers. Curves should also differ in
+marker or dash, for readers in gray. Figures stay readable at half their width. Only matplotlib's
+object interface is used: no window, no state shared between figures.
+"""
+
+import io
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+from zlib import crc32
+
+import matplotlib
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator, ScalarFormatter
+from matplotlib.typing import LineStyleType
+
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
+from megalopta.report.text import short
+
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+SKY = "#56B4E9"
+BLACK = "#1A1A1A"
+GRAY = "#7F7F7F"
+RULE = "#E3E3E3"
+PALETTE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+
+_STYLE = matplotlib.rc_params_from_file(
+    Path(__file__).with_name("house.mplstyle"), use_default_template=False
+)
+
+
+def method_style(name: str) -> dict[str, Any]:
+    """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
+
+    Known methods differ in color, marker or dash, and look the same in all figures.
+    """
+    # a Python function is not in the list
+    number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
+    lap, place = divmod(number, len(PALETTE))
+    return {
+        "color": PALETTE[(place + 3 * (lap // 2)) % len(PALETTE)],
+        "marker": MARKERS[(place + lap) % len(MARKERS)],
+        "linestyle": "-" if name in THESIS_METHODS else "--",
+    }
+
+
+def line_style(place: int) -> dict[str, Any]:
+    """Return color and dash of the line at this index."""
+    return {"color": PALETTE[place], "linestyle": DASHES[place % len(DASHES)]}
+
+
+@contextmanager
+def house_style(changes: Mapping[Any, Any] = MappingProxyType({})) -> Iterator[None]:
+    """Apply matplotlib settings of the house style, with changes, inside the block."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        matplotlib.rcParams.update(changes)
+        yield
+
+
+_THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
+_POINTS_PER_INCH = 72
+CHART_PT = 380, 270
+"""Width and height (pt); also the width of a page on a telephone, so that text keeps its size"""
+_WIDEST_PT = 460
+"""Wider figures scroll on a telephone, where their text would be too small"""
+_LEAST_PX_PER_PT = 0.75
+_MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
+"""Left, bottom, width and height in the picture; constants are faster than a layout."""
+
+NUMBERS = FuncFormatter(lambda value, _: short(value))
+"""Labels of a logarithmic axis"""
+
+in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
+"""Decorator: draw in the page's style, lines and markers included."""
+
+
+def drawable(values: Floats) -> Floats:
+    """Return the values that a logarithmic axis can show, with gaps elsewhere."""
+    return np.where(values > 0, values, np.nan)
+
+
+def verbatim(text: str) -> str:
+    """Escape text for matplotlib, dollar signs included."""
+    return text.replace("$", r"\$")
+
+
+def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
+    """Return a figure of this size with one pair of axes; for `in_style` functions."""
+    size = width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> None:
+    """Make an axis logarithmic with written labels and a faint grid."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(labels)
+    axis.set_minor_locator(NullLocator())
+    axes.grid(axis=which)
+
+
+def to_svg(figure: Figure, name: str, description: str) -> Markup:
+    """Return a figure as an SVG element; for `in_style` functions.
+
+    The name, of letters, digits and dashes, makes its identifiers unique on the page; the
+    description is its text alternative. A wide figure scrolls, so that its text stays readable.
+    """
+    file = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name}):
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        figure.savefig(file, format="svg", transparent=True, metadata=nothing)
+    inside = file.getvalue().partition("</style>")[2].partition("</defs>")[2]
+    inside = re.sub(r' id="[^"]+_\d+"', "", inside)  # of groups, the same in every figure
+    for color, css in _THEMED.items():
+        inside = inside.replace(color.lower(), css)
+    width_pt, height_pt = (_POINTS_PER_INCH * length for length in figure.get_size_inches())
+    is_wide = width_pt >= _WIDEST_PT
+    least = f"min-width: {_LEAST_PX_PER_PT * width_pt:.0f}px; " if is_wide else ""
+    svg = Markup(
+        '<svg class="plot" role="img" aria-label="{}" style="{}--natural: {:g}in" '
+        'viewBox="0 0 {:g} {:g}">{}'
+    ).format(description, least, figure.get_figwidth(), width_pt, height_pt, Markup(inside))
+    box = Markup('<div class="scroll" role="region" aria-label="{}" tabindex="0">{}</div>')
+    return box.format(description, svg) if is_wide else svg
+
+
+def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> Markup:
+    """Return a figure with the legend of its axes as SVG; for `in_style` functions."""
+    figure.axes[0].legend(frameon=False, **legend)
+    return to_svg(figure, name, description)
+
+
+@in_style
+def map_chart(
+    values: Floats,
+    name: str,
+    title: str,
+    limits: tuple[float, float] | None = None,
+    colors: str = "viridis",
+) -> Markup:
+    """Return a map of pixels (rows, columns) with its color bar; unknown pixels are gray."""
+    figure = Figure(figsize=(CHART_PT[0] / _POINTS_PER_INCH, CHART_PT[1] / _POINTS_PER_INCH))
+    axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
+    low, high = limits or color_limits(values)
+    shades = matplotlib.colormaps[colors].with_extremes(bad=GRAY)
+    picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")
+    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False))
+    axes.set(title=title, xlabel="column", ylabel="row")
+    return to_svg(figure, name, f"Map of the {title}")
+
+
+def color_limits(*maps: Floats) -> tuple[float, float]:
+    """Return the ends of a color scale that holds 98 % of the known pixels."""
+    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    return float(low), float(high)
