@@ -18,8 +18,8 @@ from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_vali
 from scipy.stats import false_discovery_control
 
 from megalopta.benchmark import table
-from megalopta.config.measuring import ONCE
 from megalopta.config.model import LightLevel, LightLevels
+from megalopta.config.scene import ONCE
 from megalopta.core import bounded, files
 from megalopta.core.arrays import Floats
 from megalopta.core.format_numbers import check_format, written

@@ -353,7 +353,7 @@ def error_chart(
         axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **style, markersize=4, label=curve.method)
     axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle="--")
-    right = {"textcoords": "offset points", "ha": "right", "fontsize": 10.5}
+    right: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 10.5}
     place = {"xycoords": ("axes fraction", "data"), **right}
     axes.annotate(f"{percent(ACCURATE)} error", (1, ACCURATE), (-3, 3), **place)
     for budget in budgets:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -136,8 +136,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     for what, count in report.settings.scene.counts.items():
         yield what, f"{count:,}"
     for what in ("objects", "triangles"):
-        if count := report.scene.get(what):
-            yield what, f"{count:,}"
+        if number := report.scene.get(what):
+            yield what, f"{number:,}"
     if light := report.scene.get("illuminance"):
         yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
         if ground := [point["lux"] for point in light["ground"]]:
@@ -373,7 +373,7 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     """Draw the histogram of the true image speed (px per frame)."""
     figure, axes = svg.new_axes(*svg.CHART_PT)
     weights = np.full(speeds.size, 100 / max(speeds.size, 1))
-    style = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
+    style: dict[str, Any] = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
     axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
     axes.axvline(median, color=BLACK, linewidth=1.2)
     place = ("data", "axes fraction")

@@ -351,7 +351,8 @@ def readings_panel(
 
     @lru_cache(MOST_FRAMES)
     def picture(frame: int) -> Image.Image:
-        values, full = (array[::step, ::step] for array in readings.frame(frame))
+        values, full = readings.frame(frame)
+        values, full = values[::step, ::step], full[::step, ::step]
         if values.ndim == 2:
             return scale.picture(values, full)
         part = np.clip(values / white, 0, 1) ** (1 / scale.root)

@@ -173,7 +173,7 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
         {"name": "sensor", "title": "sensor", "texts": sensors, "is_slider": False},
         {"name": "level", "title": "light", "texts": levels, "is_slider": True},
     ]
-    film = {
+    film: dict[str, Any] = {
         "labels": [
             images.frame_label(frame, shown.times_s, shown.treatment.summed) for frame in frames
         ],

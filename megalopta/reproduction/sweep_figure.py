@@ -26,6 +26,7 @@ from megalopta.benchmark.trial import (
 )
 from megalopta.core.folders import ensure_directory
 from megalopta.report import style
+from megalopta.reproduction import picture
 from megalopta.reproduction.picture import Figure, write_figure
 
 _LABELS = {
@@ -225,11 +226,11 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
         look = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
         look |= style.method_style(str(method))
         ends = low.to_numpy(), high.to_numpy()
-        style.draw_interval(axes, x, flux.to_numpy(), ends, **look)
+        picture.draw_interval(axes, x, flux.to_numpy(), ends, **look)
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
     axes.set_ylabel(f"$N_{{{search.bits[0]}b}}$ (photons per frame)")
     axes.label_outer()
-    style.log_decades(axes, "y")
+    picture.log_decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     bottom, top = axes.get_ylim()
     if top < 30 * bottom:  # labels at decades alone would be too few
