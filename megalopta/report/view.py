@@ -169,7 +169,7 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     left_out = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
     left_out += f" and {f'all {total}' if len(frames) == total else f'{len(frames)} of {total}'}"
     left_out += " frames" + (f"; the film has {filmed}" if filmed > len(frames) else "")
-    choices = [
+    choices: list[dict[str, Any]] = [
         {"name": "sensor", "title": "sensor", "texts": sensors, "is_slider": False},
         {"name": "level", "title": "light", "texts": levels, "is_slider": True},
     ]
