@@ -34,7 +34,8 @@ def pixel(diode: str, bias_v: float | np.ndarray, drift_v_s: float = 0.0) -> Pix
 
 def tuned(diode: str, bias_v: float) -> tuple[float, float]:
     """Least current that the programming loop measures, A, and when, s."""
-    log, elapsed_s = [], 0.0
+    log: list[tuple[float, float]] = []
+    elapsed_s = 0.0
     while len(log) < 2 or 0 < log[-1][0] < 0.99 * log[-2][0]:
         now = pixel(diode, bias_v, GATE.leak_v_s)
         taken_s = min(float(discharge_time(now, 0.0, LATE * now.swing_v)), PATIENCE_S)
