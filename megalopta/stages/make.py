@@ -37,7 +37,6 @@ from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistic
 from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
 from megalopta.dataset.store import Dataset, Tree, exposure_name, files_in, hashes_of
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
-from megalopta.render import out_of_view
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
 from megalopta.stages.registry import STAGES, provenance, provenance_changes
@@ -225,6 +224,8 @@ _FRAMES_LOOKED_AT = 8
 
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
     """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
+    from megalopta.render import out_of_view  # loads the renderer
+
     # among frames with a forward flow, unless there is only one
     last = max(dataset.configuration.trajectory.frames - 2, 0)
     frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()

@@ -11,7 +11,7 @@ import zarr
 
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.dataset import sequence as benchmark
+from megalopta.flow import benchmark
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import Tree, open_sequence
 from megalopta.flow.formats import read_flo
