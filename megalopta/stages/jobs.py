@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.progress import progress
 from megalopta.dataset.record import MADE
-from megalopta.render import choose_variant, dr, llvm_in_use
 from megalopta.stages.registry import STAGES
 from megalopta.stages.versions import versions
 
@@ -78,6 +77,8 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
     with _one_at_a_time:  # one renderer per process
         try:
             if threads:
+                from megalopta.render import dr
+
                 dr.set_thread_count(threads)
             job(index)
         except UserError as problem:
@@ -181,6 +182,8 @@ def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
 def environment() -> Mapping[str, str]:
     """Return everything that output depends on: versions, models, and Mitsuba's back end."""
     models = "-".join(STAGES[stage].model() for stage in MADE)
+    from megalopta.render import choose_variant, llvm_in_use
+
     variant, llvm = choose_variant().name, llvm_in_use()[1]
     return {**versions(), "models": models, "variant": variant, "LLVM": llvm}
 

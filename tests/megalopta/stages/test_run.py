@@ -11,9 +11,9 @@ import zarr
 
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.flow import benchmark
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import Tree, open_sequence
+from megalopta.flow import benchmark
 from megalopta.flow.formats import read_flo
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
