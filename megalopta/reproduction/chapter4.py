@@ -110,7 +110,7 @@ def sweep(name: str, is_quick: bool = False) -> Sweep:
         changes |= {"values": found.values[:2]}
     else:
         changes |= {"values": found.values[::3], "sizes": _SMALLEST}
-    return Sweep(**dict(found) | changes)
+    return Sweep(**{name: getattr(found, name) for name in Sweep.model_fields} | changes)
 
 
 def reproduce(
