@@ -8,6 +8,7 @@ from graphlib import TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
 import setuptools
 
 ROOT = Path(__file__).parents[1]
@@ -165,3 +166,15 @@ def private_names_used(tree: ast.Module) -> Iterator[str]:
 def test_tests_use_no_private_names():
     for path in (ROOT / "tests").rglob("*.py"):
         assert not list(private_names_used(ast.parse(path.read_text("utf-8")))), path
+
+
+@pytest.mark.parametrize(
+    ("folders", "most"),
+    [((*FOLDERS, "megalopta", "examples"), 66_100), (("tests",), 32_200)],
+    ids=["sources", "tests"],
+)
+def test_a_new_line_is_paid_by_an_old_one(folders, most):
+    """The limits are what the house has reached: they only ever go down."""
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py*")]
+    lines = sum(path.read_text("utf-8").count("\n") for path in files if path.suffix != ".pyc")
+    assert lines <= most, f"{lines} lines: delete or simplify as many as you add"
