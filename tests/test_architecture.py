@@ -170,11 +170,11 @@ def test_tests_use_no_private_names():
 
 @pytest.mark.parametrize(
     ("folders", "most"),
-    [((*FOLDERS, "megalopta", "examples"), 66_100), (("tests",), 32_200)],
+    [((*FOLDERS, "megalopta", "examples"), 65_800), (("tests",), 32_200)],
     ids=["sources", "tests"],
 )
 def test_a_new_line_is_paid_by_an_old_one(folders, most):
     """The limits are what the house has reached: they only ever go down."""
-    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py*")]
-    lines = sum(path.read_text("utf-8").count("\n") for path in files if path.suffix != ".pyc")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    lines = sum(path.read_text("utf-8").count("\n") for path in files)
     assert lines <= most, f"{lines} lines: delete or simplify as many as you add"
