@@ -42,7 +42,7 @@ test-lowest:
 	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct \
 		--editable '.[all]' 'pytest>=9.0' 'pytest-xdist>=3.8'
 	$(LOWEST)/bin/python -m pytest --numprocesses auto --dist loadfile -m 'not slow' tests/sensor/formats \
-		tests/megalopta/core/test_zarr_store.py tests/megalopta/core/test_hdf5.py tests/megalopta/stages tests/render/footage tests/scenes/meshes tests/flow/test_formats.py
+		tests/megalopta/core/test_bounded.py tests/megalopta/stages tests/render/footage tests/scenes/meshes tests/flow/test_formats.py
 
 test-all: test test-slow test-scalar
 
