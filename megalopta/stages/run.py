@@ -6,8 +6,8 @@ stale     of other settings, or of software that gives other numbers: refused wi
 missing   made; where it was begun with the same settings and software, what is there is kept
 
 A file appears whole or not at all, and the record of a sequence is written after its files. A kill
-at any moment so leaves files that no record lists, which the next run removes, or continues if
-SEQ.begun says that they are of the same settings and software.
+at any moment so leaves files that no record lists. The next run continues them if SEQ.begun says
+that they are of the same settings and software; with others it refuses, or removes what is derived.
 """
 
 import json
@@ -116,13 +116,13 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
     root, settings, former = dataset.root, dataset.configuration, dataset.former
     known = former.stages
     stale = [name for name in known if known[name].settings != stage_hash(settings, name)]
-    changes = _differences(dataset, stale)
+    changes = _differences(former, dataset.record_path, settings, stale)
     if stale and not redo:
         raise UserError(
             f"{root} holds {' and '.join(stale)} output of another configuration ({changes}); "
             "choose another folder, or add --redo to replace it"
         )
-    begun = _begun(dataset).stages
+    begun = _begun(dataset)
     todo, gone = dict[str, StageRecord](), set(stale)
     for name in stages:
         now = StageRecord(
@@ -131,7 +131,14 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
             version=__version__,
         )
         if name not in known:
-            if begun.get(name) != now:
+            if (before := begun.stages.get(name)) != now:
+                if before and not (redo or STAGES[name].is_derived) and has_output(dataset, name):
+                    change = _differences(begun, dataset.begun_path, settings, [name])
+                    change = change or provenance_changes(before.made_with, now.made_with)
+                    raise UserError(
+                        f"{root}: its {name!r} output is incomplete and of other settings or "
+                        f"software ({change}); continue with those, or add --redo to replace it"
+                    )
                 gone.add(name)
         elif redo:
             gone.add(name)
@@ -161,12 +168,14 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
     return Work(todo, tuple(removed))
 
 
-def _differences(dataset: Dataset, stages: Collection[str]) -> str:
-    """Return what stages depend on and differs from the record, at most three settings."""
+def _differences(
+    record: SequenceRecord, path: Path, settings: Configuration, stages: Collection[str]
+) -> str:
+    """Return what stages depend on and differs from a record, at most three settings."""
     if not stages:
         return ""
-    old = stored_settings(dataset.former, dataset.record_path)
-    before, now = (stage_configuration(each, *stages) for each in (old, dataset.configuration))
+    old = stored_settings(record, path)
+    before, now = (stage_configuration(each, *stages) for each in (old, settings))
     listed = differences(before, now)
     more = f" and {len(listed) - 3} more" if len(listed) > 3 else ""
     return "; ".join(listed[:3]) + more

@@ -269,7 +269,9 @@ def test_frames_of_other_settings_or_software_are_not_mixed(begun, monkeypatch, 
         monkeypatch.setitem(registry.STAGES, "render", other)
     write, written = FrameWriter.write, []
     monkeypatch.setattr(FrameWriter, "write", counting(write, written))
-    run_stage(begun, settings, "render")
+    with pytest.raises(UserError, match="incomplete and of other settings or software .*--redo"):
+        run_stage(begun, settings, "render")
+    run_stage(begun, settings, "render", redo=True)
     assert [index for _, index in written] == [0, 1, 2, 3]
     assert check_files(Tree(begun)) == []
 
