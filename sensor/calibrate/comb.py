@@ -258,7 +258,13 @@ def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> 
     else:
         # readings between two peaks would bend the curve
         state = _started(readings, start._replace(may_slope=False))
-        state, weights, numbers = _maximized(readings, state)
+        for _ in range(_MOST_ROUNDS):
+            before = state.solution
+            state = _regressed(readings, *_posterior(readings, state), state)
+            scale = np.abs(state.solution).max(axis=0)
+            if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
+                break
+        weights, numbers = _posterior(readings, state)
     counts = np.zeros_like(falls.mean_v)
     expected = (weights * numbers).sum(axis=0) * readings.times
     np.add.at(counts, (readings.level, readings.pixel), expected)
@@ -284,23 +290,18 @@ def _started(readings: _Readings, state: _State) -> _State:
     return state
 
 
-def _maximized(readings: _Readings, state: _State) -> tuple[_State, Floats, Floats]:
-    """Alternate expectation and maximization until convergence."""
-    for _ in range(_MOST_ROUNDS):
-        before = state.solution
-        state = _regressed(readings, *_posterior(readings, state), state)
-        scale = np.abs(state.solution).max(axis=0)
-        if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
-            break
-    return state, *_posterior(readings, state)
-
-
 def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
     """Probabilities of the event numbers near each reading, and these numbers, (3, E)."""
     step = state.solution[readings.pixel, 2]
     fallen = state.steps(readings)
     numbers = np.rint(state.curve.numbers(fallen, step)) + _NEIGHBORS[:, None]
-    mean = _mean_events(readings, state)[readings.level, readings.pixel]
+    # mean number of events of each level and pixel
+    exposure = np.zeros(len(readings.means))
+    exposure[readings.level] = readings.exposure
+    offset_v, leak_v_s, step_v = state.solution.T
+    steps = (readings.means - offset_v - leak_v_s * exposure[:, None]) / step_v
+    mean_events = np.maximum(state.curve.numbers(steps, step_v), 1e-3)
+    mean = mean_events[readings.level, readings.pixel]
     width = (state.noise / state.solution[:, 2])[readings.pixel]
     logs = -0.5 * ((fallen - state.curve.steps(numbers, step)) / width) ** 2
     logs += numbers * np.log(mean) - gammaln(numbers.clip(0) + 1)
@@ -311,15 +312,6 @@ def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
     weights = np.exp(logs - np.where(lost, 0, best))
     weights[:, lost], numbers[:, lost] = 1, 0
     return weights / weights.sum(axis=0), numbers
-
-
-def _mean_events(readings: _Readings, state: _State) -> Floats:
-    """Mean number of events of each level and pixel."""
-    exposure = np.zeros(len(readings.means))
-    exposure[readings.level] = readings.exposure
-    a, leak, step = state.solution.T
-    steps = (readings.means - a - leak * exposure[:, None]) / step
-    return np.asarray(np.maximum(state.curve.numbers(steps, step), 1e-3))
 
 
 def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> _State:
@@ -354,7 +346,11 @@ def _sloped(
     if error > _LARGEST_SLOPE_ERROR:
         return state
     before = state.curve.slope
-    change = _weighted_median(score[known] / left[known], left[known])
+    # weighted median, robust against pixels with miscounted peaks
+    changes, weight = score[known] / left[known], left[known]
+    order = np.argsort(changes)
+    total = np.cumsum(weight[order])
+    change = float(changes[order[np.searchsorted(total, total[-1] / 2)]])
     slope = float(np.clip(before + change, -1, 1))
     # elsewhere the first step is kept
     first = np.zeros_like(influence)
@@ -367,13 +363,6 @@ def _sloped(
     )
 
 
-def _weighted_median(values: Floats, weights: Floats) -> float:
-    """Weighted median, robust against pixels with miscounted peaks."""
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order[np.searchsorted(total, total[-1] / 2)]])
-
-
 def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> Floats:
     """Inverse of the observed information plus the share of the slope's error, (P, 3, 3)."""
     used = weights * (numbers >= readings.fewest)
@@ -382,7 +371,16 @@ def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _S
     information = complete[:, :3, :3]
     if len(weights) > 1:
         pull = state.residuals(readings, columns) / state.noise[readings.pixel] ** 2
-        information = information - _missing(readings, weights, columns[:3], pull * (used > 0))
+        # less the information that is missing because event numbers are unknown
+        line_columns = columns[:3]
+        pulls = pull * (used > 0)
+        scores = np.stack(line_columns) * pulls
+        mean = (weights * scores).sum(axis=1)
+        missing = np.empty((readings.means.shape[1], 3, 3))
+        for first, second in np.ndindex(3, 3):
+            product = (weights * scores[first] * scores[second]).sum(0) - mean[first] * mean[second]
+            missing[:, first, second] = readings.sums(product[np.newaxis])
+        information = information - missing
     unit, scale = _unit_diagonal(information)
     inverse = np.linalg.pinv(unit, hermitian=True)
     covariance = inverse / scale[:, :, None] / scale[:, None, :]
@@ -390,17 +388,6 @@ def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _S
         moved = state.slope_error * _solved(complete[:, :3, :3], complete[:, :3, 3])
         covariance = covariance + moved[:, :, None] * moved[:, None, :]
     return np.asarray(covariance)
-
-
-def _missing(readings: _Readings, weights: Floats, columns: list[Floats], pull: Floats) -> Floats:
-    """Information missing because event numbers are unknown, (P, 3, 3)."""
-    scores = np.stack(columns) * pull
-    mean = (weights * scores).sum(axis=1)
-    missing = np.empty((readings.means.shape[1], 3, 3))
-    for row, column in np.ndindex(3, 3):
-        product = (weights * scores[row] * scores[column]).sum(0) - mean[row] * mean[column]
-        missing[:, row, column] = readings.sums(product[np.newaxis])
-    return missing
 
 
 def _unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
