@@ -114,36 +114,28 @@ def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, 
     """
     order = np.argsort(falls.pixel, kind="stable")
     ends = np.searchsorted(falls.pixel[order], np.arange(around_v.size + 1))
-    found = [
-        _period_of(falls, order[start:end], around, within)
-        for around, start, end in zip(around_v, ends[:-1], ends[1:], strict=True)
-    ]
-    period, noise = np.array(found).T
-    return period, noise
-
-
-def _period_of(
-    falls: Falls, own: NDArray[np.intp], around_v: float, within: float
-) -> tuple[float, float]:
-    """Period and noise of one pixel from some of the entries."""
-    if not own.size or not around_v > 0:
-        return np.nan, np.inf
-    fall_v, times = falls.fall_v[own], falls.times[own]
-    starts = np.flatnonzero(np.diff(falls.level[own], prepend=-1))
-    teeth = max(np.ptp(fall_v) / around_v, 4.0)
-    trials = int(np.ceil(2 * within * teeth * _TRIALS_PER_PEAK)) + 3
-    frequency = np.linspace(1 - within, 1 + within, trials) / around_v
-    step = float(frequency[1] - frequency[0])
-    phase = 2j * np.pi * (fall_v - fall_v.mean())
-    wave, turn = times * np.exp(frequency[0] * phase), np.exp(step * phase)
-    power = _powers(wave, turn, np.append(starts, fall_v.size), times, trials)
-    best = int(np.clip(np.argmax(power), 1, trials - 2))
-    left, middle, right = power[best - 1 : best + 2]
-    bend = left - 2 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    height = min(max(float(middle), 1e-12), 1 - 1e-12)
-    noise = float(np.sqrt(-np.log(height) / (4 * np.pi**2)))
-    return 1 / float(frequency[best] + shift * step), noise
+    periods, noises = np.full(around_v.size, np.nan), np.full(around_v.size, np.inf)
+    for pixel, typical_v in enumerate(around_v):
+        entries = order[ends[pixel] : ends[pixel + 1]]
+        if not entries.size or not typical_v > 0:
+            continue
+        fall_v, times = falls.fall_v[entries], falls.times[entries]
+        starts = np.flatnonzero(np.diff(falls.level[entries], prepend=-1))
+        peaks = max(np.ptp(fall_v) / typical_v, 4.0)
+        trials = int(np.ceil(2 * within * peaks * _TRIALS_PER_PEAK)) + 3
+        frequency = np.linspace(1 - within, 1 + within, trials) / typical_v
+        step = float(frequency[1] - frequency[0])
+        phase = 2j * np.pi * (fall_v - fall_v.mean())
+        wave, turn = times * np.exp(frequency[0] * phase), np.exp(step * phase)
+        power = _powers(wave, turn, np.append(starts, fall_v.size), times, trials)
+        best = int(np.clip(np.argmax(power), 1, trials - 2))
+        left, middle, right = power[best - 1 : best + 2]
+        bend = left - 2 * middle + right
+        shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
+        height = min(max(float(middle), 1e-12), 1 - 1e-12)
+        noises[pixel] = float(np.sqrt(-np.log(height) / (4 * np.pi**2)))
+        periods[pixel] = 1 / float(frequency[best] + shift * step)
+    return periods, noises
 
 
 @compiled

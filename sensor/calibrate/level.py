@@ -232,10 +232,6 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
         )
     if all(np.median(level.readings) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")
-    _check_light(levels, adc)
-
-
-def _check_light(levels: Sequence[Level], adc: Adc) -> None:
     lit = [level for level in levels if not level.is_dark]
     if not lit:
         return

@@ -110,7 +110,10 @@ def counts_writer(
         def write(exposure: Exposure) -> None:
             nonlocal written
             first, written = written, written + len(exposure.counts)
-            for name, values in _arrays(exposure):
+            values_of = {name: getattr(exposure, name) for name in READINGS}
+            for name in MOMENTS if exposure.expectation else ():
+                values_of[name] = getattr(exposure.expectation, name).astype(np.float32)
+            for name, values in values_of.items():
                 if name not in arrays:
                     most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
                     unit = origin.sensor.unit
@@ -128,13 +131,6 @@ def counts_writer(
                 arrays[name][first : first + len(values)] = values
 
         yield write
-
-
-def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name in READINGS:
-        yield name, getattr(exposure, name)
-    for name in MOMENTS if exposure.expectation else ():
-        yield name, getattr(exposure.expectation, name).astype(np.float32)
 
 
 def format_attribute() -> dict[str, Any]:

@@ -171,7 +171,18 @@ def read_raw(
     files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
     if not files:
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
-    parts = [_body(file, frame_bytes, layout) for file in files]
+    parts = []
+    for file in files:
+        content = file_bytes(file)
+        body = content[layout.header_bytes : content.size - layout.footer_bytes]
+        if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
+            body = body[: -len(_FOOTER)]
+        if body.size == 0 or body.size % frame_bytes:
+            raise ValueError(
+                f"{file}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it "
+                "is cut short or of another format, or give header_bytes and footer_bytes"
+            )
+        parts.append(body.reshape(-1, frame_bytes))
     total = sum(map(len, parts))
     range_ = wanted(total, frames, path, 8 * frame_bytes)
     chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
@@ -205,16 +216,3 @@ def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:
     depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
     counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
     return RecordedFrames(counts=counts, bit_depth=depth, source="npy", total=total)
-
-
-def _body(path: Path, frame_bytes: int, layout: PackedLayout) -> Bytes:
-    content = file_bytes(path)
-    body = content[layout.header_bytes : content.size - layout.footer_bytes]
-    if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
-        body = body[: -len(_FOOTER)]
-    if body.size == 0 or body.size % frame_bytes:
-        raise ValueError(
-            f"{path}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it is "
-            "cut short or of another format, or give header_bytes and footer_bytes"
-        )
-    return body.reshape(-1, frame_bytes)

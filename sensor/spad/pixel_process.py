@@ -349,16 +349,15 @@ def _without_dead_time(
         edges_s = cell_s * np.arange(-warm, round(end_s / cell_s) + 1)
         opened = np.diff([open_time(time_s, *gate) for time_s in edges_s]) / cell_s
         # carriers released so many cells later
-        afterpulsing = effects.afterpulsing
         fine_s = np.arange(8 * (math.ceil(longest_s / cell_s) + 2) + 1) * cell_s / 8
-        if afterpulsing.table_delays_s:
-            released = np.interp(fine_s, afterpulsing.table_delays_s, afterpulsing.table_cumulative)
+        if traps.table_delays_s:
+            released = np.interp(fine_s, traps.table_delays_s, traps.table_cumulative)
         else:
-            released = -np.expm1(-fine_s / afterpulsing.delay_s)
+            released = -np.expm1(-fine_s / traps.delay_s)
         # from a place anywhere in a cell: linear between the cells
         whole = np.concatenate([[0.0], np.cumsum((released[1:] + released[:-1]) / 16)])[::8]
         shares = np.diff(whole, n=2, prepend=0.0)
-        released_later = np.asarray(afterpulsing.mean_carriers * shares / shares.sum())
+        released_later = np.asarray(traps.mean_carriers * shares / shares.sum())
         moments.append(_hawkes(opened, warm, rate_hz * cell_s, released_later))
     return np.array(moments), work
 

@@ -120,9 +120,10 @@ def _tabulated(
     effects: AvalancheEffects,
 ) -> Moments | None:
     """Moments of pixels (P,) from tables over light, where possible and cheaper."""
+    # the first entry of each pixel, and its weights of the entries (6, P) (Lagrange)
     x = 2 * np.sqrt(arrivals) * _STEPS
     first = x.astype(np.int64) - (_POINTS // 2 - 1)
-    first, weights = first, np.array(lagrange(x - first, range(_POINTS)))
+    weights = np.array(lagrange(x - first, range(_POINTS)))
     low, high = int(first.min(initial=0)), int(first.max(initial=0)) + _POINTS
     blocks = range(low // _BLOCK, high // _BLOCK + 1)
     if arrivals.size < _BLOCK * len(blocks):
