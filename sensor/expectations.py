@@ -1,6 +1,5 @@
 """Mean and variance of events and readings, frame by frame, without drawing any."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -108,8 +107,15 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
         if len(states) == 1 and not sensor.avalanche_effects.crosstalk.is_on:
             _fill_by_rows(moments[:, frame], states[0][1], sensor, device)
             return
-        each = [_frame_moments(rates, sensor, device) for _, rates in states]
-        moments[:, frame] = each[0] if len(each) == 1 else _mixed([c for c, _ in states], each)
+        of_states = np.array([_frame_moments(rates, sensor, device) for _, rates in states])
+        if len(states) == 1:
+            moments[:, frame] = of_states[0]
+            return
+        # a mixture of distributions
+        chances = [chance for chance, _ in states]
+        means, variances = of_states[:, ::2], of_states[:, 1::2]
+        moments[::2, frame] = mean = np.tensordot(chances, means, 1)
+        moments[1::2, frame] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
 
     over_frames(state, len(rate))
     return moments
@@ -149,11 +155,3 @@ def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> F
         stuck = device.stuck >= 0
         moments[2, stuck], moments[3, stuck] = device.stuck[stuck], 0.0
     return moments
-
-
-def _mixed(chances: Sequence[float], moments: Sequence[Floats]) -> Floats:
-    """Moments of a mixture of distributions."""
-    means, variances = np.array(moments)[:, ::2], np.array(moments)[:, 1::2]
-    mean = np.tensordot(chances, means, 1)
-    variance = np.tensordot(chances, variances + (means - mean) ** 2, 1)
-    return np.stack((mean, variance), axis=1).reshape(4, *mean.shape[1:])

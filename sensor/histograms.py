@@ -34,7 +34,15 @@ def check_histograms(sensor: Sensor) -> None:
             f"exposure_s: {sensor.exposure_s:g} is more than {_MOST_PERIODS:g} periods of "
             f"{tcspc.period_s:g} s (tcspc.period_s); expose for less time"
         )
-    _check_blur(sensor)
+    longest = _MOST_WRAPPED * sensor.tcspc.period_s
+    for field in ("tcspc.pulse_sigma_s", "tcspc.decay_s", "jitter.sigma_s", "jitter.tail_s"):
+        part, key = field.split(".")
+        value = getattr(getattr(sensor, part), key)
+        if value > longest:
+            raise ValueError(
+                f"{field}: {value:g} is longer than {_MOST_WRAPPED} periods of "
+                f"{sensor.tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
+            )
     if sensor.dead_time.dead_time_s > tcspc.period_s:
         raise ValueError(
             f"dead_time.dead_time_s: {sensor.dead_time.dead_time_s:g} is longer than tcspc."
@@ -45,19 +53,6 @@ def check_histograms(sensor: Sensor) -> None:
             raise ValueError(
                 f"{name}: histograms do not include it; switch it off, or sort the times of "
                 "expose_events"
-            )
-
-
-def _check_blur(sensor: Sensor) -> None:
-    """Raise ValueError if a pulse or a time stamp is spread over too many periods to add up."""
-    longest = _MOST_WRAPPED * sensor.tcspc.period_s
-    for field in ("tcspc.pulse_sigma_s", "tcspc.decay_s", "jitter.sigma_s", "jitter.tail_s"):
-        effect, name = field.split(".")
-        value = getattr(getattr(sensor, effect), name)
-        if value > longest:
-            raise ValueError(
-                f"{field}: {value:g} is longer than {_MOST_WRAPPED} periods of "
-                f"{sensor.tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
             )
 
 

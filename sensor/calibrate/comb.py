@@ -114,36 +114,28 @@ def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, 
     """
     order = np.argsort(falls.pixel, kind="stable")
     ends = np.searchsorted(falls.pixel[order], np.arange(around_v.size + 1))
-    found = [
-        _period_of(falls, order[start:end], around, within)
-        for around, start, end in zip(around_v, ends[:-1], ends[1:], strict=True)
-    ]
-    period, noise = np.array(found).T
-    return period, noise
-
-
-def _period_of(
-    falls: Falls, own: NDArray[np.intp], around_v: float, within: float
-) -> tuple[float, float]:
-    """Period and noise of one pixel from some of the entries."""
-    if not own.size or not around_v > 0:
-        return np.nan, np.inf
-    fall_v, times = falls.fall_v[own], falls.times[own]
-    starts = np.flatnonzero(np.diff(falls.level[own], prepend=-1))
-    teeth = max(np.ptp(fall_v) / around_v, 4.0)
-    trials = int(np.ceil(2 * within * teeth * _TRIALS_PER_PEAK)) + 3
-    frequency = np.linspace(1 - within, 1 + within, trials) / around_v
-    step = float(frequency[1] - frequency[0])
-    phase = 2j * np.pi * (fall_v - fall_v.mean())
-    wave, turn = times * np.exp(frequency[0] * phase), np.exp(step * phase)
-    power = _powers(wave, turn, np.append(starts, fall_v.size), times, trials)
-    best = int(np.clip(np.argmax(power), 1, trials - 2))
-    left, middle, right = power[best - 1 : best + 2]
-    bend = left - 2 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    height = min(max(float(middle), 1e-12), 1 - 1e-12)
-    noise = float(np.sqrt(-np.log(height) / (4 * np.pi**2)))
-    return 1 / float(frequency[best] + shift * step), noise
+    periods, noises = np.full(around_v.size, np.nan), np.full(around_v.size, np.inf)
+    for pixel, typical_v in enumerate(around_v):
+        entries = order[ends[pixel] : ends[pixel + 1]]
+        if not entries.size or not typical_v > 0:
+            continue
+        fall_v, times = falls.fall_v[entries], falls.times[entries]
+        starts = np.flatnonzero(np.diff(falls.level[entries], prepend=-1))
+        peaks = max(np.ptp(fall_v) / typical_v, 4.0)
+        trials = int(np.ceil(2 * within * peaks * _TRIALS_PER_PEAK)) + 3
+        frequency = np.linspace(1 - within, 1 + within, trials) / typical_v
+        step = float(frequency[1] - frequency[0])
+        phase = 2j * np.pi * (fall_v - fall_v.mean())
+        wave, turn = times * np.exp(frequency[0] * phase), np.exp(step * phase)
+        power = _powers(wave, turn, np.append(starts, fall_v.size), times, trials)
+        best = int(np.clip(np.argmax(power), 1, trials - 2))
+        left, middle, right = power[best - 1 : best + 2]
+        bend = left - 2 * middle + right
+        shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
+        height = min(max(float(middle), 1e-12), 1 - 1e-12)
+        noises[pixel] = float(np.sqrt(-np.log(height) / (4 * np.pi**2)))
+        periods[pixel] = 1 / float(frequency[best] + shift * step)
+    return periods, noises
 
 
 @compiled
@@ -258,7 +250,13 @@ def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> 
     else:
         # readings between two peaks would bend the curve
         state = _started(readings, start._replace(may_slope=False))
-        state, weights, numbers = _maximized(readings, state)
+        for _ in range(_MOST_ROUNDS):
+            before = state.solution
+            state = _regressed(readings, *_posterior(readings, state), state)
+            scale = np.abs(state.solution).max(axis=0)
+            if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
+                break
+        weights, numbers = _posterior(readings, state)
     counts = np.zeros_like(falls.mean_v)
     expected = (weights * numbers).sum(axis=0) * readings.times
     np.add.at(counts, (readings.level, readings.pixel), expected)
@@ -284,23 +282,18 @@ def _started(readings: _Readings, state: _State) -> _State:
     return state
 
 
-def _maximized(readings: _Readings, state: _State) -> tuple[_State, Floats, Floats]:
-    """Alternate expectation and maximization until convergence."""
-    for _ in range(_MOST_ROUNDS):
-        before = state.solution
-        state = _regressed(readings, *_posterior(readings, state), state)
-        scale = np.abs(state.solution).max(axis=0)
-        if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
-            break
-    return state, *_posterior(readings, state)
-
-
 def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
     """Probabilities of the event numbers near each reading, and these numbers, (3, E)."""
     step = state.solution[readings.pixel, 2]
     fallen = state.steps(readings)
     numbers = np.rint(state.curve.numbers(fallen, step)) + _NEIGHBORS[:, None]
-    mean = _mean_events(readings, state)[readings.level, readings.pixel]
+    # mean number of events of each level and pixel
+    exposure = np.zeros(len(readings.means))
+    exposure[readings.level] = readings.exposure
+    offset_v, leak_v_s, step_v = state.solution.T
+    steps = (readings.means - offset_v - leak_v_s * exposure[:, None]) / step_v
+    mean_events = np.maximum(state.curve.numbers(steps, step_v), 1e-3)
+    mean = mean_events[readings.level, readings.pixel]
     width = (state.noise / state.solution[:, 2])[readings.pixel]
     logs = -0.5 * ((fallen - state.curve.steps(numbers, step)) / width) ** 2
     logs += numbers * np.log(mean) - gammaln(numbers.clip(0) + 1)
@@ -311,15 +304,6 @@ def _posterior(readings: _Readings, state: _State) -> tuple[Floats, Floats]:
     weights = np.exp(logs - np.where(lost, 0, best))
     weights[:, lost], numbers[:, lost] = 1, 0
     return weights / weights.sum(axis=0), numbers
-
-
-def _mean_events(readings: _Readings, state: _State) -> Floats:
-    """Mean number of events of each level and pixel."""
-    exposure = np.zeros(len(readings.means))
-    exposure[readings.level] = readings.exposure
-    a, leak, step = state.solution.T
-    steps = (readings.means - a - leak * exposure[:, None]) / step
-    return np.asarray(np.maximum(state.curve.numbers(steps, step), 1e-3))
 
 
 def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> _State:
@@ -354,7 +338,11 @@ def _sloped(
     if error > _LARGEST_SLOPE_ERROR:
         return state
     before = state.curve.slope
-    change = _weighted_median(score[known] / left[known], left[known])
+    # weighted median, robust against pixels with miscounted peaks
+    changes, weight = score[known] / left[known], left[known]
+    order = np.argsort(changes)
+    total = np.cumsum(weight[order])
+    change = float(changes[order[np.searchsorted(total, total[-1] / 2)]])
     slope = float(np.clip(before + change, -1, 1))
     # elsewhere the first step is kept
     first = np.zeros_like(influence)
@@ -367,13 +355,6 @@ def _sloped(
     )
 
 
-def _weighted_median(values: Floats, weights: Floats) -> float:
-    """Weighted median, robust against pixels with miscounted peaks."""
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order[np.searchsorted(total, total[-1] / 2)]])
-
-
 def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> Floats:
     """Inverse of the observed information plus the share of the slope's error, (P, 3, 3)."""
     used = weights * (numbers >= readings.fewest)
@@ -382,7 +363,16 @@ def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _S
     information = complete[:, :3, :3]
     if len(weights) > 1:
         pull = state.residuals(readings, columns) / state.noise[readings.pixel] ** 2
-        information = information - _missing(readings, weights, columns[:3], pull * (used > 0))
+        # less the information that is missing because event numbers are unknown
+        line_columns = columns[:3]
+        pulls = pull * (used > 0)
+        scores = np.stack(line_columns) * pulls
+        mean = (weights * scores).sum(axis=1)
+        missing = np.empty((readings.means.shape[1], 3, 3))
+        for first, second in np.ndindex(3, 3):
+            product = (weights * scores[first] * scores[second]).sum(0) - mean[first] * mean[second]
+            missing[:, first, second] = readings.sums(product[np.newaxis])
+        information = information - missing
     unit, scale = _unit_diagonal(information)
     inverse = np.linalg.pinv(unit, hermitian=True)
     covariance = inverse / scale[:, :, None] / scale[:, None, :]
@@ -390,17 +380,6 @@ def _covariance(readings: _Readings, weights: Floats, numbers: Floats, state: _S
         moved = state.slope_error * _solved(complete[:, :3, :3], complete[:, :3, 3])
         covariance = covariance + moved[:, :, None] * moved[:, None, :]
     return np.asarray(covariance)
-
-
-def _missing(readings: _Readings, weights: Floats, columns: list[Floats], pull: Floats) -> Floats:
-    """Information missing because event numbers are unknown, (P, 3, 3)."""
-    scores = np.stack(columns) * pull
-    mean = (weights * scores).sum(axis=1)
-    missing = np.empty((readings.means.shape[1], 3, 3))
-    for row, column in np.ndindex(3, 3):
-        product = (weights * scores[row] * scores[column]).sum(0) - mean[row] * mean[column]
-        missing[:, row, column] = readings.sums(product[np.newaxis])
-    return missing
 
 
 def _unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:

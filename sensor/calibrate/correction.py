@@ -294,7 +294,14 @@ def _of_means(
     curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
-    bad = _hot(dark, hot_times)
+    # three standard errors; of no count, the error is that of one
+    error = _SURE * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
+    bad = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, hot_times)
+    if 2 * int(bad.sum()) >= bad.size:
+        raise ValueError(
+            f"hot_times: {hot_times:g} times the median of the dark counts marks {bad.mean():.0%} "
+            "of the pixels; give more"
+        )
     bad |= flat.readings >= _NEARLY_FULL * curve.largest
     bad |= light < _DEADEST * np.median(light)
     if bad.all() or not np.median(light) > 0:
@@ -306,18 +313,6 @@ def _of_means(
     gain = np.where(bad, 1.0, light / even)
     gain_variance = (flat.variance + dark.variance) / even**2
     return Calibration(curve, dark.arrivals, dark.variance, gain, gain_variance, bad)
-
-
-def _hot(dark: _Mean, times: float) -> Mask:
-    """Mark hot pixels, by three standard errors; of no count, the error is that of one."""
-    error = _SURE * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
-    hot = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, times)
-    if 2 * int(hot.sum()) >= hot.size:
-        raise ValueError(
-            f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
-            "the pixels; give more"
-        )
-    return hot
 
 
 @dataclass(frozen=True, eq=False)

@@ -260,7 +260,16 @@ def calibrate_counts(
     dead = pixels.dead_pixels(counts, np.full(counts.shape, typical))
     dead |= frozen & (counts == 0) & (typical > _FEWEST_ZEROS)
     stuck = frozen & ~dead & (counts > 0)
-    capacity = 1 if is_binary else _capacity(levels)
+    capacity: int | None = 1
+    if not is_binary:
+        # the largest reading of all, if some pixel piles up there while readings vary elsewhere
+        top = max(float(level.largest.max()) for level in levels)
+        piled = [
+            ((level.largest == top) & (level.at_largest > _PILED * level.frames)).mean()
+            for level in levels
+        ]
+        several = sum(share > 0 for share in piled) > 1 or max(piled) > 2 / levels[0].total.size
+        capacity = int(top) if top > 1 and several else None
     used = np.array([_within(level, capacity) & ~dead & ~stuck for level in levels])
     spread = np.array([_excess(*pair) for pair in zip(levels, used, strict=True)])
     light_hz = np.array([level.light_hz for level in levels])
@@ -331,17 +340,6 @@ def _check(levels: Sequence[Summed]) -> None:
             raise ValueError(
                 f"{level}: no brighter than the dark; uncover the sensor or raise the light"
             )
-
-
-def _capacity(levels: Sequence[Summed]) -> int | None:
-    """Largest reading of all, if some pixel piles up there while readings vary elsewhere."""
-    top = max(float(level.largest.max()) for level in levels)
-    piled = [
-        ((level.largest == top) & (level.at_largest > _PILED * level.frames)).mean()
-        for level in levels
-    ]
-    several = sum(share > 0 for share in piled) > 1 or max(piled) > 2 / levels[0].total.size
-    return int(top) if top > 1 and several else None
 
 
 def _within(level: Summed, capacity: int | None) -> Mask:
@@ -511,7 +509,13 @@ def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Est
     frames = recorded.frames[dark][:, None, None] * used
     total = (np.array([level.total for level in recorded.levels])[dark] * used).sum(axis=0)
     number = frames.sum(axis=0)
-    ends = _binomial(total, number) if is_binary else garwood_interval(total)
+    ends = garwood_interval(total)
+    if is_binary:  # Clopper and Pearson (1934)
+        several = np.maximum(number, 1)
+        low = beta.ppf(0.025, np.maximum(total, 1e-9), several - total + 1)
+        high = beta.isf(0.025, total + 1, np.maximum(several - total, 1e-9))
+        low, high = np.where(total > 0, low, 0.0), np.where(total < several, high, 1.0)
+        ends = low * several, high * several
     value = _solved(total, frames, times, is_binary)
     scale = np.sqrt(recorded.spread[dark].max()) * np.ones(total.shape)
     if is_binary:
@@ -524,14 +528,6 @@ def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Est
     # to first order, both kinds of dead time hide the same counts
     longer = 1 + value * (dead_time.seconds if dead_time else 0.0)
     return Estimate(value, low, high).where(number > 0).scaled(longer)
-
-
-def _binomial(total: Floats, number: Floats) -> tuple[Floats, Floats]:
-    """Sums between which those of binomial numbers lie with 95 %: Clopper and Pearson (1934)."""
-    number = np.maximum(number, 1)
-    low = beta.ppf(0.025, np.maximum(total, 1e-9), number - total + 1)
-    high = beta.isf(0.025, total + 1, np.maximum(number - total, 1e-9))
-    return np.where(total > 0, low, 0.0) * number, np.where(total < number, high, 1.0) * number
 
 
 def _solved(total: Floats, frames: Floats, times: Floats, is_binary: bool) -> Floats:

@@ -98,7 +98,15 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     apart = np.where(good, counts - mean, 0)
     variance = np.where(good, counts.var(axis=0, ddof=1), 0)
     ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
-    common = _common(apart, good) / float(mean[good].mean())
+    # mean covariance of pixels at least four rows apart
+    sums, pairs = 0.0, 0
+    rows = good.shape[0]
+    totals, numbers = apart.sum(axis=2), good.sum(axis=1)
+    for row in range(rows - _FAR):
+        below = totals[:, row + _FAR :].sum(axis=1)
+        sums += float((totals[:, row] * below).sum()) / (len(apart) - 1)
+        pairs += int(numbers[row] * numbers[row + _FAR :].sum())
+    common = (sums / pairs if pairs else 0.0) / float(mean[good].mean())
     seen, error = ratios - common, errors / 2
     m = mean[good]
     # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
@@ -107,7 +115,15 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
     for _ in range(_ROUNDS_OF_BOTH):
-        relative = _solved(seen * left**2)
+        # the kernel that produces the observed covariances
+        wanted = seen * left**2
+        relative = wanted / 2
+        for _ in range(_ROUNDS):
+            response = _response(relative)
+            relative = relative - (np.array([response[place] for place in OFFSETS]) - wanted) / 2
+            total = 2 * np.abs(relative).sum()
+            if total > 0.8:
+                relative *= 0.8 / total
         left = max(fano / _response(relative)[0, 0], 1e-9) ** -0.5
     return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
 
@@ -128,7 +144,10 @@ def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floa
 
 def _pairs(apart: Floats, mean: Floats, good: Mask, offset: tuple[int, int]) -> tuple[float, float]:
     """Covariance over mean of all pairs of an offset, weighted by light; standard error."""
-    first, second = _shifted(good, offset)
+    (down, right), (rows, columns) = offset, good.shape
+    here = slice(max(-right, 0), columns - max(right, 0))
+    there = slice(max(right, 0), columns + min(right, 0))
+    first, second = (slice(0, rows - down), here), (slice(down, rows), there)
     both = good[first] & good[second]
     covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
     # brighter pairs are more precise per event: weight by inverse variance of the ratio
@@ -142,25 +161,6 @@ def _pairs(apart: Floats, mean: Floats, good: Mask, offset: tuple[int, int]) -> 
     return float((weight * covariance).sum()) / norm, error
 
 
-def _shifted(values: NDArray[Any], offset: tuple[int, int]) -> tuple[Any, Any]:
-    (down, right), (rows, columns) = offset, values.shape
-    here = slice(max(-right, 0), columns - max(right, 0))
-    there = slice(max(right, 0), columns + min(right, 0))
-    return (slice(0, rows - down), here), (slice(down, rows), there)
-
-
-def _common(apart: Floats, good: Mask) -> float:
-    """Mean covariance of pixels at least four rows apart."""
-    sums, pairs = 0.0, 0
-    rows = good.shape[0]
-    totals, numbers = apart.sum(axis=2), good.sum(axis=1)
-    for row in range(rows - _FAR):
-        below = totals[:, row + _FAR :].sum(axis=1)
-        sums += float((totals[:, row] * below).sum()) / (len(apart) - 1)
-        pairs += int(numbers[row] * numbers[row + _FAR :].sum())
-    return sums / pairs if pairs else 0.0
-
-
 def _response(share: Floats) -> Floats:
     """Covariance over mean, by offset, in an unbounded array."""
     kernel = np.zeros((_SIZE, _SIZE))
@@ -169,18 +169,6 @@ def _response(share: Floats) -> Floats:
         kernel[-down % _SIZE, -right % _SIZE] += each
     transform = np.abs(1 / (1 - np.fft.fft2(kernel))) ** 2
     return np.asarray(np.fft.ifft2(transform).real * (1 - np.square(kernel).sum()))
-
-
-def _solved(seen: Floats) -> Floats:
-    """Kernel that produces the observed covariances."""
-    share = seen / 2
-    for _ in range(_ROUNDS):
-        response = _response(share)
-        share = share - (np.array([response[offset] for offset in OFFSETS]) - seen) / 2
-        total = 2 * np.abs(share).sum()
-        if total > 0.8:
-            share *= 0.8 / total
-    return share
 
 
 FEWEST_PIXELS = 4096
@@ -218,26 +206,22 @@ def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
     for row, column in np.ndindex(PERIOD, PERIOD):
         chosen = np.zeros_like(inside)
         chosen[row::PERIOD, column::PERIOD] = inside[row::PERIOD, column::PERIOD]
-        found[row, column, _PLACES] = _shares(rates, np.argwhere(chosen))
+        places = np.argwhere(chosen)
+        down, right = np.divmod(_PLACES, _SIDE)
+        around = rates[places[:, :1] + down - REACH, places[:, 1:] + right - REACH]
+        received = rates[places[:, 0], places[:, 1]]
+        known = np.isfinite(received) & np.isfinite(around).all(axis=1)
+        if known.sum() < 4 * len(_PLACES):
+            raise ValueError(f"{known.sum()} pixels with all neighbors known; measure more")
+        matrix = np.column_stack((np.ones(known.sum()), around[known]))
+        level = float(np.median(received[known]))
+        solution = np.concatenate(([level], np.zeros(len(_PLACES))))
+        for _ in range(_ROUNDS_OF_SHARES):
+            residual = np.abs(received[known] - matrix @ solution)
+            weighted = matrix / np.maximum(residual, _FINEST * level)[:, None]
+            solution = np.linalg.solve(weighted.T @ matrix, weighted.T @ received[known])
+        found[row, column, _PLACES] = solution[1:]
     return found.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
-
-
-def _shares(rates: Floats, places: NDArray[np.int_]) -> Floats:
-    """Share that pixels at some places receive from each neighbor: least absolute residuals."""
-    down, right = np.divmod(_PLACES, _SIDE)
-    around = rates[places[:, :1] + down - REACH, places[:, 1:] + right - REACH]
-    received = rates[places[:, 0], places[:, 1]]
-    known = np.isfinite(received) & np.isfinite(around).all(axis=1)
-    if known.sum() < 4 * len(_PLACES):
-        raise ValueError(f"{known.sum()} pixels with all neighbors known; measure more")
-    matrix = np.column_stack((np.ones(known.sum()), around[known]))
-    level = float(np.median(received[known]))
-    solution = np.concatenate(([level], np.zeros(len(_PLACES))))
-    for _ in range(_ROUNDS_OF_SHARES):
-        residual = np.abs(received[known] - matrix @ solution)
-        weighted = matrix / np.maximum(residual, _FINEST * level)[:, None]
-        solution = np.linalg.solve(weighted.T @ matrix, weighted.T @ received[known])
-    return np.asarray(solution[1:])
 
 
 def kernel_of(shares: Floats) -> Crosstalk:

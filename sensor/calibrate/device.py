@@ -9,13 +9,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
+from megalopta.sensor.calibrate.comb import HIDDEN_AT, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
 from megalopta.sensor.calibrate.level import (
     Adc,
     Falls,
     Level,
-    PhotonTransfer,
     check_levels,
     falls_of,
     photon_transfer,
@@ -132,7 +131,15 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     check_levels(levels, adc)
     falls = falls_of(levels, adc)
     transfer = photon_transfer(falls)
-    step, noise = _comb(falls, transfer, adc)
+    steps = transfer.step_v
+    typical = float(np.median(steps))
+    low, high = np.percentile(steps, (16, 84)) / typical
+    error = float(np.median(transfer.step_error_v)) / typical
+    scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
+    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(steps.size))
+    within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
+    is_shallow = falls.mean_v[falls.level, falls.pixel] < _SHALLOW * adc.swing_v
+    step, noise = comb_period(falls.at(is_shallow), np.full(steps.size, typical), within)
     # outputs that the ADC cuts off look like a peak; the variance reveals them
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
@@ -154,7 +161,14 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     rows, columns = levels[0].readings.shape[1:]
     shape = rows, columns
     errors = _standard_errors(fit.covariance)
-    failed = _failed(fit, errors, falls)
+    # pixels whose peaks were misassigned: too noisy, or with an implausible leak
+    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
+    leak_v_s = fit.solution[:, 1]
+    failed |= leak_v_s < -_SURELY * errors[:, 1]
+    # peaks that are off by whole counts at the longest exposure look like leak
+    apart = np.abs(leak_v_s - np.median(leak_v_s))
+    failed |= apart > _FAR_LEAK * np.median(apart)
+    failed |= falls.frames.sum(axis=0) == 0
     errors[failed], falls.frames[:, failed] = np.nan, 0
     offset, leak, step_v = _estimates(fit.solution, errors, shape)
     mean = fit.counts / np.maximum(falls.frames, 1)
@@ -162,7 +176,11 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     read = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
     read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1)) / np.maximum(read, 1e-12)
     saturation = _saturation(counts, shape)
-    dark = _dark_counts(counts, fit.counts, shape)
+    is_dark = counts.light_hz == 0
+    live = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
+    total = fit.counts[is_dark].sum(axis=0)
+    rates = np.stack([total, *garwood_interval(total)]) / np.where(live > 0, live, np.nan)
+    dark = Estimate(*rates.reshape(3, *shape))
     if saturation["dead_time_kind"]:
         # to first order, both kinds of dead time hide the same counts
         dark = dark.scaled(1 + dark.value * float(np.nanmedian(saturation["dead_time_s"].value)))
@@ -199,31 +217,8 @@ def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list
     return [Estimate.normal(*each, shape) for each in zip(solution.T, errors.T, strict=True)]
 
 
-def _comb(falls: Falls, transfer: PhotonTransfer, adc: Adc) -> tuple[Floats, Floats]:
-    steps = transfer.step_v
-    typical = float(np.median(steps))
-    low, high = np.percentile(steps, (16, 84)) / typical
-    error = float(np.median(transfer.step_error_v)) / typical
-    scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
-    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(steps.size))
-    within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
-    is_shallow = falls.mean_v[falls.level, falls.pixel] < _SHALLOW * adc.swing_v
-    return comb_period(falls.at(is_shallow), np.full(steps.size, typical), within)
-
-
 def _standard_errors(covariance: Floats) -> Floats:
     return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0))
-
-
-def _failed(fit: CombFit, errors: Floats, falls: Falls) -> Mask:
-    """Pixels whose peaks were misassigned: too noisy, or with an implausible leak."""
-    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    leak = fit.solution[:, 1]
-    failed |= leak < -_SURELY * errors[:, 1]
-    # peaks that are off by whole counts at the longest exposure look like leak
-    apart = np.abs(leak - np.median(leak))
-    failed |= apart > _FAR_LEAK * np.median(apart)
-    return np.asarray(failed | (falls.frames.sum(axis=0) == 0))
 
 
 def garwood_interval(counts: Floats) -> tuple[Floats, Floats]:
@@ -233,14 +228,6 @@ def garwood_interval(counts: Floats) -> tuple[Floats, Floats]:
     """
     low = np.where(counts > 0, chi2.ppf(0.025, 2 * np.maximum(counts, 1e-9)) / 2, 0.0)
     return low, np.asarray(chi2.isf(0.025, 2 * (counts + 1)) / 2)
-
-
-def _dark_counts(counts: MeanCounts, sums: Floats, shape: tuple[int, int]) -> Estimate:
-    is_dark = counts.light_hz == 0
-    live = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
-    total = sums[is_dark].sum(axis=0)
-    rates = np.stack([total, *garwood_interval(total)]) / np.where(live > 0, live, np.nan)
-    return Estimate(*rates.reshape(3, *shape))
 
 
 def _saturation(counts: MeanCounts, shape: tuple[int, int]) -> Mapping[str, Any]:

@@ -159,25 +159,22 @@ def emva(
         raise ValueError("saturated above the dimmest light; add dimmer levels")
     gain = factors[1] * _slope(level[linear], noise[linear])
     half = min(steps, key=lambda step: abs(step.level - dark.level - 0.5 * level[last]))
+    # PRNU, of pixels that are not hot
+    ordinary = dark.mean < np.nanmedian(dark.mean) + _HOT * level[last]
+    more = (half.mean - dark.mean)[ordinary]
+    mean_noise = np.nanmean((half.variance / half.frames + dark.variance / dark.frames)[ordinary])
+    spread = max(float(np.nanvar(more)) - float(mean_noise), 0.0)
+    prnu = float(np.sqrt(spread) / np.nanmean(more))
     return Emva(
         responsivity=factors[0] * _slope(photons[linear], level[linear]),
         gain=gain,
         dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK) - quantization)) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
-        prnu=_nonuniformity(dark, half, level[last]),
+        prnu=prnu,
         linearity_error=float(np.mean(np.abs(deviations(dark, steps, photons[last])[1]))),
         saturation_photons=float(photons[last]),
         quantization=quantization,
     )
-
-
-def _nonuniformity(dark: Step, half: Step, saturated: float) -> float:
-    """PRNU, of pixels that are not hot."""
-    ordinary = dark.mean < np.nanmedian(dark.mean) + _HOT * saturated
-    more = (half.mean - dark.mean)[ordinary]
-    noise = np.nanmean((half.variance / half.frames + dark.variance / dark.frames)[ordinary])
-    own = max(float(np.nanvar(more)) - float(noise), 0.0)
-    return float(np.sqrt(own) / np.nanmean(more))
 
 
 def _slope(x: Floats, y: Floats) -> float:

@@ -232,10 +232,6 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
         )
     if all(np.median(level.readings) <= adc.bottom for level in levels):
         raise ValueError("all levels are saturated; expose for less or lower the light")
-    _check_light(levels, adc)
-
-
-def _check_light(levels: Sequence[Level], adc: Adc) -> None:
     lit = [level for level in levels if not level.is_dark]
     if not lit:
         return
@@ -281,7 +277,14 @@ def photon_transfer(falls: Falls) -> PhotonTransfer:
     is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
     used = (falls.frames > 0) & is_dim[:, None]
     used &= falls.mean_v >= 0
-    offset, offset_error = _intercept(falls, used & (light_hz == 0)[:, None])
+    # voltage drop at zero exposure in the dark
+    in_dark = used & (light_hz == 0)[:, None]
+    variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
+    precision = np.where(in_dark, 1 / variance, 0)
+    times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)
+    parts = np.stack([np.ones_like(times), times / times.max()], axis=-1)
+    line, line_covariance = _least_squares(parts, falls.mean_v, precision)
+    offset, offset_error = line[:, 0], np.sqrt(line_covariance[:, 0, 0])
     columns = np.stack([np.ones_like(falls.mean_v), falls.mean_v - offset], axis=-1)
     scale = np.abs(columns).max(axis=0, keepdims=True) + 1e-30
     floor = 1e-3 * float(np.median(falls.variance_v2)) + 1e-18
@@ -294,16 +297,6 @@ def photon_transfer(falls: Falls) -> PhotonTransfer:
     solution = solution / scale[0]
     error = np.sqrt(covariance[:, 1, 1]) / scale[0, :, 1]
     return PhotonTransfer(solution[:, 1], error, solution[:, 0].clip(0), offset, offset_error)
-
-
-def _intercept(falls: Falls, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Voltage drop at zero exposure in the dark, and its standard error."""
-    variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
-    weight = np.where(used, 1 / variance, 0)
-    times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)
-    columns = np.stack([np.ones_like(times), times / times.max()], axis=-1)
-    solution, covariance = _least_squares(columns, falls.mean_v, weight)
-    return solution[:, 0], np.sqrt(covariance[:, 0, 0])
 
 
 def _least_squares(columns: Floats, values: Floats, weight: Floats) -> tuple[Floats, Floats]:

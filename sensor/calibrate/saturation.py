@@ -114,14 +114,33 @@ def fit_saturation(
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
     fits = [_fitted(counts, kind) for kind in KINDS]
     joint = [_fitted(counts, each.kind, pooled(each)) for each in fits] if pooled else fits
-    totals = [_total(each) for each in joint]
+    totals = [float(np.sum(fit.log_likelihood[np.isfinite(fit.log_likelihood)])) for fit in joint]
     best = int(np.argmax(totals))
     return fits[best], totals[best] - totals[1 - best]
 
 
 def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None) -> SaturationFit:
     """Fit one kind of dead time, to efficiency and dark counts alone if it is known."""
-    solution = _started(counts, kind)
+    rate = counts.mean / counts.exposure_s[:, None]
+    used = counts.frames > 0
+    dark = used & (counts.light_hz == 0)[:, None]
+    live = np.where(dark, counts.frames * counts.exposure_s[:, None], 0)
+    d = (live * rate).sum(0) / np.maximum(live.sum(0), 1e-300)
+    light = np.where(used & (counts.light_hz > 0)[:, None], counts.light_hz[:, None], np.inf)
+    dimmest = np.argmin(light, axis=0)
+    at = dimmest, np.arange(d.size)
+    light_hz = np.maximum(counts.light_hz[dimmest], 1e-12)
+    is_lit = np.isfinite(light[at])
+    solution, most = np.zeros((d.size, 3)), np.full(d.size, -np.inf)
+    longest = float(counts.exposure_s[counts.light_hz > 0].min()) / 4
+    for tau in np.geomspace(longest * 1e-5, longest, _STARTS):
+        observed = np.maximum(rate[at] - d, 1e-9)
+        eta = observed / np.maximum(1 - rate[at] * tau, 0.2) / light_hz
+        eta = np.where(is_lit, eta, 1e-12)
+        trial = np.stack([np.maximum(d, 1e-6), eta, np.full(d.size, tau)], axis=-1)
+        value = _likelihood(counts, trial, kind)
+        better = value > most
+        solution[better], most[better] = trial[better], value[better]
     if known_s is not None:
         solution[:, 2] = known_s
     for _ in range(_ROUNDS):
@@ -137,34 +156,6 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None
     untold = ((counts.frames > 0) & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
     solution[untold, 1:], covariance[untold] = np.nan, np.nan
     return SaturationFit(kind, solution, covariance, likelihood)
-
-
-def _total(fit: SaturationFit) -> float:
-    return float(fit.log_likelihood[np.isfinite(fit.log_likelihood)].sum())
-
-
-def _started(counts: MeanCounts, kind: DeadTimeKind) -> Floats:
-    rate = counts.mean / counts.exposure_s[:, None]
-    used = counts.frames > 0
-    dark = used & (counts.light_hz == 0)[:, None]
-    live = np.where(dark, counts.frames * counts.exposure_s[:, None], 0)
-    d = (live * rate).sum(0) / np.maximum(live.sum(0), 1e-300)
-    light = np.where(used & (counts.light_hz > 0)[:, None], counts.light_hz[:, None], np.inf)
-    dimmest = np.argmin(light, axis=0)
-    at = dimmest, np.arange(d.size)
-    light_hz = np.maximum(counts.light_hz[dimmest], 1e-12)
-    is_lit = np.isfinite(light[at])
-    best, most = np.zeros((d.size, 3)), np.full(d.size, -np.inf)
-    longest = float(counts.exposure_s[counts.light_hz > 0].min()) / 4
-    for tau in np.geomspace(longest * 1e-5, longest, _STARTS):
-        observed = np.maximum(rate[at] - d, 1e-9)
-        eta = observed / np.maximum(1 - rate[at] * tau, 0.2) / light_hz
-        eta = np.where(is_lit, eta, 1e-12)
-        trial = np.stack([np.maximum(d, 1e-6), eta, np.full(d.size, tau)], axis=-1)
-        value = _likelihood(counts, trial, kind)
-        better = value > most
-        best[better], most[better] = trial[better], value[better]
-    return best
 
 
 def _moments(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[Floats, Floats]:

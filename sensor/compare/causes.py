@@ -461,23 +461,6 @@ def _accepted(fit: "_Fit", causes: Sequence[Cause]) -> tuple[Explanation, ...]:
     return ()
 
 
-def _as_if_known(left: Floats, counted: Floats, level: Ints) -> tuple[Floats, int]:
-    """Covariance in which the χ² of each level has the chance of its T²; degrees of freedom."""
-    known, freedom, blocks = np.zeros_like(counted), 0, 2 * (BLOCKS - 1)
-    for number in np.unique(level):
-        here = level == number
-        block = np.ix_(here, here)
-        inverse = _inverse(counted[block])
-        size = int(np.linalg.matrix_rank(inverse))
-        square = float(left[here] @ inverse @ left[here])
-        rest = blocks - size + 1
-        chance = f.sf(square * rest / (blocks * size), size, rest) if size else 1.0
-        wanted = chi2.isf(max(chance, 1e-290), size) if size else 0.0
-        known[block] = counted[block] * (square / wanted if wanted > 0 else 1.0)
-        freedom += size
-    return known, freedom
-
-
 def _inverse(covariance: Floats) -> Floats:
     """Inverse of a covariance matrix, for entries of any unit; 0 where nothing varies."""
     size = np.sqrt(np.diagonal(covariance))
@@ -516,7 +499,19 @@ class _Fit(NamedTuple):
             slopes = self._slopes(causes, sizes, change)
             information = slopes.T @ _inverse(covariance) @ slopes
             errors = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)).clip(0))
-        known, freedom = _as_if_known(left, self.counted, self.seen.features.level)
+        # the χ² of each level has the chance of its T²
+        known, freedom, blocks = np.zeros_like(self.counted), 0, 2 * (BLOCKS - 1)
+        for number in np.unique(self.seen.features.level):
+            here = self.seen.features.level == number
+            block = np.ix_(here, here)
+            inverse = _inverse(self.counted[block])
+            size = int(np.linalg.matrix_rank(inverse))
+            t_square = float(left[here] @ inverse @ left[here])
+            rest = blocks - size + 1
+            chance = f.sf(t_square * rest / (blocks * size), size, rest) if size else 1.0
+            wanted = chi2.isf(max(chance, 1e-290), size) if size else 0.0
+            known[block] = self.counted[block] * (t_square / wanted if wanted > 0 else 1.0)
+            freedom += size
         square = float(left @ _inverse(known + doubted) @ left)
         freedom = max(freedom - len(causes), 1)
         names = tuple(cause.name for cause in causes)

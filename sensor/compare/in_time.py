@@ -223,7 +223,23 @@ def steadied(
     _remove_drifts(found)
     for each in found:
         _remove_lines(each)
-        _remove_common_noise(each)
+        residuals, change = each.residuals, each.parts.shape_of(each.moving)
+        total, error = residuals.far_correlation()
+        if total > _NOISE_Z * error and total > _SMALLEST_SHARE:
+            reach = max(residuals.reach(change), 1e-12)
+            size = float(np.sqrt(total)) / reach
+            each.subtract((residuals.mean / reach)[:, None, None] * change)
+            _doubt(each, size / np.sqrt(len(residuals.z)), 2 * size * _mean_of(each))
+            amount = _amount(each.moving, size)
+            each.note("common noise", f"all pixels fluctuate together by {amount}")
+        signal = each.level.signal
+        # between the peaks of the comb, noise of the readout is not hidden by that of counting;
+        # what was subtracted has moved the peaks
+        is_readout_told = each.level.codes is not None and not each.unsure.is_any
+        _note_line_noise(each, residuals, signal)
+        if is_readout_told:
+            apart = np.asarray(signal - np.rint(signal), np.float32)
+            _note_line_noise(each, Residuals.of(apart, each.good), apart)
     return found
 
 
@@ -377,27 +393,6 @@ def _chance(power: Floats, series: int) -> Floats:
         return np.ones_like(power)
     scale = max(float(np.median(power)) / float(gamma.median(series)), 1e-300)
     return np.asarray(gamma.sf(power / scale, series))
-
-
-def _remove_common_noise(found: Steadied) -> None:
-    """Remove noise that all pixels share, and note that of rows and columns."""
-    residuals, change = found.residuals, found.parts.shape_of(found.moving)
-    total, error = residuals.far_correlation()
-    if total > _NOISE_Z * error and total > _SMALLEST_SHARE:
-        reach = max(residuals.reach(change), 1e-12)
-        size = float(np.sqrt(total)) / reach
-        found.subtract((residuals.mean / reach)[:, None, None] * change)
-        _doubt(found, size / np.sqrt(len(residuals.z)), 2 * size * _mean_of(found))
-        amount = _amount(found.moving, size)
-        found.note("common noise", f"all pixels fluctuate together by {amount}")
-    # between the peaks of the comb, noise of the readout is not hidden by that of counting; what
-    # was subtracted has moved the peaks
-    signal = found.level.signal
-    is_readout_told = found.level.codes is not None and not found.unsure.is_any
-    _note_line_noise(found, residuals, signal)
-    if is_readout_told:
-        apart = np.asarray(signal - np.rint(signal), np.float32)
-        _note_line_noise(found, Residuals.of(apart, found.good), apart)
 
 
 def _note_line_noise(found: Steadied, residuals: Residuals, signal: NDArray[Any]) -> None:

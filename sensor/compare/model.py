@@ -158,7 +158,19 @@ class Model:
 
         Of an analog counter, those of events: noise and rounding are the same in both recordings.
         """
-        own = self._changed(change, level.exposure_s)
+        sensor, fields = self.sensor, dict[str, Any](exposure_s=level.exposure_s)
+        if change.dead_time_s:
+            seconds = max(sensor.dead_time.dead_time_s + change.dead_time_s, 0.0)
+            kind = sensor.dead_time.kind
+            kind = "nonparalyzable" if kind == "ideal" else kind
+            fields["dead_time"] = {"kind": kind, "dead_time_s": seconds}
+        if change.carriers:
+            carriers = max(sensor.afterpulsing.mean_carriers + change.carriers, 0.0)
+            fields["afterpulsing"] = {"mean_carriers": carriers, "delay_s": self.delay_s}
+        if change.neighbors:
+            neighbors = max(sensor.crosstalk.mean_fired_neighbors + change.neighbors, 0.0)
+            fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
+        own = changed(sensor, **fields)
         rate = light_hz * (1 + change.efficiency) + change.dark_counts * self._dark_hz(light_hz)
         moments = event_moments if self.volts_per_count else reading_moments
         mean, variance = moments(np.maximum(rate, 0)[np.newaxis], own)
@@ -171,21 +183,6 @@ class Model:
     def _dark_hz(self, like: NDArray[Any]) -> Floats:
         shape = like.shape[0], like.shape[1]
         return np.asarray(draw_fixed_pattern(self.sensor, shape).dark_counts_hz, np.float64)
-
-    def _changed(self, change: Change, exposure_s: float) -> Sensor:
-        sensor, fields = self.sensor, dict[str, Any](exposure_s=exposure_s)
-        if change.dead_time_s:
-            seconds = max(sensor.dead_time.dead_time_s + change.dead_time_s, 0.0)
-            kind = sensor.dead_time.kind
-            kind = "nonparalyzable" if kind == "ideal" else kind
-            fields["dead_time"] = {"kind": kind, "dead_time_s": seconds}
-        if change.carriers:
-            carriers = max(sensor.afterpulsing.mean_carriers + change.carriers, 0.0)
-            fields["afterpulsing"] = {"mean_carriers": carriers, "delay_s": self.delay_s}
-        if change.neighbors:
-            neighbors = max(sensor.crosstalk.mean_fired_neighbors + change.neighbors, 0.0)
-            fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
-        return changed(sensor, **fields)
 
     @cached_property
     def delay_s(self) -> float:

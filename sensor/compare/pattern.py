@@ -174,7 +174,21 @@ def odd_lines(
         for index in np.flatnonzero((np.abs(z) > _LINE_Z).any(axis=0)):
             line = np.zeros(shape, np.bool_)
             line[(index,) if axis == 0 else (slice(None), index)] = True
-            cause, size = _cause_of_line(apart, line)
+            # best of four causes, and its size
+            cause_and_size, smallest = (Varying.OFFSET, 0.0), np.inf
+            for cause in (Varying.OFFSET, Varying.LIGHT, Varying.DARK_COUNTS, Varying.GAIN):
+                products = squares = total = 0.0
+                for deviations in apart:
+                    use = line & deviations.good
+                    x, y = deviations.parts.shape_of(cause)[use], deviations.counts[use]
+                    w = 1 / deviations.error[use] ** 2
+                    products += float((w * x * y).sum())
+                    squares += float((w * x * x).sum())
+                    total += float((w * y * y).sum())
+                if squares > 0 and total - products**2 / squares < smallest:
+                    cause_and_size = cause, products / squares
+                    smallest = total - products**2 / squares
+            cause, size = cause_and_size
             if cause == Varying.OFFSET and abs(size) >= _SMALLEST_OFFSET:
                 offsets.append(np.where(line, size, 0.0))
                 unit = f"{size:+.2g} counts"
@@ -201,23 +215,6 @@ def _line_z(apart: Deviations, axis: int) -> Floats:
     # lines of hot pixels scatter more than counting explains
     scatter = robust_sigma(medians)
     return np.asarray(medians / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
-
-
-def _cause_of_line(apart: Sequence[Deviations], line: Mask) -> tuple[Varying, float]:
-    """Best of four causes, and its size."""
-    best, smallest = (Varying.OFFSET, 0.0), np.inf
-    for cause in (Varying.OFFSET, Varying.LIGHT, Varying.DARK_COUNTS, Varying.GAIN):
-        products = squares = total = 0.0
-        for each in apart:
-            use = line & each.good
-            x, y = each.parts.shape_of(cause)[use], each.counts[use]
-            w = 1 / each.error[use] ** 2
-            products += float((w * x * y).sum())
-            squares += float((w * x * x).sum())
-            total += float((w * y * y).sum())
-        if squares > 0 and total - products**2 / squares < smallest:
-            best, smallest = (cause, products / squares), total - products**2 / squares
-    return best
 
 
 def odd_pixels(

@@ -345,7 +345,17 @@ def compare_recordings(
 
     Raises ValueError if levels differ in shape or have too few frames.
     """
-    _check(captured, expected)
+    if not captured or len(captured) != len(expected):
+        raise ValueError(
+            f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
+        )
+    for one, other in zip(captured, expected, strict=True):
+        shapes = one.readings.shape[1:], other.readings.shape[1:]
+        if shapes[0] != shapes[1]:
+            raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
+        fewest = min(len(one.readings), len(other.readings))
+        if fewest < _FEWEST_FRAMES:
+            raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
     shape = captured[0].readings.shape[1:]
     errors = errors or [np.zeros(shape)] * len(captured)
     known = np.isfinite(np.sum(errors, axis=0))
@@ -365,17 +375,3 @@ def compare_recordings(
         causes = causes if cleaned.are_dependent else cleaned.causes(margin)
     tests = cleaned.pixel_tests()
     return Comparison(order, tuple(cleaned.faults), causes, causes.alone, tests, margin)
-
-
-def _check(captured: Sequence[Level], expected: Sequence[Level]) -> None:
-    if not captured or len(captured) != len(expected):
-        raise ValueError(
-            f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
-        )
-    for one, other in zip(captured, expected, strict=True):
-        shapes = one.readings.shape[1:], other.readings.shape[1:]
-        if shapes[0] != shapes[1]:
-            raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
-        fewest = min(len(one.readings), len(other.readings))
-        if fewest < _FEWEST_FRAMES:
-            raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")

@@ -94,21 +94,17 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
     if isinstance(bias, FixedBias):
         return offset + bias.reverse_bias_v
     if isinstance(bias, DacBias):
-        return _at_best_code(bias, offset)
+        codes = np.floor((bias.reference_v + offset - bias.target_v) / bias.step_v)
+        if np.any((codes < 0) | (codes >= 2**bias.bits)):
+            raise ValueError(
+                f"offset_v: {offset.tolist()} V cannot be compensated between 0 and "
+                f"{bias.rail_v:g} V around reference_v {bias.reference_v:g} V; choose another "
+                "reference"
+            )
+        return np.asarray(bias.reference_v + offset - codes * bias.step_v)
     above = offset + bias.erased_v - bias.target_v
     trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
     return np.asarray(trimmed + (bias.leak_v_s * bias.age_s + bias.drift_v_k * bias.warming_k))
-
-
-def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
-    """Smallest reverse bias not below the target, V."""
-    codes = np.floor((dac.reference_v + offset - dac.target_v) / dac.step_v)
-    if np.any((codes < 0) | (codes >= 2**dac.bits)):
-        raise ValueError(
-            f"offset_v: {offset.tolist()} V cannot be compensated between 0 and {dac.rail_v:g} V "
-            f"around reference_v {dac.reference_v:g} V; choose another reference"
-        )
-    return np.asarray(dac.reference_v + offset - codes * dac.step_v)
 
 
 def drift_rate(bias: Bias) -> float:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.photodiode import (
     Photodiode,
     Reals,
@@ -95,26 +95,28 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
             f"{pixel.swing_v:g} V"
         )
     wait, bias = start(pixel, photocurrent_a)
-    guess = wait + _first_guess(pixel, photocurrent_a, bias)
-    time = guess + 0 * target
+    # first a full swing at the first current, or at one that grows by the drift alone
+    charge = pixel.capacitance_f * pixel.swing_v
+    steady = photocurrent_a + reverse_current(pixel.diode, bias, pixel.dark_scale)
+    growth = pixel.diode.zero_bias_s * np.asarray(pixel.dark_scale) * pixel.drift_v_s
+    with np.errstate(divide="ignore"):
+        swing_s = np.minimum(charge / np.maximum(steady, 0.0), np.sqrt(2 * charge / growth))
+    time = wait + swing_s + 0 * target
     seeking = np.isfinite(time)
     for _ in range(_NEWTON_STEPS):
         # each pixel separately, so that results do not depend on which are computed together
         now = np.where(seeking, time, 0.0)
-        step = np.where(seeking, _newton_step(pixel, photocurrent_a, now, target), 0.0)
+        volts = _free_discharge(pixel, photocurrent_a, now)
+        held = volts if pixel.diode.shunt_ohm is None else np.minimum(volts, pixel.swing_v)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            missing = pixel.capacitance_f * (target - volts)
+            step = missing / current(pixel, photocurrent_a, now, held)
+        step = np.where(seeking, step, 0.0)
         time = np.where(seeking, np.maximum(time + step, wait), time)
         seeking &= np.abs(step) > _RELATIVE_ERROR * time
         if not seeking.any():
             break
     return np.asarray(time)
-
-
-def _newton_step(pixel: Pixel, photocurrent_a: Reals, time_s: Floats, target: Floats) -> Floats:
-    volts = _free_discharge(pixel, photocurrent_a, time_s)
-    held = volts if pixel.diode.shunt_ohm is None else np.minimum(volts, pixel.swing_v)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        charge = pixel.capacitance_f * (target - volts)
-        return np.asarray(charge / current(pixel, photocurrent_a, time_s, held))
 
 
 def current(pixel: Pixel, photocurrent_a: Reals, time_s: Reals, discharged_v: Reals) -> Floats:
@@ -184,22 +186,18 @@ def _closed_form(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
 
 
 def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Floats) -> Floats:
-    brief = _bias_hardly_moves(pixel, bias, elapsed)
-    volts = _steps(pixel, photocurrent_a, bias, elapsed, 1)
-    if brief.all():
-        return volts
-    # per pixel, although both are computed for all: no result depends on its neighbors
-    return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, STEPS))
-
-
-def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> Mask:
-    """True where the diode's curve is straight enough over the bias range for one step."""
+    # the diode's curve is straight enough over the bias range for one step
     diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
     junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)
     conductance = np.asarray(pixel.dark_scale) * (junction + diode.shunt_s)
     grows = conductance * elapsed / (gain * pixel.capacitance_f)
     moves = (pixel.drift_v_s * elapsed + pixel.swing_v / gain) / diode.slope_v
-    return np.asarray((grows < _LITTLE) & (moves < _LITTLE))
+    brief = np.asarray((grows < _LITTLE) & (moves < _LITTLE))
+    volts = _steps(pixel, photocurrent_a, bias, elapsed, 1)
+    if brief.all():
+        return volts
+    # per pixel, although both are computed for all: no result depends on its neighbors
+    return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, STEPS))
 
 
 def _steps(
@@ -223,12 +221,3 @@ def _steps(
         fourth = slope(time + step, volts + step * third)
         volts = volts + step / 6 * (first + 2 * second + 2 * third + fourth)
     return volts
-
-
-def _first_guess(pixel: Pixel, photocurrent_a: Reals, bias: Floats) -> Floats:
-    """Time for a full swing at the first current, or at one that grows by the drift alone."""
-    charge = pixel.capacitance_f * pixel.swing_v
-    steady = photocurrent_a + reverse_current(pixel.diode, bias, pixel.dark_scale)
-    growth = pixel.diode.zero_bias_s * np.asarray(pixel.dark_scale) * pixel.drift_v_s
-    with np.errstate(divide="ignore"):
-        return np.minimum(charge / np.maximum(steady, 0.0), np.sqrt(2 * charge / growth))

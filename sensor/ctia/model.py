@@ -99,7 +99,16 @@ def draw_noise(
     if noise.photon_shot:
         volts += poisson_charge(rng, photocurrent_a * elapsed) / pixel.capacitance_f
     if noise.dark_shot:
-        volts += _dark_charge(rng, pixel, bias, elapsed) / pixel.capacitance_f
+        diode = pixel.diode
+        time = np.asarray(pixel.dark_scale) * elapsed
+        reverse, forward = junction_currents(diode, bias)
+        charge = poisson_charge(rng, reverse * time)
+        charge -= poisson_charge(rng, forward * time)
+        if diode.shunt_ohm is not None:
+            conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
+            variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
+            charge += rng.normal(0.0, np.sqrt(np.broadcast_to(variance, charge.shape)))
+        volts += charge / pixel.capacitance_f
     normal = reset_variance(noise, pixel) + noise.read_noise_v**2
     if normal > 0:
         volts += rng.normal(0.0, np.sqrt(normal), volts.shape)
@@ -124,19 +133,6 @@ def _halfway(pixel: Pixel, photocurrent_a: Floats, time_s: float) -> tuple[Float
     middle = np.where(elapsed > 0, time_s - elapsed / 2, 0.0)
     discharged = discharge(pixel, photocurrent_a, time_s) / 2
     return elapsed, np.maximum(reverse_bias(pixel, middle, discharged), bias)
-
-
-def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: Floats) -> Floats:
-    diode = pixel.diode
-    time = np.asarray(pixel.dark_scale) * elapsed
-    reverse, forward = junction_currents(diode, bias)
-    charge = poisson_charge(rng, reverse * time)
-    charge -= poisson_charge(rng, forward * time)
-    if diode.shunt_ohm is not None:
-        conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
-        variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
-        charge += rng.normal(0.0, np.sqrt(np.broadcast_to(variance, charge.shape)))
-    return charge
 
 
 def poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
@@ -285,7 +281,20 @@ def volt_moments(
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
         free = discharge(now, light[index], sensor.exposure_s)
         noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
-        moments[:, index] = _held_at(sensor.swing_v, free, noise)
+        sigma = np.sqrt(noise)
+        below = np.divide(
+            sensor.swing_v - free, sigma, out=np.full_like(free, np.inf), where=sigma > 0
+        )
+        chance = ndtr(below)
+        density = np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
+        lost = sigma * density - np.where(chance < 1, (sensor.swing_v - free) * (1 - chance), 0.0)
+        square = noise * chance - (sensor.swing_v - free) * sigma * density
+        square += np.where(chance < 1, (sensor.swing_v - free) ** 2 * (1 - chance), 0.0)
+        is_held = free >= sensor.swing_v
+        moments[:, index] = (
+            np.where(is_held, sensor.swing_v, free - lost),
+            np.where(is_held, 0.0, np.maximum(square - lost**2, 0.0)),
+        )
     return moments[0], moments[1]
 
 
@@ -314,22 +323,6 @@ def electron_moments(
 def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
     """Electrons behind readings (V) of any shape, including those of the dark current."""
     return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
-
-
-def _held_at(rail_v: float, free_v: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """Mean and variance of normal numbers clipped at a rail, where noise-free values stay."""
-    sigma = np.sqrt(noise)
-    below = np.divide(rail_v - free_v, sigma, out=np.full_like(free_v, np.inf), where=sigma > 0)
-    chance = ndtr(below)
-    density = np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
-    lost = sigma * density - np.where(chance < 1, (rail_v - free_v) * (1 - chance), 0.0)
-    square = noise * chance - (rail_v - free_v) * sigma * density
-    square += np.where(chance < 1, (rail_v - free_v) ** 2 * (1 - chance), 0.0)
-    is_held = free_v >= rail_v
-    return (
-        np.where(is_held, rail_v, free_v - lost),
-        np.where(is_held, 0.0, np.maximum(square - lost**2, 0.0)),
-    )
 
 
 def _aging(

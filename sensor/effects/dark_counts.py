@@ -90,23 +90,17 @@ def dark_count_density(dark_counts: DarkCounts, shape: tuple[int, int], device_s
     """Dark count rate per active area of every pixel of a device, (rows, columns) Hz/µm²."""
     is_hot = pixel_uniforms(shape, device_seed, "dark counts, hot") < dark_counts.hot_fraction
     rank = 1 - pixel_uniforms(shape, device_seed, "dark counts, rate")
-    return np.where(is_hot, _hot_density(dark_counts, rank), _bulk_density(dark_counts, rank))
-
-
-def _bulk_density(dark_counts: DarkCounts, rank: Floats) -> Floats:
     # rank in (0, 1] is the upper tail probability, which keeps the quantile finite
     mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
-    if sigma == 0:
-        return np.full_like(rank, mean)
-    return np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
-
-
-def _hot_density(dark_counts: DarkCounts, rank: Floats) -> Floats:
+    bulk = np.full_like(rank, mean)
+    if sigma > 0:
+        bulk = np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
     mean, sigma = dark_counts.hot_mean_hz_um2, dark_counts.hot_sigma_hz_um2
-    if sigma == 0:
-        return np.full_like(rank, mean)
-    log_variance = np.log1p((sigma / mean) ** 2)
-    return np.asarray(mean * np.exp(-np.sqrt(log_variance) * ndtri(rank) - log_variance / 2))
+    hot = np.full_like(rank, mean)
+    if sigma > 0:
+        log_variance = np.log1p((sigma / mean) ** 2)
+        hot = mean * np.exp(-np.sqrt(log_variance) * ndtri(rank) - log_variance / 2)
+    return np.where(is_hot, hot, bulk)
 
 
 _NONE_IN_A_BLOCK = np.exp(-1.0)

@@ -58,7 +58,12 @@ def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: Floats, is_stationary: bool
 ) -> Ints:
     """Draw counts; parameters as for `moments`."""
-    lower = _lower_of_pair(arrivals * dead_fraction)
+    # the lower a of the two with the same a·e^(−a), at most 1
+    a = arrivals * dead_fraction
+    lower = a.copy()
+    beyond_peak = a > 1
+    bright = a[beyond_peak]
+    lower[beyond_peak] = -lambertw(-bright * np.exp(-bright), 0).real
     counts: Ints = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
     return counts
 
@@ -104,15 +109,6 @@ def _at_least_one(x: float) -> float:
 @compiled
 def _h(x: float) -> float:
     return float(x - _at_least_one(x))
-
-
-def _lower_of_pair(a: Floats) -> Floats:
-    """Return the a' <= 1 with a'·e^(−a') = a·e^(−a)."""
-    lower = a.copy()
-    beyond_peak = a > 1
-    bright = a[beyond_peak]
-    lower[beyond_peak] = -lambertw(-bright * np.exp(-bright), 0).real
-    return lower
 
 
 @compiled

@@ -123,7 +123,10 @@ def first_photon_shares(
         Further delay of each pulse; it is moved by parts of a bin, and in between by their mixture,
         which widens it by less than a hundredth of what blurs it.
     """
-    parts = _parts(tcspc, jitter)
+    widths_s = tcspc.pulse_sigma_s, tcspc.decay_s, jitter.sigma_s, jitter.tail_s
+    blur_s = [width_s for width_s in widths_s if width_s > 0]
+    bin_s = tcspc.period_s / tcspc.bins
+    parts = int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur_s)), 1, _FINEST)) if blur_s else 1
     fine = tcspc.bins * parts
     ends = tcspc.period_s * np.arange(fine + 1) / fine
     delay_s = tcspc.delay_s % tcspc.period_s
@@ -145,44 +148,25 @@ def first_photon_shares(
         of_pulse, steady = arrivals.reshape(-1, 2, 1)[some].swapaxes(0, 1)
         own = pulse
         if later_s is not None:
-            own = _moved(pulse, later_s.reshape(-1, 1)[some] / tcspc.period_s * fine, is_blurred)
+            by = later_s.reshape(-1, 1)[some] / tcspc.period_s * fine
+            whole = np.floor(by).astype(np.int64)
+            rest = by - whole if is_blurred else 0.0
+            place = np.arange(pulse.size) - whole
+            own = np.asarray(
+                (1 - rest) * pulse[place % pulse.size] + rest * pulse[(place - 1) % pulse.size]
+            )
         mass = of_pulse * own + steady / fine
         first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
         if responses:
-            first = _blurred(first, of_pulse * own, mass, responses)
+            kinds = [first]
+            if len(responses) > 1:
+                share = np.divide(of_pulse * own, mass, out=np.zeros_like(mass), where=mass > 0)
+                kinds = [share * first, (1 - share) * first]
+            pairs = zip(kinds, responses, strict=True)
+            spectrum = sum(np.fft.rfft(kind) * response for kind, response in pairs)
+            first = np.asarray(np.fft.irfft(spectrum, first.shape[-1]))
         shares[some] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
     return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
-
-
-def _blurred(
-    first: Floats, of_pulse: Floats, mass: Floats, responses: list[NDArray[np.complex128]]
-) -> Floats:
-    """First photons (pixels, parts), late by one response, or by that of the pulse and another."""
-    kinds = [first]
-    if len(responses) > 1:
-        share = np.divide(of_pulse, mass, out=np.zeros_like(mass), where=mass > 0)
-        kinds = [share * first, (1 - share) * first]
-    pairs = zip(kinds, responses, strict=True)
-    spectrum = sum(np.fft.rfft(each) * response for each, response in pairs)
-    return np.asarray(np.fft.irfft(spectrum, first.shape[-1]))
-
-
-def _moved(pulse: Floats, by: Floats, is_mixed: bool) -> Floats:
-    """Pulse (parts,) later by so many parts, (pixels, 1)."""
-    whole = np.floor(by).astype(np.int64)
-    rest = by - whole if is_mixed else 0.0
-    place = np.arange(pulse.size) - whole
-    return np.asarray(
-        (1 - rest) * pulse[place % pulse.size] + rest * pulse[(place - 1) % pulse.size]
-    )
-
-
-def _parts(tcspc: Tcspc, jitter: Jitter) -> int:
-    """Equal parts of a bin, much shorter than what blurs the pulse."""
-    blur = [each for each in (tcspc.pulse_sigma_s, tcspc.decay_s, jitter.sigma_s, jitter.tail_s)
-            if each > 0]  # fmt: skip
-    bin_s = tcspc.period_s / tcspc.bins
-    return int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur)), 1, _FINEST)) if blur else 1
 
 
 def _response(ends: Floats, period_s: float, jitter: Jitter) -> Floats:

@@ -110,35 +110,27 @@ def counts_writer(
         def write(exposure: Exposure) -> None:
             nonlocal written
             first, written = written, written + len(exposure.counts)
-            for name, values in _arrays(exposure):
+            values_of = {name: getattr(exposure, name) for name in READINGS}
+            for name in MOMENTS if exposure.expectation else ():
+                values_of[name] = getattr(exposure.expectation, name).astype(np.float32)
+            for name, values in values_of.items():
                 if name not in arrays:
                     most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
+                    unit = origin.sensor.unit
+                    event = "electrons" if unit == "electrons" else "events"
                     arrays[name] = group.create_array(
                         name,
                         shape=(frames, *values.shape[1:]),
                         chunks=(max(1, most), *values.shape[1:]),
                         dtype=values.dtype,
                         dimension_names=("frame", "row", "column"),
-                        attributes={"unit": _unit(name, origin.sensor)},
+                        attributes={"unit": _MEANINGS[name].format(unit=unit, event=event)},
                         # so that a missing chunk is not read as darkness
                         config={"write_empty_chunks": True},
                     )
                 arrays[name][first : first + len(values)] = values
 
         yield write
-
-
-def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name in READINGS:
-        yield name, getattr(exposure, name)
-    for name in MOMENTS if exposure.expectation else ():
-        yield name, getattr(exposure.expectation, name).astype(np.float32)
-
-
-def _unit(name: str, sensor: ImageSensor) -> str:
-    """Description of an array's numbers."""
-    event = "electrons" if sensor.unit == "electrons" else "events"
-    return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
 def format_attribute() -> dict[str, Any]:

@@ -20,7 +20,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import h5py
 import numpy as np
@@ -150,7 +150,12 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
         text = json.dumps(origin.attributes()).encode()
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
             for name, waiter in waiters.items():
-                _add(file, name, starts[-1], waiter)
+                waiter.seek(0)
+                with file.open(_member(name), "w", force_zip64=True) as stored:
+                    header = {"descr": _TYPES[name], "fortran_order": False, "shape": (starts[-1],)}
+                    np.lib.format.write_array_header_1_0(stored, header)
+                    while block := waiter.read(_COPIED_BYTES):
+                        stored.write(block)
             for name, array in (
                 ("starts", np.array(starts, "<i8")),
                 ("origin", np.frombuffer(text, np.uint8)),
@@ -190,32 +195,27 @@ def _appending(
     starts = [0]
 
     def columns_of(events: Events) -> dict[str, Column]:
-        columns = _columns_of(events, origin)
+        begin = events.first_frame - origin.first_frame
+        last, end = begin + events.shape[0], origin.shape[0]
+        if events.shape[1:] != origin.shape[1:] or not 0 <= begin <= end:
+            raise ValueError(
+                f"events of frames {events.first_frame} to {origin.first_frame + last - 1}, "
+                f"{events.shape[1:]} pixels; the file is for {origin.first_frame} to "
+                f"{origin.first_frame + end - 1}, {origin.shape[1:]} pixels"
+            )
+        if max(origin.shape[1:]) > MOST_PIXELS_A_SIDE:
+            raise ValueError(f"{origin.shape[1:]} pixels; an event file has up to 65536 a side")
+        t = np.rint(events.time_s * _PICOSECONDS).astype(np.int64)
+        t += np.repeat(origin.frame_starts_ps[begin:last], np.diff(events.starts))
+        width = np.uint32(max(origin.shape[2], 1))
+        y = events.pixel // width
+        x = events.pixel - y * width
         starts.extend((starts[-1] + events.starts[1:]).tolist())
-        return columns
+        return {"t": t, "x": x.astype(np.uint16), "y": y.astype(np.uint16)}
 
     yield starts, columns_of
     if len(starts) - 1 != origin.shape[0]:
         raise ValueError(f"{path}: {len(starts) - 1} frames were written of {origin.shape[0]}")
-
-
-def _columns_of(events: Events, origin: EventOrigin) -> dict[str, Column]:
-    """Stored numbers `t`, `x` and `y` of events."""
-    begin = events.first_frame - origin.first_frame
-    last, end = begin + events.shape[0], origin.shape[0]
-    if events.shape[1:] != origin.shape[1:] or not 0 <= begin <= end:
-        raise ValueError(
-            f"events of frames {events.first_frame} to {origin.first_frame + last - 1}, "
-            f"{events.shape[1:]} pixels; the file is for {origin.first_frame} to "
-            f"{origin.first_frame + end - 1}, {origin.shape[1:]} pixels"
-        )
-    if max(origin.shape[1:]) > MOST_PIXELS_A_SIDE:
-        raise ValueError(f"{origin.shape[1:]} pixels; an event file has up to 65536 a side")
-    t = np.rint(events.time_s * _PICOSECONDS).astype(np.int64)
-    t += np.repeat(origin.frame_starts_ps[begin:last], np.diff(events.starts))
-    columns = np.uint32(max(origin.shape[2], 1))
-    y = events.pixel // columns
-    return {"t": t, "x": (events.pixel - y * columns).astype(np.uint16), "y": y.astype(np.uint16)}
 
 
 def _stored(
@@ -238,7 +238,22 @@ def _stored(
             first_frame=first_frame,
             extra=dict(json.loads(attributes["extra"])),
         )
-        _check_numbers(origin, columns, starts)
+        for key, column in {**columns, "starts": starts}.items():
+            if column.dtype != np.dtype(_TYPES.get(key, "<i8")) or column.ndim != 1:
+                raise ValueError(f"{key} is {column.dtype} {column.shape}")
+        t, x, y = columns["t"], columns["x"], columns["y"]
+        if not len(t) == len(x) == len(y):
+            raise ValueError(f"{len(t)} times, {len(x)} columns and {len(y)} rows")
+        many_frames, many_rows, many_columns = origin.shape
+        if len(starts) != many_frames + 1 or starts[0] != 0 or starts[-1] != len(t):
+            raise ValueError(f"starts do not share {len(t)} events among {many_frames} frames")
+        if np.any(np.diff(starts) < 0):
+            raise ValueError("starts decrease")
+        if t.size and (x.max() >= many_columns or y.max() >= many_rows):
+            raise ValueError(f"a pixel outside of {many_rows} × {many_columns}")
+        backward = np.flatnonzero(np.diff(t) < 0) + 1
+        if not np.isin(backward, starts).all():
+            raise ValueError("times that decrease within a frame")
     local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
     pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
     events = Events(
@@ -249,25 +264,6 @@ def _stored(
         origin.first_frame,
     )
     return StoredEvents(events=events, origin=origin)
-
-
-def _check_numbers(origin: EventOrigin, columns: Mapping[str, Column], starts: Column) -> None:
-    for name, column in {**columns, "starts": starts}.items():
-        if column.dtype != np.dtype(_TYPES.get(name, "<i8")) or column.ndim != 1:
-            raise ValueError(f"{name} is {column.dtype} {column.shape}")
-    t, x, y = columns["t"], columns["x"], columns["y"]
-    if not len(t) == len(x) == len(y):
-        raise ValueError(f"{len(t)} times, {len(x)} columns and {len(y)} rows")
-    frames, height, width = origin.shape
-    if len(starts) != frames + 1 or starts[0] != 0 or starts[-1] != len(t):
-        raise ValueError(f"starts do not share {len(t)} events among {frames} frames")
-    if np.any(np.diff(starts) < 0):
-        raise ValueError("starts decrease")
-    if t.size and (x.max() >= width or y.max() >= height):
-        raise ValueError(f"a pixel outside of {height} × {width}")
-    backward = np.flatnonzero(np.diff(t) < 0) + 1
-    if not np.isin(backward, starts).all():
-        raise ValueError("times that decrease within a frame")
 
 
 def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
@@ -282,12 +278,3 @@ def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
 def _member(name: str) -> zipfile.ZipInfo:
     """Member with a fixed date, so that equal events give equal bytes."""
     return zipfile.ZipInfo(f"{name}.npy")
-
-
-def _add(file: zipfile.ZipFile, name: str, length: int, column: IO[bytes]) -> None:
-    column.seek(0)
-    with file.open(_member(name), "w", force_zip64=True) as member:
-        header = {"descr": _TYPES[name], "fortran_order": False, "shape": (length,)}
-        np.lib.format.write_array_header_1_0(member, header)
-        while block := column.read(_COPIED_BYTES):
-            member.write(block)

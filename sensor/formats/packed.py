@@ -122,7 +122,10 @@ def read_binary_npy(
     Numbers of 8 bits may be any of these: `is_packed`, a layout, the `shape` of the image or the
     name of this program's products says it. Numbers of 0 and 1 are bits. Raises as `read_frames`.
     """
-    array = _mapped(path)
+    if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
+        raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
+    with undamaged(path, "give plain numbers, or copy it again"):
+        array = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
         raise ValueError(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
@@ -164,7 +167,29 @@ def read_raw(
     """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
     layout = layout or PackedLayout(bit_order="msb" if camera == "spad512" else "lsb")
     rows, columns = _SHAPES[camera]
-    raw, total = _raw_frames(path, rows * columns // 8, layout, frames)
+    frame_bytes = rows * columns // 8
+    files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
+    if not files:
+        raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
+    parts = []
+    for file in files:
+        content = file_bytes(file)
+        body = content[layout.header_bytes : content.size - layout.footer_bytes]
+        if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
+            body = body[: -len(_FOOTER)]
+        if body.size == 0 or body.size % frame_bytes:
+            raise ValueError(
+                f"{file}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it "
+                "is cut short or of another format, or give header_bytes and footer_bytes"
+            )
+        parts.append(body.reshape(-1, frame_bytes))
+    total = sum(map(len, parts))
+    range_ = wanted(total, frames, path, 8 * frame_bytes)
+    chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
+    for part in parts:
+        chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
+        start += len(part)
+    raw = np.concatenate(chosen)
     if camera == "swissspad2_whole":
         quarters = raw.reshape(-1, rows // 2, 4, 2, columns // 32)
         halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
@@ -191,42 +216,3 @@ def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:
     depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
     counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
     return RecordedFrames(counts=counts, bit_depth=depth, source="npy", total=total)
-
-
-def _mapped(path: Path) -> NDArray[Any]:
-    """Memory-mapped array of a file; nothing is unpickled."""
-    if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
-        raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
-    with undamaged(path, "give plain numbers, or copy it again"):
-        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-
-
-def _raw_frames(
-    path: Path, frame_bytes: int, layout: PackedLayout, frames: slice
-) -> tuple[Bytes, int]:
-    """Frames of a file or of the `.bin` files of a folder, (T, frame_bytes), and their number."""
-    files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
-    if not files:
-        raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
-    parts = [_body(file, frame_bytes, layout) for file in files]
-    total = sum(map(len, parts))
-    range_ = wanted(total, frames, path, 8 * frame_bytes)
-    chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
-    for part in parts:
-        chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
-        start += len(part)
-    return np.concatenate(chosen), total
-
-
-def _body(path: Path, frame_bytes: int, layout: PackedLayout) -> Bytes:
-    content = file_bytes(path)
-    body = content[layout.header_bytes : content.size - layout.footer_bytes]
-    if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
-        body = body[: -len(_FOOTER)]
-    if body.size == 0 or body.size % frame_bytes:
-        raise ValueError(
-            f"{path}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it is "
-            "cut "
-            "short or of another format, or give header_bytes and footer_bytes"
-        )
-    return body.reshape(-1, frame_bytes)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.sensor.formats.events import (
     HDF5_SIGNATURE,
@@ -92,7 +91,14 @@ def read_frames(
         found = read_tiff(path, frames)
     else:
         found = read_raw(path, kind, frames, layout)
-    return _expected(path, found, shape)
+    rows, columns = found.counts.shape[1:3]
+    if shape is None or (rows, columns) == tuple(shape):
+        return found
+    is_turned = (columns, rows) == tuple(shape)
+    hint = (
+        "it is transposed: exchange the axes of what is read" if is_turned else "give another file"
+    )
+    raise ValueError(f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {hint}")
 
 
 def read_events(path: str | Path) -> StoredEvents:
@@ -132,33 +138,6 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
     and ValueError if there is no such counter.
     """
     content = file_bytes(path)
-    header = _read_header(path, content)
-    counters, pixels = int(header["counters"]), int(header["pixels"])
-    if not 1 <= counter <= counters:
-        raise ValueError(f"{path}: counter {counter}; it has {counters}, give one of them")
-    is_signed = bool(header["is_signed"]) and counter < 3
-    dtype = np.dtype(f"<{'i' if is_signed else 'u'}{header['bits'] // 8}")
-    total = int(header["frames"])
-    size = total * counters * pixels * dtype.itemsize
-    if content.size != _DATA + size:
-        raise ValueError(
-            f"{path}: {content.size} bytes, but its header states {total} frames, {_DATA + size} "
-            "bytes; it is cut short or its header damaged: copy it again"
-        )
-    lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
-    counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
-    exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
-    return RecordedFrames(
-        counts=counts,
-        bit_depth=int(header["bits"]),
-        exposure_s=exposure_s,
-        source="spc3",
-        total=total,
-    )
-
-
-def _read_header(path: Path, content: NDArray[np.uint8]) -> np.void:
     if content[:8].tobytes() != _SPC3_SIGNATURE:
         raise ValueError(f"{path}: no .spc3 file of software 1.11 or later; give one")
     if content.size < _DATA:
@@ -184,7 +163,29 @@ def _read_header(path: Path, content: NDArray[np.uint8]) -> np.void:
         )
     if header["is_averaged"]:
         raise ValueError(f"{path}: holds one averaged image, no counts; save the frames themselves")
-    return header
+    counters, pixels = int(header["counters"]), int(header["pixels"])
+    if not 1 <= counter <= counters:
+        raise ValueError(f"{path}: counter {counter}; it has {counters}, give one of them")
+    is_signed = bool(header["is_signed"]) and counter < 3
+    dtype = np.dtype(f"<{'i' if is_signed else 'u'}{header['bits'] // 8}")
+    total = int(header["frames"])
+    size = total * counters * pixels * dtype.itemsize
+    if content.size != _DATA + size:
+        raise ValueError(
+            f"{path}: {content.size} bytes, but its header states {total} frames, {_DATA + size} "
+            "bytes; it is cut short or its header damaged: copy it again"
+        )
+    lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
+    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
+    counts = np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("="))
+    exposure_s = int(header["integration_10ns"]) * int(header["summed_frames"]) * 1e-8
+    return RecordedFrames(
+        counts=counts,
+        bit_depth=int(header["bits"]),
+        exposure_s=exposure_s,
+        source="spc3",
+        total=total,
+    )
 
 
 def _kind(path: Path) -> FrameKind:
@@ -203,14 +204,3 @@ def _kind(path: Path) -> FrameKind:
         f"{path}: of no format that is known, or its beginning is damaged; give one of the kinds "
         f"{', '.join(get_args(FrameKind))}"
     )
-
-
-def _expected(path: Path, found: RecordedFrames, shape: tuple[int, int] | None) -> RecordedFrames:
-    rows, columns = found.counts.shape[1:3]
-    if shape is None or (rows, columns) == tuple(shape):
-        return found
-    is_turned = (columns, rows) == tuple(shape)
-    hint = (
-        "it is transposed: exchange the axes of what is read" if is_turned else "give another file"
-    )
-    raise ValueError(f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {hint}")

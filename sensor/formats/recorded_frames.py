@@ -113,7 +113,21 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
             check_count(path, "pages", len(file.pages), _MOST_PAGES)
         stack = file.series[0]
         pages = [page for page in stack.pages if page is not None]
-        _check(path, stack, pages, size)
+        expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
+        ends = (
+            start + count
+            for part in pages
+            for start, count in zip(part.dataoffsets, part.databytecounts, strict=True)
+        )
+        if stack.nbytes > size * expansion or max(ends, default=0) > size:
+            raise ValueError(
+                f"{path}: states {stack.nbytes} bytes of frames, more than its {size} can hold; it "
+                "is cut short or damaged: copy it again"
+            )
+        if stack.ndim not in (2, 3) or stack.dtype.kind not in "uif" or "S" in stack.axes:
+            raise ValueError(
+                f"{path}: {stack.dtype} {stack.shape}; give a stack of gray frames (T, H, W)"
+            )
         total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
         frame_bytes = math.prod(stack.shape[-2:]) * (stack.dtype.itemsize + _VALUE_BYTES) / 2
         range_ = wanted(total, frames, path, frame_bytes)
@@ -144,24 +158,6 @@ def _complaining() -> Iterator[None]:
         yield
     finally:
         log.removeHandler(complaint)
-
-
-def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
-    expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
-    ends = (
-        start + count
-        for page in pages
-        for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)
-    )
-    if stack.nbytes > size * expansion or max(ends, default=0) > size:
-        raise ValueError(
-            f"{path}: states {stack.nbytes} bytes of frames, more than its {size} can hold; it "
-            "is cut short or damaged: copy it again"
-        )
-    if stack.ndim not in (2, 3) or stack.dtype.kind not in "uif" or "S" in stack.axes:
-        raise ValueError(
-            f"{path}: {stack.dtype} {stack.shape}; give a stack of gray frames (T, H, W)"
-        )
 
 
 def _exposure_s(file: Any) -> float | None:

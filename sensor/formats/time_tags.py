@@ -159,16 +159,19 @@ def _ptu(path: Path) -> TimeTags:
 def _photon_hdf5(path: Path) -> TimeTags:
     times, numbers, unit_s = [], [], 0.0
     with opened_hdf5(path) as file:
-        groups = _groups(file)
+        groups = [name for name in file if name.startswith("photon_data")]
+        if not groups:
+            raise ValueError("no photon_data")
+        # in order of the spots
+        groups.sort(key=lambda name: int(name.removeprefix("photon_data") or 0))
         stamps = [
             dataset_in(file, f"{name}/timestamps", "iu", 1, _DECODED_BYTES) for name in groups
         ]
         check_decoded(path, (sum(each.size for each in stamps),), _DECODED_BYTES)
         for group, each in zip(groups, stamps, strict=True):
             unit_s = _number_in(file, f"{group}/timestamps_specs/timestamps_unit")
-            has_detectors = is_in(file, f"{group}/detectors")
             number = np.zeros(each.size, np.int64)
-            if has_detectors:
+            if is_in(file, f"{group}/detectors"):
                 number = numbers_in(file, f"{group}/detectors", "iu", 1).astype(np.int64)
             if number.size != each.size or not 0 < unit_s < 1:
                 raise ValueError(
@@ -202,14 +205,6 @@ def _channels(file: h5py.File, numbers: list[Ints]) -> tuple[Ints, int]:
     each = total // len(numbers)
     by_spot = [number + each * spot for spot, number in enumerate(numbers)]
     return np.concatenate(by_spot if largest < each else numbers), total
-
-
-def _groups(file: h5py.File) -> list[str]:
-    """Names of the groups of photons, in order of the spots."""
-    found = [name for name in file if name.startswith("photon_data")]
-    if not found:
-        raise ValueError("no photon_data")
-    return sorted(found, key=lambda name: int(name.removeprefix("photon_data") or 0))
 
 
 def _number_in(file: h5py.File, name: str) -> float:

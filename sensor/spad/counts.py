@@ -248,7 +248,12 @@ def _coupled_moments(
     alone = effects.without_crosstalk
     open_s = exposure_s * open_fraction(effects.gate, exposure_s)
     is_extended = effects.dead_time.kind == "paralyzable"
-    dead_s = np.broadcast_to(_mean_dead_s(exposure_s, effects, maps), rate_hz.shape)
+    # mean look-back time: τ, or less near the start of the exposure
+    dead_s = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
+    if effects.dead_time.start != "stationary":
+        early_s = dead_s * (1 - dead_s / (2 * exposure_s))
+        dead_s = np.where(dead_s < exposure_s, early_s, exposure_s / 2)
+    dead_s = np.broadcast_to(dead_s, rate_hz.shape)
     strength = None if maps is None else maps.crosstalk
 
     def moments_at(rate: Floats) -> tuple[Floats, Floats]:
@@ -331,16 +336,6 @@ def _live(
     dead = np.maximum(counts_hz - light / (1 + own_hz * dead_s), 0.0) * dead_s
     dead = np.minimum(dead, 0.999)
     return np.asarray(1 / (1 + (1 - back) * dead / (1 - dead)))
-
-
-def _mean_dead_s(
-    exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
-) -> Floats:
-    """Mean look-back time of an exposure, s: τ, or less near its start."""
-    dead = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
-    if effects.dead_time.start == "stationary":
-        return dead
-    return np.where(dead < exposure_s, dead * (1 - dead / (2 * exposure_s)), exposure_s / 2)
 
 
 def _shifted(values: Floats, down: int, right: int) -> Floats:

@@ -67,7 +67,44 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     rates = PixelRates(shape, seed, sensor.active_area_m2, np.ones(shape), np.zeros(shape))
     for name in effects_of(type(sensor)):
         getattr(sensor, name).act_on_rates(rates)
-    _check(sensor, rates)
+    largest = float(rates.efficiency_factor.max(initial=0)) * max(sensor.efficiency.values)
+    if largest > 1:
+        raise ValueError(
+            f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
+            "measured.efficiency or bias.excess_v so that it is at most 1"
+        )
+    largest, most_hz = float(rates.dark_counts_hz.max(initial=0)), MOST_ARRIVALS / sensor.exposure_s
+    if not largest <= most_hz:
+        raise ValueError(
+            f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
+            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
+            f"lower these, at most {most_hz:g} Hz can be drawn"
+        )
+    for kind, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
+        factor = float(rates.factors.get(kind, np.zeros(1)).max(initial=0))
+        most = sensor.crosstalk.most_fired if kind == "crosstalk" else None
+        largest = factor * (most or getattr(getattr(sensor, kind), field))
+        if largest > MOST_OFFSPRING:
+            raise ValueError(
+                f"{kind}.{field}: {largest:g} in the worst pixel; lower it, {kind}."
+                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
+            )
+    capacity, stuck = sensor.counter.capacity, rates.stuck
+    wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
+    if len(wrong):
+        raise ValueError(
+            f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
+            f"0 to counter.capacity {capacity}, or -1 for pixels that work"
+        )
+    if sensor.telegraph.is_on:
+        steps = sensor.telegraph.traps * sensor.telegraph.step
+        relative = rates.factors.get("telegraph", np.ones(1))
+        largest = float((rates.dark_counts_hz * (1 + steps * relative)).max(initial=0))
+        if not largest <= most_hz:
+            raise ValueError(
+                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
+                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
+            )
     counters = (
         sensor.measured.of_counters(
             analog_pixels(sensor.counter, shape, sensor.exposure_s, seed), sensor.exposure_s
@@ -89,47 +126,6 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)
-
-
-def _check(sensor: Sensor, rates: PixelRates) -> None:
-    largest = float(rates.efficiency_factor.max(initial=0)) * max(sensor.efficiency.values)
-    if largest > 1:
-        raise ValueError(
-            f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
-            "measured.efficiency or bias.excess_v so that it is at most 1"
-        )
-    largest, most_hz = float(rates.dark_counts_hz.max(initial=0)), MOST_ARRIVALS / sensor.exposure_s
-    if not largest <= most_hz:
-        raise ValueError(
-            f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
-            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
-            f"lower these, at most {most_hz:g} Hz can be drawn"
-        )
-    for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
-        factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
-        most = sensor.crosstalk.most_fired if effect == "crosstalk" else None
-        largest = factor * (most or getattr(getattr(sensor, effect), field))
-        if largest > MOST_OFFSPRING:
-            raise ValueError(
-                f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
-                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
-            )
-    capacity, stuck = sensor.counter.capacity, rates.stuck
-    wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
-    if len(wrong):
-        raise ValueError(
-            f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
-            f"0 to counter.capacity {capacity}, or -1 for pixels that work"
-        )
-    if sensor.telegraph.is_on:
-        steps = sensor.telegraph.traps * sensor.telegraph.step
-        relative = rates.factors.get("telegraph", np.ones(1))
-        largest = float((rates.dark_counts_hz * (1 + steps * relative)).max(initial=0))
-        if not largest <= most_hz:
-            raise ValueError(
-                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
-                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
-            )
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:

@@ -159,20 +159,7 @@ def load_map(
         raise ValueError(
             f"{field}: {file.path} holds values {below}not finite; replace those pixels"
         )
-    return _window(values, shape, fit, f"{field}: {file.path}").astype(np.float64)
-
-
-def _map_of(content: bytes, path: str, field: str) -> NDArray[Any]:
-    values = plain_array(content)
-    if values is None or values.ndim != 2:
-        raise ValueError(
-            f"{field}: {path} does not hold one complete array (rows, columns) of plain numbers; "
-            "write it with numpy.save"
-        )
-    return values
-
-
-def _window(values: NDArray[Any], shape: tuple[int, int], fit: Fit, name: str) -> NDArray[Any]:
+    name = f"{field}: {file.path}"
     sizes = f"{_pixels(values.shape)}, the image {_pixels(shape)} (rows × columns)"
     spare = np.subtract(values.shape, shape)
     if spare.min() < 0:
@@ -184,7 +171,17 @@ def _window(values: NDArray[Any], shape: tuple[int, int], fit: Fit, name: str) -
             f"{name} has {sizes}; set measured.fit to top_left or center to use a part of it"
         )
     top, left = spare // 2 if fit == "center" else (0, 0)
-    return values[top : top + shape[0], left : left + shape[1]]
+    return values[top : top + shape[0], left : left + shape[1]].astype(np.float64)
+
+
+def _map_of(content: bytes, path: str, field: str) -> NDArray[Any]:
+    values = plain_array(content)
+    if values is None or values.ndim != 2:
+        raise ValueError(
+            f"{field}: {path} does not hold one complete array (rows, columns) of plain numbers; "
+            "write it with numpy.save"
+        )
+    return values
 
 
 def _pixels(shape: tuple[int, ...]) -> str:

@@ -114,7 +114,12 @@ def bright_moments(
         waits = np.exp(-rate_hz * dead.twilight_s)
         wait_s, square_s2 = waits * wait_s, waits * square_s2
     elif dead.recharge_s:
-        wait_s, square_s2 = _recharging(rate_hz, dead.recharge_s)
+        # wait (s) of a pixel that recharges
+        arrivals = (rate_hz * dead.recharge_s)[..., None]
+        times = (np.sqrt(80 / arrivals) + 40 / arrivals) * np.linspace(0, 1, 129)
+        waiting = np.exp(-arrivals * (times + np.expm1(-times)))
+        mean_wait, half_square = simpson(waiting, x=times), simpson(times * waiting, x=times)
+        wait_s, square_s2 = dead.recharge_s * mean_wait, 2 * dead.recharge_s**2 * half_square
     first_s, gap_s, variance_s2 = 1 / rate_hz, dead_s + wait_s, square_s2 - wait_s**2
     per_gap = variance_s2 / gap_s**2
     variance = per_gap * exposure_s / gap_s
@@ -139,15 +144,6 @@ def bright_moments(
     square = ((2 * (number - least) + 1) * chances).sum(axis=0)
     mean[few], variance[few] = least + above, np.maximum(square - above**2, 0.0)
     return mean, variance
-
-
-def _recharging(rate_hz: Floats, recharge_s: float) -> Moments:
-    """Mean wait (s) of a pixel that recharges, and its mean square."""
-    arrivals = (rate_hz * recharge_s)[..., None]
-    x = (np.sqrt(80 / arrivals) + 40 / arrivals) * np.linspace(0, 1, 129)
-    waiting = np.exp(-arrivals * (x + np.expm1(-x)))
-    mean, half_square = simpson(waiting, x=x), simpson(x * waiting, x=x)
-    return recharge_s * mean, 2 * recharge_s**2 * half_square
 
 
 def _windows(exposure_s: float, effects: AvalancheEffects) -> tuple[float, float, float]:

@@ -132,7 +132,15 @@ def _with_dead_time(
     step_s = dead.dead_time_s / steps
     efficiencies = np.ones(1)
     if dead.recharge_s:
-        efficiencies = _efficiencies(rate_hz, step_s, dead.recharge_s)
+        # by the steps since the one in which the dead time ended, until hardly any pixel waits
+        waits = np.linspace(0, 14, 1401)
+        waited = rate_hz * dead.recharge_s * (waits + np.expm1(-waits))
+        last = float(waits[min(int(np.searchsorted(waited, 30.0)), waits.size - 1)])
+        fraction = step_s / dead.recharge_s
+        passed = np.arange(math.ceil(last / fraction) + 2)
+        grown = -np.expm1(-fraction) / fraction
+        efficiencies = 1 - np.exp(-(passed - 1) * fraction) * grown**2
+        efficiencies[0] = 1 - 2 * (1 - grown) / fraction  # of those that come in this step
     ages = efficiencies.size
     work = (ends_s[-1] + warm_s) / step_s * (4 + states * (states + 2 * ages))
     if work > MOST_WORK or states > _MOST_CARRIERS:
@@ -151,22 +159,6 @@ def _with_dead_time(
     trapped = np.exp(xlogy(number, traps.mean_carriers) - traps.mean_carriers - gammaln(number + 1))
     _follow(pixel, trapped, efficiencies, steps, ends_s, moments)
     return moments, work
-
-
-def _efficiencies(rate_hz: float, step_s: float, recharge_s: float) -> Floats:
-    """Mean efficiency by the number of steps since the one in which the dead time ended.
-
-    It ends after steps in which hardly any pixel still waits, or all have recharged.
-    """
-    longest = np.linspace(0, 14, 1401)
-    waited = rate_hz * recharge_s * (longest + np.expm1(-longest))
-    last = float(longest[min(int(np.searchsorted(waited, 30.0)), longest.size - 1)])
-    x = step_s / recharge_s
-    steps = np.arange(math.ceil(last / x) + 2)
-    grown = -np.expm1(-x) / x
-    efficiencies = 1 - np.exp(-(steps - 1) * x) * grown**2
-    efficiencies[0] = 1 - 2 * (1 - grown) / x  # of those that come in this step
-    return np.asarray(efficiencies)
 
 
 @compiled
@@ -356,22 +348,18 @@ def _without_dead_time(
             )
         edges_s = cell_s * np.arange(-warm, round(end_s / cell_s) + 1)
         opened = np.diff([open_time(time_s, *gate) for time_s in edges_s]) / cell_s
-        moments.append(_hawkes(opened, warm, rate_hz * cell_s, _lags(cell_s, longest_s, effects)))
+        # carriers released so many cells later
+        fine_s = np.arange(8 * (math.ceil(longest_s / cell_s) + 2) + 1) * cell_s / 8
+        if traps.table_delays_s:
+            released = np.interp(fine_s, traps.table_delays_s, traps.table_cumulative)
+        else:
+            released = -np.expm1(-fine_s / traps.delay_s)
+        # from a place anywhere in a cell: linear between the cells
+        whole = np.concatenate([[0.0], np.cumsum((released[1:] + released[:-1]) / 16)])[::8]
+        shares = np.diff(whole, n=2, prepend=0.0)
+        released_later = np.asarray(traps.mean_carriers * shares / shares.sum())
+        moments.append(_hawkes(opened, warm, rate_hz * cell_s, released_later))
     return np.array(moments), work
-
-
-def _lags(cell_s: float, longest_s: float, effects: AvalancheEffects) -> Floats:
-    """Mean number of carriers released so many cells later."""
-    traps = effects.afterpulsing
-    fine_s = np.arange(8 * (math.ceil(longest_s / cell_s) + 2) + 1) * cell_s / 8
-    if traps.table_delays_s:
-        released = np.interp(fine_s, traps.table_delays_s, traps.table_cumulative)
-    else:
-        released = -np.expm1(-fine_s / traps.delay_s)
-    # from a place anywhere in a cell: linear between the cells
-    whole = np.concatenate([[0.0], np.cumsum((released[1:] + released[:-1]) / 16)])[::8]
-    shares = np.diff(whole, n=2, prepend=0.0)
-    return np.asarray(traps.mean_carriers * shares / shares.sum())
 
 
 @compiled

@@ -83,18 +83,18 @@ TABLE_2_1: dict[str, TableDevice] = {
 """Columns of Table 2.1 by preset name."""
 
 
-def _table_preset(device: TableDevice) -> dict[str, Any]:
-    return {
+_FIELDS = strict_yaml.load(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
+_FIELDS |= {
+    name: _FIELDS["ideal"]
+    | {
         "source": f"Berkovich, dissertation (2017), Table 2.1: {device.reference}, {device.node}",
         "pitch_m": device.active_area_um2**0.5 * 1e-6,
         "efficiency": {"wavelengths_nm": (200, 1100), "values": (device.peak_efficiency,) * 2},
         "bias": {"excess_v": device.excess_bias_v, "reference_v": device.excess_bias_v},
         "dark_counts": {"bulk_mean_hz_um2": device.dark_counts_hz / device.active_area_um2},
     }
-
-
-_FIELDS = strict_yaml.load(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
-_FIELDS |= {name: _FIELDS["ideal"] | _table_preset(each) for name, each in TABLE_2_1.items()}
+    for name, device in TABLE_2_1.items()
+}
 PRESETS: dict[str, Sensor] = {
     name: checked(Sensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }

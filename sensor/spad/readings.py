@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.spad.counter_moments import (
     Counter,
@@ -120,7 +120,10 @@ def _tabulated(
     effects: AvalancheEffects,
 ) -> Moments | None:
     """Moments of pixels (P,) from tables over light, where possible and cheaper."""
-    first, weights = _entries(arrivals)
+    # the first entry of each pixel, and its weights of the entries (6, P) (Lagrange)
+    x = 2 * np.sqrt(arrivals) * _STEPS
+    first = x.astype(np.int64) - (_POINTS // 2 - 1)
+    weights = np.array(lagrange(x - first, range(_POINTS)))
     low, high = int(first.min(initial=0)), int(first.max(initial=0)) + _POINTS
     blocks = range(low // _BLOCK, high // _BLOCK + 1)
     if arrivals.size < _BLOCK * len(blocks):
@@ -138,13 +141,6 @@ def _tabulated(
     if laws is None:
         return None
     return tabulated_moments(counter, pixels, exposure_s, laws, first, weights.T.copy())
-
-
-def _entries(arrivals: Floats) -> tuple[Ints, Floats]:
-    """First table entry (P,) of each pixel, and its weights of the entries (6, P) (Lagrange)."""
-    x = 2 * np.sqrt(arrivals) * _STEPS
-    first = x.astype(np.int64) - (_POINTS // 2 - 1)
-    return first, np.array(lagrange(x - first, range(_POINTS)))
 
 
 def _block_arrivals(number: int) -> Floats:

@@ -170,8 +170,3 @@ def test_stamps_are_a_mixture_of_a_normal_and_an_exponentially_modified_normal()
         return (1 - SHARE) * norm.cdf(x) + SHARE * tailed.cdf(x)
 
     assert kstest(late, mixture).pvalue > 1e-6  # false alarm 1e-6
-
-
-def test_records_without_a_tail_are_as_before_there_was_one():
-    assert Jitter(sigma_s=1e-3).model_dump() == {"sigma_s": 1e-3}
-    assert Jitter.model_validate(JITTER.model_dump()) == JITTER

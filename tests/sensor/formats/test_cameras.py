@@ -74,12 +74,6 @@ def test_swissspad2_whole_frames_are_put_together(tmp_path):
     np.testing.assert_array_equal(found.counts, bits)
 
 
-def test_raw_bits_of_an_unknown_camera_are_refused(tmp_path):
-    (tmp_path / "0.bin").write_bytes(np.packbits(draw(60, 256, 512), axis=2).tobytes())
-    with pytest.raises(ValueError, match="give one of the kinds .*swissspad2"):
-        read_frames(tmp_path)
-
-
 @pytest.mark.parametrize("dtype", ["u1", "u2", "u4", "f4"])
 def test_tiff_comes_back(tmp_path, dtype):
     frames = np.random.default_rng(0).integers(0, 250, (7, 20, 30)).astype(dtype)

@@ -13,7 +13,6 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.counters import (
-    LARGEST_CAPACITY,
     AnalogCounter,
     DigitalCounter,
     analog_pixels,
@@ -152,14 +151,6 @@ def test_steps_of_any_slope_take_the_same_swing_and_the_printed_straightness_all
         assert saturated[0].argmax() == pytest.approx(320 * (1 + slope**2 / 12), abs=3)
         first = np.diff(counts[0, :40]).mean()
         assert first == pytest.approx(1 + slope / 2, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("capacity", "dtype"),
-    [(1, np.uint16), (65535, np.uint16), (65536, np.uint32), (LARGEST_CAPACITY, np.uint32)],
-)
-def test_counts_have_the_smallest_type_that_holds_the_capacity(capacity, dtype):
-    assert empty_counts((2, 3), capacity).dtype == dtype
 
 
 @pytest.mark.parametrize(
