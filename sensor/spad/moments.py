@@ -327,7 +327,7 @@ def _in_pieces(place: Floats, exposure_s: float, effects: AvalancheEffects, shar
             if of_nodes is None:
                 pieces.append((width / 2, place[some] // (width / 2), some))
                 continue
-            found = BarycentricInterpolator(nodes, of_nodes)(place[some])
+            found = BarycentricInterpolator(nodes, of_nodes, rng=0)(place[some])
             mean = np.exp(found[:, 0])
             moments[some] = np.column_stack([mean - _NO_COUNTS, found[:, 1] * mean])
     return np.maximum(moments, 0.0)
@@ -358,7 +358,7 @@ def _piece(
     ).T
     mean += _NO_COUNTS
     values = np.column_stack([np.log(mean), variance / mean])
-    told = BarycentricInterpolator(_NODES[::2], values[::2])(_NODES[1::2])
+    told = BarycentricInterpolator(_NODES[::2], values[::2], rng=0)(_NODES[1::2])
     off_mean, off_variance = np.abs(told - values[1::2]).T
     allowed = np.maximum(0.02 * variance, 0.02)[1::2] / mean[1::2]
     is_told = np.all(off_mean < 2e-3) and np.all(off_variance < allowed)
