@@ -27,7 +27,7 @@ from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.settings import Bands
 from megalopta.render.surveys import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.scene import Environment, Lighting, Scene, SkyPattern, Sun, pattern_directions
+from megalopta.scenes.scene import Environment, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import band_means
 from megalopta.scenes.spectra.spectrum import luminous, total
 
@@ -79,17 +79,14 @@ class EnvironmentView:
     def _seen_from(self, pose: Floats) -> Image:
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
-        strips = [
-            self._pixels(self._axes[first : first + step] @ rotation)
-            for first in range(0, len(self._axes), step)
-        ]
+        strips = []
+        for first in range(0, len(self._axes), step):
+            directions = self._axes[first : first + step] @ rotation
+            colors = look_up(self._rgb, directions, self._turn)
+            height, width = (size // self._grid for size in directions.shape[:2])
+            points = colors.reshape(height, self._grid, width, self._grid, 3)
+            strips.append(points.mean(axis=(1, 3)))
         return np.concatenate(strips) @ self._band_means
-
-    def _pixels(self, directions: Image) -> Image:
-        colors = look_up(self._rgb, directions, self._turn)
-        height, width = (size // self._grid for size in directions.shape[:2])
-        points = colors.reshape(height, self._grid, width, self._grid, 3)
-        return np.asarray(points.mean(axis=(1, 3)))
 
 
 def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
@@ -170,12 +167,9 @@ def under_panorama(scene: Scene) -> Scene:
 
     Raises ValueError if it cannot be read.
     """
-    if scene.lighting is None or scene.lighting.panorama is None:
+    lighting = scene.lighting
+    if lighting is None or (panorama := lighting.panorama) is None:
         return scene
-    return replace(scene, lighting=_lighting(scene.lighting, scene.lighting.panorama))
-
-
-def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
     loaded = load_panorama(panorama)
     check_decoded(panorama.file.path, loaded.shape[:2], _LIGHT_BYTES)
     picture = turned_panorama(loaded, panorama.turn_deg)
@@ -187,7 +181,9 @@ def _lighting(lighting: Lighting, panorama: Environment) -> Lighting:
     if irradiance.any():
         parts = zip(panorama.spectra, irradiance.tolist(), strict=True)
         sun = Sun(direction, total([spectrum.scaled(factor) for spectrum, factor in parts]))
-    return replace(lighting, sun=sun, patterns=(*lighting.patterns, *patterns), panorama=None)
+    patterns = [*lighting.patterns, *patterns]
+    lit = replace(lighting, sun=sun, patterns=tuple(patterns), panorama=None)
+    return replace(scene, lighting=lit)
 
 
 def turned_panorama(picture: Image, turn_deg: float) -> Image:

@@ -57,7 +57,15 @@ def export_scene(
     Raises ValueError if plain Mitsuba cannot render the scene, or a band is beyond what is known of
     a material.
     """
-    _check(scene, camera)
+    lighting = scene.lighting
+    if not isinstance(camera, PerspectiveCamera):
+        raise ValueError(f"camera.kind {camera.kind!r}: Mitsuba has none; use 'perspective'")
+    if scene.environment or (lighting and lighting.panorama):
+        raise ValueError("a panorama has spectra that Mitsuba does not read; use an even sky")
+    if lighting and lighting.patterns:
+        raise ValueError("light.sky 'natural': Mitsuba has no such sky; use 'even'")
+    if scene.haze:
+        raise ValueError("scene.haze: haze is not exported; omit it")
     scene.check_bands(settings.bands_nm)
     with activated(choose_variant("scalar")):  # whose surfaces are Mitsuba's own
         local = pose.copy()
@@ -74,30 +82,14 @@ def export_scene(
         for name, light in (lights_of(scene.lighting) if scene.lighting else {}).items():
             writer.add(root, name, light)
         for number, mesh in enumerate(merge(scene)):
-            writer.add(root, f"mesh_{number:03d}", _shape(scene, _at(mesh, time_s), number, folder))
+            if isinstance(mesh, MovingMesh):
+                vertices, normals = mesh.vertices_at(time_s), mesh.normals_at(time_s)
+                mesh = replace(mesh, vertices=vertices, normals=normals)
+            writer.add(root, f"mesh_{number:03d}", _shape(scene, mesh, number, folder))
         ElementTree.indent(root)
         text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
         files.write_text(folder / "scene.xml", f"{text}\n")
     return folder / "scene.xml"
-
-
-def _check(scene: Scene, camera: Camera) -> None:
-    """Refuse what takes plug-ins of this program."""
-    lighting = scene.lighting
-    if not isinstance(camera, PerspectiveCamera):
-        raise ValueError(f"camera.kind {camera.kind!r}: Mitsuba has none; use 'perspective'")
-    if scene.environment or (lighting and lighting.panorama):
-        raise ValueError("a panorama has spectra that Mitsuba does not read; use an even sky")
-    if lighting and lighting.patterns:
-        raise ValueError("light.sky 'natural': Mitsuba has no such sky; use 'even'")
-    if scene.haze:
-        raise ValueError("scene.haze: haze is not exported; omit it")
-
-
-def _at(mesh: MergedMesh, time_s: float) -> MergedMesh:
-    if not isinstance(mesh, MovingMesh):
-        return mesh
-    return replace(mesh, vertices=mesh.vertices_at(time_s), normals=mesh.normals_at(time_s))
 
 
 def _shape(scene: Scene, mesh: MergedMesh, number: int, folder: Path) -> dict[str, Any]:
@@ -149,15 +141,11 @@ class _Writer:
         element = ElementTree.SubElement(parent, _TAGS[kind], type=kind, name=name)
         for key, each in value.items():
             if key == "bitmap":
-                self.add(element, "filename", self._picture(each))
+                values = np.ascontiguousarray(np.array(each))
+                name = f"textures/{hashlib.sha256(values.tobytes()).hexdigest()[:16]}.exr"
+                if not (self._folder / name).exists():  # equal pictures share a file
+                    with files.atomic_write(self._folder / name) as temporary:
+                        each.write(str(temporary))
+                self.add(element, "filename", name)
             elif key != "type":
                 self.add(element, key, each)
-
-    def _picture(self, picture: Any) -> str:
-        """Write a picture, and return its name: equal ones share a file."""
-        values = np.ascontiguousarray(np.array(picture))
-        name = f"textures/{hashlib.sha256(values.tobytes()).hexdigest()[:16]}.exr"
-        if not (self._folder / name).exists():
-            with files.atomic_write(self._folder / name) as temporary:
-                picture.write(str(temporary))
-        return name

@@ -218,14 +218,10 @@ def _write(
         try:
             OpenEXR.File(full_header, dict(channels)).write(str(temporary))
         except RuntimeError as problem:
-            raise _os_error(problem, path) from problem
-
-
-def _os_error(problem: RuntimeError, path: Path) -> OSError:
-    """System error, such as a full disk, that OpenEXR reports as text."""
-    codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]
-    code = codes[0] if codes else errno.EIO
-    return OSError(code, os.strerror(code), str(path))
+            # OpenEXR reports system errors, such as a full disk, as text.
+            codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]
+            code = codes[0] if codes else errno.EIO
+            raise OSError(code, os.strerror(code), str(path)) from problem
 
 
 def read_headers(path: Path) -> list[dict[str, Any]]:

@@ -269,7 +269,16 @@ class _Frame:
         covariance = self.covariance(part)
         level, levels = max(light[part].mean(), 1e-300), self.mean[part].mean(axis=0)
         median, tail = _relative(flicker, squares, light, part)
-        flickers, stands = self._gradient(part)
+        # Shares of the squared differences between neighbors that are due to either error.
+        flickering = still = seen = flickers = stands = 0.0
+        slope = self.standing.slope(part)
+        for both, noise, steps in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
+            flickering += float(noise[both].sum())
+            still += slope * float(both.sum())
+            seen += float((steps[both] ** 2).sum())
+        total = seen - flickering / self.passes + flickering / self.averaged
+        if total > 0:
+            flickers, stands = flickering / self.averaged / total, still / total
         return RegionNoise(
             share=float(part.mean()),
             rms=float(np.sqrt(covariance.sum()) / level),
@@ -280,20 +289,6 @@ class _Frame:
             standing=float(np.sqrt(squares[part].mean()) / level),
             standing_gradient=stands,
         )
-
-    def _gradient(self, part: Mask) -> tuple[float, float]:
-        """Shares of the squared differences between neighbors that are due to the error.
-
-        First that of the flickering error, then that of the fixed one.
-        """
-        flicker = still = seen = 0.0
-        slope = self.standing.slope(part)
-        for both, noise, light in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
-            flicker += float(noise[both].sum())
-            still += slope * float(both.sum())
-            seen += float((light[both] ** 2).sum())
-        total = seen - flicker / self.passes + flicker / self.averaged
-        return (flicker / self.averaged / total, still / total) if total > 0 else (0.0, 0.0)
 
 
 def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
@@ -348,14 +343,12 @@ def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
     NaN for blocks without light.
     """
     masked = (np.where(part, each, 0.0) for each in (squares, light, np.ones_like(light)))
-    total, lights, pixels = (_block_sums(each) for each in masked)
+    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
+    total, lights, pixels = (
+        np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1) for values in masked
+    )
     unlit = np.full_like(lights, np.nan)
     return np.asarray(np.divide(total * pixels, lights**2, out=unlit, where=lights > 0))
-
-
-def _block_sums(values: Floats) -> Floats:
-    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in values.shape)
-    return np.asarray(np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1))
 
 
 def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:

@@ -225,18 +225,14 @@ class PathIntegrator:
     def __init__(self, max_depth: int, air: Air | None = None) -> None:
         self._air = air
         self._is_scalar = is_scalar()
-        self._trace = self._tracer(max_depth)
-
-    def _tracer(self, max_depth: int) -> Any:
-        """Mitsuba's integrators for cases not covered here: haze, and one sample at a time."""
-        roulette = {"rr_depth": ROULETTE_DEPTH}
-        if self._air:
-            return mi.load_dict(
-                {"type": "volpath", "max_depth": max_depth + SCATTERINGS, **roulette}
-            )
-        if self._is_scalar:
-            return mi.load_dict({"type": "path", "max_depth": max_depth, **roulette})
-        return LightPaths(max_depth)
+        self._trace: Any
+        if air or self._is_scalar:
+            # Mitsuba's integrators trace what is not covered here: haze, and one sample at a time.
+            kind, depth = ("volpath", max_depth + SCATTERINGS) if air else ("path", max_depth)
+            described = {"type": kind, "max_depth": depth, "rr_depth": ROULETTE_DEPTH}
+            self._trace = mi.load_dict(described)
+        else:
+            self._trace = LightPaths(max_depth)
 
     @property
     def exposing(self) -> "PathIntegrator":

@@ -224,7 +224,11 @@ def lines_of_a_pose(
     if whole <= SHARED_PX:
         return lines
     most = math.floor(SHARED_PX / whole * max(lines - 1, 1)) + 1
-    return math.ceil(lines / _round_number(math.ceil(lines / most)))
+    # The next of 1, 2, 3, 4, 6, 8, 12…: kernels are compiled for each number of rows.
+    least = math.ceil(lines / most)
+    power = 1 << (least - 1).bit_length()
+    strips = power * 3 // 4 if power > 2 and power * 3 // 4 >= least else power
+    return math.ceil(lines / strips)
 
 
 def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -> float:
@@ -275,21 +279,12 @@ def _longest(camera: Camera, before: Floats, after: Floats) -> float:
     radius = np.linalg.norm(before - center[:, None], axis=-1).max(axis=1)
     near = (np.linalg.norm(center, axis=1) - radius).clip(1e-9)
     angle = np.linalg.norm(after - before, axis=-1).max(axis=1) / near
-    px = np.where(inside & np.isfinite(px), px, _px_per_rad(camera) * angle)
-    return float(px.max(initial=0.0))
-
-
-def _px_per_rad(camera: Camera) -> float:
-    """Largest number of px per angle along the image's border and its middle row and column."""
+    # Most px per angle, along the image's border and its middle row and column.
     columns, rows = np.arange(camera.width + 1.0), np.arange(camera.height + 1.0)
     rims = ([0, size // 2, size] for size in camera.shape)
     lines = [np.stack([columns, np.full_like(columns, y)], axis=-1) for y in next(rims)]
     lines += [np.stack([np.full_like(rows, x), rows], axis=-1) for x in next(rims)]
-    steps = [np.linalg.norm(np.diff(camera.toward(each), axis=0), axis=1) for each in lines]
-    return float(1 / np.concatenate(steps).min().clip(1e-9))
-
-
-def _round_number(least: int) -> int:
-    """Return the next of 1, 2, 3, 4, 6, 8, 12…: kernels are compiled for each number of rows."""
-    power = 1 << (least - 1).bit_length()
-    return power * 3 // 4 if power > 2 and power * 3 // 4 >= least else power
+    steps = [np.linalg.norm(np.diff(camera.toward(line), axis=0), axis=1) for line in lines]
+    px_per_rad = float(1 / np.concatenate(steps).min().clip(1e-9))
+    px = np.where(inside & np.isfinite(px), px, px_per_rad * angle)
+    return float(px.max(initial=0.0))

@@ -65,41 +65,36 @@ class LightMeter:
 
     def survey(self, positions: Floats) -> LightSurvey:
         """Measure above and below camera positions (N, 3), m."""
-        below = [point for each in positions if (point := self._below(each)) is not None]
+        below = []
+        for position in positions:
+            hits = rays.nearest_hits(self._scene, position, np.array([[0.0, 0.0, -1.0]]))
+            distance = float(hits.distance[0])
+            if np.isfinite(distance):
+                below.append(position - [0, 0, max(distance - _CLEARANCE_M, 0)])
         above_haze = LightMeter(self._scene, self._lighting, self._max_depth)
+        x, y, z = positions.mean(axis=0)
+        box = self._scene.bbox()
+        top = float(box.max.z) if box.valid() else z
         return LightSurvey(
-            above_haze.measure(self._above_all(positions.mean(axis=0)), seed=0),
+            above_haze.measure(np.array([x, y, max(z, top) + 1]), seed=0),
             tuple(self.measure(point, seed=1 + index) for index, point in enumerate(below)),
         )
 
     def measure(self, position: Floats, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
         lux = illuminances(self._scene, position[None], self._paths, self._integrator, seed)
+        disc_lux = 0.0
+        if self._sun is not None:
+            toward = self._sun.points(DISC_POINTS)
+            hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
+            unmet = self._air.transmittance(position, toward) if self._air else np.ones(DISC_POINTS)
+            cosine = np.where(hidden, 0, unmet * np.maximum(toward[:, 2], 0)).mean()
+            disc_lux = float(luminous(self._sun.irradiance) * cosine)
         return Illuminance(
             tuple(position.tolist()),
-            float(lux.mean()) + self._from_disc(position),
+            float(lux.mean()) + disc_lux,
             float(lux.std() / math.sqrt(lux.size)),
         )
-
-    def _below(self, position: Floats) -> Floats | None:
-        hits = rays.nearest_hits(self._scene, position, np.array([[0.0, 0.0, -1.0]]))
-        distance = float(hits.distance[0])
-        drop = np.array([0, 0, max(distance - _CLEARANCE_M, 0)])
-        return position - drop if np.isfinite(distance) else None
-
-    def _above_all(self, position: Floats) -> Floats:
-        box = self._scene.bbox()
-        top = float(box.max.z) if box.valid() else position[2]
-        return np.array([position[0], position[1], max(position[2], top) + 1])
-
-    def _from_disc(self, position: Floats) -> float:
-        if self._sun is None:
-            return 0.0
-        toward = self._sun.points(DISC_POINTS)
-        hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
-        unmet = self._air.transmittance(position, toward) if self._air else np.ones(DISC_POINTS)
-        cosine = np.where(hidden, 0, unmet * np.maximum(toward[:, 2], 0)).mean()
-        return float(luminous(self._sun.irradiance) * cosine)
 
 
 def illuminances(

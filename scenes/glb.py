@@ -5,7 +5,6 @@ colors in linear sRGB as seen in D65, of 8 bits. Light, cameras, transmittance a
 written. Objects that bend or move are written as they are at the time.
 """
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +12,11 @@ from PIL import Image
 
 from megalopta.core.arrays import Floats
 from megalopta.scenes.material import ColorTexture, Material
-from megalopta.scenes.scene import Placement, Scene
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import band_means, encode_srgb, linear_srgb
 from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, flat
 
 if TYPE_CHECKING:
-    import trimesh
-    from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
 _BANDS = tuple((float(nm), nm + 10.0) for nm in range(380, 740, 10))
@@ -29,32 +26,27 @@ _Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
 def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
     """Return the objects of a scene at a time as the content of a GLB file, with y up."""
     import trimesh  # slow
+    from trimesh.visual import TextureVisuals
 
     surfaces = {name: _surface(material) for name, material in scene.materials.items()}
     whole, taken = trimesh.Scene(base_frame="world"), set()
     for number, placement in enumerate(scene.placements, 1):
-        for part, mesh, pose in _parts(scene, placement, time_s):
+        for part, at_rest in scene.assets[placement.asset].parts.items():
+            pose, mesh = placement.to_world, at_rest.copy()
+            if placement.motion is not None:  # in the world
+                placed = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+                mesh.vertices, pose = placement.motion.carry(placed, time_s), np.eye(4)
             geometry = f"{placement.asset}/{part}" + (f"/{number}" if placement.motion else "")
             if geometry not in whole.geometry:
-                mesh.visual = _visual(mesh, surfaces[part])
+                uv, nowhere = getattr(mesh.visual, "uv", None), np.zeros((len(mesh.vertices), 2))
+                uv = nowhere if uv is None else uv
+                mesh.visual = TextureVisuals(uv=uv, material=surfaces[part])
                 whole.geometry[geometry] = mesh
             node = f"{placement.kind} {number}"
             name = f"{node} {part}" if node in taken else node
             taken.add(name)
             whole.graph.update(name, matrix=_Y_UP @ pose, geometry=geometry)
     return bytes(whole.export(file_type="glb"))
-
-
-def _parts(
-    scene: Scene, placement: Placement, time_s: float
-) -> Iterator[tuple[str, "trimesh.Trimesh", Floats]]:
-    """Yield material, mesh and pose of the parts of an object; of a moving one in the world."""
-    for part, mesh in scene.assets[placement.asset].parts.items():
-        pose, copy = placement.to_world, mesh.copy()
-        if placement.motion is not None:
-            placed = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
-            copy.vertices, pose = placement.motion.carry(placed, time_s), np.eye(4)
-        yield part, copy, pose
 
 
 def _surface(material: Material) -> "PBRMaterial":
@@ -82,10 +74,3 @@ def _color(reflectance: Spectrum) -> Floats:
     shares = band_means([reflectance, flat(1.0)], _BANDS) * light
     colors = linear_srgb(shares, _BANDS, white)
     return np.asarray(np.clip(colors[0] / colors[1].max(), 0, 1))
-
-
-def _visual(mesh: "trimesh.Trimesh", surface: "PBRMaterial") -> "TextureVisuals":
-    from trimesh.visual import TextureVisuals
-
-    uv, nowhere = getattr(mesh.visual, "uv", None), np.zeros((len(mesh.vertices), 2))
-    return TextureVisuals(uv=nowhere if uv is None else uv, material=surface)

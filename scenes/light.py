@@ -114,9 +114,17 @@ class Light(Record, frozen=True):
         """Return the level with all overrides applied."""
         level = LEVELS[self.level]
         if self.disc_fraction is not None and level.disc:
-            level = _with_disc(level, self.disc_fraction)
+            lit = {light.name: light for light in level.components}
+            disc, sky = next((lit[a], lit[b]) for a, b in _OF_ONE_SOURCE.items() if a in lit)
+            of_source = disc.illuminance_lux + sky.illuminance_lux
+            parts = shared((disc, sky), of_source, self.disc_fraction)
+            others = tuple(light for light in level.components if light not in (disc, sky))
+            level = Illumination(level.illuminance_lux, (*parts.components, *others))
         if self.cloud_cover:
-            level = _clouded(level, self.cloud_cover)
+            gaps, share = 1 - self.cloud_cover, overcast_share(self.cloud_cover)
+            clear = tuple(light.scaled(gaps) for light in level.components) if gaps > 0 else ()
+            clouds = overcast(level.components).scaled(share - gaps)
+            level = Illumination(level.illuminance_lux * share, (*clear, clouds))
         if self.illuminance_lux is not None:
             level = scaled(self.illuminance_lux, level.components)
         return level
@@ -152,23 +160,6 @@ def _direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, 
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     level = math.cos(elevation)
     return level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
-
-
-def _with_disc(level: Illumination, fraction: float) -> Illumination:
-    """Return the level with sun or moon light redistributed between disc and sky."""
-    lit = {each.name: each for each in level.components}
-    disc, sky = next((lit[a], lit[b]) for a, b in _OF_ONE_SOURCE.items() if a in lit)
-    parts = shared((disc, sky), disc.illuminance_lux + sky.illuminance_lux, fraction)
-    others = tuple(each for each in level.components if each not in (disc, sky))
-    return Illumination(level.illuminance_lux, (*parts.components, *others))
-
-
-def _clouded(level: Illumination, cover: float) -> Illumination:
-    """Return lights through the gaps, and those through clouds."""
-    clear = tuple(each.scaled(1 - cover) for each in level.components) if cover < 1 else ()
-    share = overcast_share(cover)
-    clouds = overcast(level.components).scaled(share - (1 - cover))
-    return Illumination(level.illuminance_lux * share, (*clear, clouds))
 
 
 SUN_DEPTH_DEG = 6.4

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag
 
 from megalopta.assets_gen import generator
@@ -123,11 +122,9 @@ def _material(thing: MovingObject, index: int) -> Material:
     dark, bright = map(flat, thing.reflectances)
     if thing.pattern == "plain":
         return Material(bright)
-    return Material(dark, Texture(_pattern(thing.pattern, index), bright))
-
-
-def _pattern(pattern: str, index: int) -> NDArray[np.float32]:
-    if pattern == "checker":
-        return checkerboard().astype(np.float32)
-    rng = generator(index, "object")
-    return to_weight(2 * tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, rng))
+    if thing.pattern == "checker":
+        weight = checkerboard().astype(np.float32)
+    else:
+        rng = generator(index, "object")
+        weight = to_weight(2 * tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, rng))
+    return Material(dark, Texture(weight, bright))

@@ -34,7 +34,9 @@ class ToneCurve:
         """Return a curve exposed for the first of some linear images that clips no value."""
         level = brightest = 0.0
         for image in images:
-            level = level or _level(image)
+            if not level:
+                bright, middle = np.percentile(image, [_LEVEL_PERCENTILE, 50])
+                level = float(min(bright, _LEVEL_OVER_MEDIAN * middle))
             brightest = max(brightest, float(image.max()))
         level = level or brightest or 1.0
         return cls(level, max(level, brightest))
@@ -54,8 +56,3 @@ def preview(
     """
     linear = linear_srgb(radiance, bands_nm, white)
     return encode_srgb((curve or ToneCurve.of([linear]))(linear))
-
-
-def _level(linear: NDArray[np.floating]) -> float:
-    bright, middle = np.percentile(linear, [_LEVEL_PERCENTILE, 50])
-    return float(min(bright, _LEVEL_OVER_MEDIAN * middle))

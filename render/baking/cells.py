@@ -255,19 +255,14 @@ def survey(
         dr.scatter_add(seen, mi.UInt(1), at, sight.shaded)
         # Randomly the first, independent of the order of threads.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
-        packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | _packed(*sight.place)
+        i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in sight.place)
+        packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | (i * _PLACES + j)
         dr.scatter_reduce(dr.ReduceOp.Max, places, packed, at, sight.shaded)
         dr.eval(seen, places)
     met = np.flatnonzero(np.array(seen))
     cell = pages.cells(met)
     met, cell = met[np.argsort(cell)], np.sort(cell)
     return cell, np.array(seen)[met], np.array(places)[met]
-
-
-def _packed(a: Any, b: Any) -> Any:
-    """Places in cells, (a, b), packed in the lower bits of integers."""
-    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in (a, b))
-    return i * _PLACES + j
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:

@@ -248,7 +248,9 @@ class Neighborhood:
         for mesh in self._meshes:
             vertices = mesh.vertices_at(time_s)
             for part in mesh.parts:
-                center, reach = _sphere(vertices[part.vertices])
+                points = vertices[part.vertices]
+                center = (points.min(axis=0) + points.max(axis=0)) / 2.0
+                reach = float(np.linalg.norm(points - center, axis=1).max())
                 sphere = mi.Point3f(center.tolist()), mi.Float(reach**2 / _LARGEST_SHARE)
                 dr.make_opaque(sphere)  # otherwise every time would be compiled anew
                 self._spheres.append(sphere)
@@ -259,9 +261,3 @@ class Neighborhood:
         for center, reach2 in self._spheres:
             near |= dr.squared_norm(points - center) < reach2
         return near
-
-
-def _sphere(vertices: NDArray[np.float32]) -> tuple[Floats, float]:
-    """Center (3,) and radius of a sphere around points (n, 3)."""
-    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
-    return center, float(np.linalg.norm(vertices - center, axis=1).max())

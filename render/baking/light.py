@@ -75,7 +75,13 @@ class Voxels:
         size = self._pixel_rad * np.maximum(self._path.query(center)[0], NEAREST_M)
         level = np.floor(np.log2(VOXEL_PX * size)) + octaves
         voxel = np.floor(center / np.exp2(level)[:, None])
-        return _hashed([patches.mesh, level, facing, *voxel.T])
+        hashes = np.zeros(len(voxel), np.uint64)
+        for column in (patches.mesh, level, facing, *voxel.T):
+            hashes ^= column.astype(np.int64).astype(np.uint64)
+            for multiplier in _MULTIPLIERS:
+                hashes *= multiplier
+                hashes ^= hashes >> np.uint64(29)
+        return hashes
 
 
 @dataclass(frozen=True)
@@ -122,17 +128,6 @@ class Clusters:
         weight = before[:, None] + steps * self.seen[chosen][:, None]
         drawn = np.searchsorted(self.weight, weight, side="right")
         return self.members[drawn], self.places[drawn]
-
-
-def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
-    """Hash (N,) of integers in columns (N,)."""
-    found = np.zeros(len(columns[0]), np.uint64)
-    for column in columns:
-        found ^= column.astype(np.int64).astype(np.uint64)
-        for multiplier in _MULTIPLIERS:
-            found *= multiplier
-            found ^= found >> np.uint64(29)
-    return found
 
 
 def smoothed(

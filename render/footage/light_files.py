@@ -142,20 +142,16 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
     if not picture.wavelengths_nm:
         light = light * np.float32(stated.get("whiteLuminance", 1))
-    return _placed(path, light, window, np.asarray(stated["displayWindow"])), is_transparent
-
-
-def _placed(
-    path: Path, light: NDArray[Any], data: NDArray[Any], display: NDArray[Any]
-) -> NDArray[Any]:
-    """Return light of a data window on a display window; each is (2, 2), first and last (x, y)."""
-    outside = ((display - data) * [[1], [-1]]).clip(0)[:, ::-1]  # rows, columns to cut at both ends
-    lacking = ((data - display) * [[1], [-1]]).clip(0)[:, ::-1]
+    # Both windows are (2, 2), first and last (x, y).
+    display = np.asarray(stated["displayWindow"])
+    outside = ((display - window) * [[1], [-1]]).clip(0)[:, ::-1]  # rows, columns to cut
+    lacking = ((window - display) * [[1], [-1]]).clip(0)[:, ::-1]
     ends = np.array(light.shape[:2]) - outside[1]
     cut = light[outside[0, 0] : max(ends[0], 0), outside[0, 1] : max(ends[1], 0)]
     if not cut.size:
         raise DamagedFileError(f"{path} has no pixel within its displayWindow; save it again")
-    return np.pad(cut, [*lacking.T.tolist(), *[(0, 0)] * (light.ndim - 2)])
+    widths = [*lacking.T.tolist(), *[(0, 0)] * (light.ndim - 2)]
+    return np.pad(cut, widths), is_transparent
 
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:

@@ -78,7 +78,15 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
 
 def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
     """Return an array as frames; `path` names it in messages. Raises UserError."""
-    frames = _frames(path, values)
+    frames = values
+    if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
+        frames = values[None]
+    is_gray = frames.ndim == 3 and frames.shape[-1] not in (1, 2, 4)
+    if not frames.size or not (is_gray or (frames.ndim == 4 and frames.shape[-1] == 3)):
+        raise DamagedFileError(
+            f"{path} has the shape {frames.shape}; give (H, W), (T, H, W), (H, W, 3) or "
+            "(T, H, W, 3), without an alpha channel"
+        )
     check_size(path, frames.shape[1:])
     return ArrayFrames(
         path=path,
@@ -116,19 +124,6 @@ def _zipped(path: Path) -> NDArray[Any]:
         values = None
     if values is None:
         raise DamagedFileError(f"{path} holds no complete array; write it with numpy.savez")
-    return values
-
-
-def _frames(path: Path, values: NDArray[Any]) -> NDArray[Any]:
-    """Return a view (T, H, W) or (T, H, W, 3)."""
-    if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
-        values = values[None]
-    is_gray = values.ndim == 3 and values.shape[-1] not in (1, 2, 4)
-    if not values.size or not (is_gray or (values.ndim == 4 and values.shape[-1] == 3)):
-        raise DamagedFileError(
-            f"{path} has the shape {values.shape}; give (H, W), (T, H, W), (H, W, 3) or "
-            "(T, H, W, 3), without an alpha channel"
-        )
     return values
 
 

@@ -5,7 +5,7 @@
 
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -140,7 +140,18 @@ def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
         footage = _pictures(path, files, unit, _common_header(files))
-    footage.notes += (*_left_out(path, visible, files), *_order(files))
+    others = sorted({each.name for each in visible} - {each.name for each in files})
+    if others:
+        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
+        footage.notes += (left_out,)
+    names = [file.name for file in files]
+    ends = f"{names[0]} first, {names[-1]} last"
+    if len(names) > 1 and not all(re.search("[0-9]", name) for name in names):
+        order = f"not all names have a number, so pictures are in alphabetical order: {ends}"
+        footage.notes += (order,)
+    elif names != sorted(names):
+        order = f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
+        footage.notes += (order,)
     footage.frame(0)
     return footage
 
@@ -233,21 +244,6 @@ def _common_header(files: tuple[Path, ...]) -> Header:
 
 def _read_alike(header: Header) -> Header:
     return header._replace(notes=())
-
-
-def _left_out(path: Path, visible: list[Path], files: tuple[Path, ...]) -> Iterator[str]:
-    others = sorted({each.name for each in visible} - {each.name for each in files})
-    if others:
-        yield f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
-
-
-def _order(files: tuple[Path, ...]) -> Iterator[str]:
-    names = [each.name for each in files]
-    ends = f"{names[0]} first, {names[-1]} last"
-    if len(names) > 1 and not all(re.search("[0-9]", each) for each in names):
-        yield f"not all names have a number, so pictures are in alphabetical order: {ends}"
-    elif names != sorted(names):
-        yield f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
 
 
 def header_of(path: Path) -> Header:

@@ -93,18 +93,16 @@ def _reflecting(material: Material, factor: float) -> dict[str, Any]:
 
     texture = material.texture
     if isinstance(texture, ColorTexture):
-        return {"type": "twosided", "surface": _colored(diffuse, texture)}
+        # The mean of three colors, each three times as bright.
+        weights = np.moveaxis(texture.weight, -1, 0)
+        red, green, blue = (
+            _blend(bitmap(weight), diffuse(flat(0.0)), diffuse(color.scaled(3.0)))
+            for weight, color in zip(weights, texture.reflectances, strict=True)
+        )
+        mean_color = _blend(2 / 3, red, _blend(0.5, green, blue))
+        return {"type": "twosided", "surface": mean_color}
     second = texture.spectra[0][0] if texture else None
     return {"type": "twosided", "surface": _mixed(diffuse, texture, material.reflectance, second)}
-
-
-def _colored(surface: _Surface, texture: ColorTexture) -> dict[str, Any]:
-    """Mitsuba surface of a texture of colors: the mean of three, each three times as bright."""
-    red, green, blue = (
-        _blend(bitmap(weight), surface(flat(0.0)), surface(of.scaled(3.0)))
-        for weight, of in zip(np.moveaxis(texture.weight, -1, 0), texture.reflectances, strict=True)
-    )
-    return _blend(2 / 3, red, _blend(0.5, green, blue))
 
 
 def _transmitting(material: Material, factor: float) -> dict[str, Any]:

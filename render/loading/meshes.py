@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.scenes.material import Material
 from megalopta.scenes.motion import Motion
 from megalopta.scenes.scene import Placement, Scene
 
@@ -151,7 +150,9 @@ def _merge_group(
     ]
     placed = np.concatenate([each.vertices() for each in members])
     normals = np.concatenate([each.normals() for each in members]) if smooth else None
-    patterned = _is_patterned(scene.materials[material])
+    look = scene.materials[material]
+    glows = look.emission is not None and look.emission.pattern is not None
+    patterned = look.finish.is_patterned if look.finish else look.texture is not None or glows
     uv = np.concatenate([each.uv(material) for each in members]) if patterned else None
     ids = [np.full(len(each.mesh.faces), each.object_id, np.uint32) for each in members]
     merged = MergedMesh(
@@ -173,13 +174,6 @@ def _merge_group(
         **vars(merged), placed=placed, placed_normals=normals, parts=parts, origin_m=scene.origin_m
     )
     return replace(moving, vertices=moving.vertices_at(0.0), normals=moving.normals_at(0.0))
-
-
-def _is_patterned(material: Material) -> bool:
-    emission = material.emission
-    if material.finish:
-        return material.finish.is_patterned
-    return material.texture is not None or (emission is not None and emission.pattern is not None)
 
 
 def _local(points: Floats, origin_m: tuple[float, float, float]) -> Float32:

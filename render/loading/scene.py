@@ -44,7 +44,14 @@ class LoadedScene(NamedTuple):
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
     """Load scene data into Mitsuba; the active variant must be a spectral one."""
-    shapes = [_with_material(mesh, scene.materials[mesh.material]) for mesh in meshes]
+    shapes = []
+    for mesh in meshes:
+        material = scene.materials[mesh.material]
+        parts = {"mesh_bsdf": _loaded(material, mesh.material)}
+        if material.emission:
+            glow = {"type": "area", "radiance": emission(material.emission)}
+            parts = {"mesh_emitter": mi.load_dict(glow), **parts}
+        shapes.append(load_mesh(mesh, **parts))
     return of_shapes(shapes, scene.lighting)
 
 
@@ -77,14 +84,6 @@ def load_mesh(mesh: MergedMesh, **parts: Any) -> Any:
         buffers["vertex_texcoords"] = mesh.uv.ravel()
     buffers.update()
     return loaded
-
-
-def _with_material(mesh: MergedMesh, material: Material) -> Any:
-    parts = {"mesh_bsdf": _loaded(material, mesh.material)}
-    if material.emission:
-        glow = {"type": "area", "radiance": emission(material.emission)}
-        parts = {"mesh_emitter": mi.load_dict(glow), **parts}
-    return load_mesh(mesh, **parts)
 
 
 def _loaded(material: Material, name: str) -> Any:

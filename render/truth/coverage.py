@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.truth.geometry import Geometry, Surface
 from megalopta.render.truth.views import Eyes
@@ -65,9 +65,14 @@ def ray_weights(
     rays = len(offsets)
     things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
     weights = np.tile(alike, (len(things), 1))
-    two = np.flatnonzero(_is_two(things))
+    first = things[:, :1]
+    differs = things != first
+    second = np.take_along_axis(things, differs.argmax(axis=1)[:, None], axis=1)
+    is_two = differs.any(axis=1) & ((things == second) | ~differs).all(axis=1)
+    two = np.flatnonzero(is_two)
     triangle = surface.triangle.reshape(-1, rays)[two]
-    is_near = _nearer(things[two], surface.distance.reshape(-1, rays)[two])
+    nearest = surface.distance.reshape(-1, rays)[two].argmin(axis=1)[:, None]
+    is_near = things[two] == np.take_along_axis(things[two], nearest, axis=1)
     # Some triangles fill many rays: each counts once per pixel.
     row, ray = np.nonzero(is_near)
     count = len(geometry.object_id)
@@ -76,7 +81,11 @@ def ray_weights(
     corners = geometry.corners(of_pixel, own_eyes.time_s) - own_eyes.origin.reshape(-1, 1, 3)
     shape = corners.shape
     rows = np.searchsorted(pixel, np.arange(len(two) + 1))
-    axes = _corner_directions(camera, places[two])
+    # Directions of three corners of each pixel end on a plane: those between are linear.
+    corner_px = places[two][:, None] + np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]])
+    toward = camera.toward(corner_px)
+    axis = np.array([0.0, 0.0, 1.0]) if camera.intrinsics is not None else toward[:, 3:]
+    axes = np.asarray((toward / (toward * axis).sum(axis=-1, keepdims=True))[:, :3])
     turned = eyes.of(two[np.repeat(pixel, 3)]).to_camera(corners.reshape(-1, 3)).reshape(shape)
     area = _covered(turned, rows, axes, offsets, is_near)
     known = np.isfinite(area)
@@ -91,31 +100,6 @@ def _divided(members: Mask, alike: Floats) -> Floats:
     alone = ~parts.any(axis=1, keepdims=True)
     parts = np.where(alone, members, parts)
     return np.asarray(parts / parts.sum(axis=1, keepdims=True))
-
-
-def _is_two(things: Ints) -> Mask:
-    """True for pixels (P, K) that contain exactly two objects."""
-    first = things[:, :1]
-    differs = things != first
-    second = np.take_along_axis(things, differs.argmax(axis=1)[:, None], axis=1)
-    return np.asarray(differs.any(axis=1) & ((things == second) | ~differs).all(axis=1))
-
-
-def _nearer(things: Ints, distance: Floats) -> Mask:
-    """True for rays (P, K) that see the nearer of two objects; that of the nearest ray."""
-    nearest = np.take_along_axis(things, distance.argmin(axis=1)[:, None], axis=1)
-    return np.asarray(things == nearest)
-
-
-def _corner_directions(camera: Camera, places: Floats) -> Floats:
-    """Directions (P, 3, 3) of the upper left, upper right and lower left corners of pixels, scaled.
-
-    They end on a plane, so that directions between them are linear combinations.
-    """
-    corners = places[:, None] + np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]])
-    toward = camera.toward(corners)
-    axis = np.array([0.0, 0.0, 1.0]) if camera.intrinsics is not None else toward[:, 3:]
-    return np.asarray((toward / (toward * axis).sum(axis=-1, keepdims=True))[:, :3])
 
 
 @compiled

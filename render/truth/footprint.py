@@ -7,7 +7,7 @@ and frames. Four more in the corners find outlines that just cross a pixel (`cov
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import mi
 from megalopta.render.truth.coverage import Probes, ray_weights
-from megalopta.render.truth.geometry import Geometry, Surface, correspondence
-from megalopta.render.truth.views import Eyes, View
+from megalopta.render.truth.geometry import Geometry, correspondence
+from megalopta.render.truth.views import View
 from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]
@@ -94,17 +94,13 @@ class Footprints:
         object_id: NDArray[np.uint32],
     ) -> Footprint:
         """Footprint of a frame whose pixel centers see objects (H, W)."""
-        parts = [
-            self._of_rows(view, following, previous, object_id, rows) for rows in self._strips()
-        ]
-        whole: Footprint = _joined(parts)
-        return whole
-
-    def _strips(self) -> Iterator[slice]:
         family = str(mi.variant()).partition("_")[0]
         height, per_row = self._camera.height, self._camera.width * len(self._probes.offsets)
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
-        yield from (slice(first, min(first + step, height)) for first in range(0, height, step))
+        strips = [slice(first, min(first + step, height)) for first in range(0, height, step)]
+        parts = [self._of_rows(view, following, previous, object_id, rows) for rows in strips]
+        whole: Footprint = _joined(parts)
+        return whole
 
     def _of_rows(
         self,
@@ -119,7 +115,9 @@ class Footprints:
         image = (places[:, None] + self._probes.offsets).reshape(-1, 2)
         pixels = slice(rows.start * camera.width, rows.stop * camera.width)
         eyes = view.pixels(camera).of(pixels)
-        surface = self._look(eyes, image)
+        of_rays = eyes.of(slice(None), len(self._probes.offsets))
+        directions = of_rays.to_world(camera.toward(image))
+        surface = self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
         weights = ray_weights(self._geometry, camera, eyes, surface, places, self._probes)
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
@@ -148,11 +146,6 @@ class Footprints:
             flow(following),
             flow(previous),
         )
-
-    def _look(self, eyes: Eyes, image: Floats) -> Surface:
-        of_rays = eyes.of(slice(None), len(self._probes.offsets))
-        directions = of_rays.to_world(self._camera.toward(image))
-        return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 
 
 def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int) -> Floats:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MovingMesh
 
@@ -103,14 +103,19 @@ class Passing:
         if not known.any():
             return distance, triangle
         stay = self._while(float(times_s[known].min()), float(times_s[known].max()))
-        for rays in _of_one_time(times_s, known):
+        rays_known = np.flatnonzero(known)
+        in_time = rays_known[np.argsort(times_s[rays_known], kind="stable")]
+        for rays in np.split(in_time, np.flatnonzero(np.diff(times_s[in_time])) + 1):
             for bundle in _bundles(directions, rays):
                 start, time = origin[rays[0]], float(times_s[rays[0]])
-                near = np.flatnonzero(_meets(bundle.sides, stay, start))
-                clusters, time_s = near, time
+                # Boxes that the bundle may hit.
+                middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
+                farthest = np.einsum("sj,cj->cs", bundle.sides, middle)
+                farthest += np.einsum("sj,cj->cs", np.abs(bundle.sides), half)
+                clusters = np.flatnonzero((farthest >= 0).all(axis=1))
                 rows, first = _rows_of(self._first_vertex, clusters)
                 faces, first_face = _rows_of(self._first_face, clusters)
-                moved = self._carried(rows, first, clusters, time_s)
+                moved = self._carried(rows, first, clusters, time)
                 shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
                 corners, number = moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
                 some = bundle.rays
@@ -181,13 +186,6 @@ def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:
     return np.arange(begins[-1]) + shift, begins
 
 
-def _of_one_time(times_s: Floats, known: Mask) -> Iterator[Ints]:
-    """Yield the rays that share a time."""
-    rays = np.flatnonzero(known)
-    order = rays[np.argsort(times_s[rays], kind="stable")]
-    yield from np.split(order, np.flatnonzero(np.diff(times_s[order])) + 1)
-
-
 def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
     """Yield rays in narrow bundles, each in order of position across the bundle."""
     unit = directions[rays] / np.linalg.norm(directions[rays], axis=1, keepdims=True)
@@ -213,13 +211,6 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
     )
     order = np.argsort(places[:, 0])
     yield _Bundle(rays[order], axes, places[order, 0], sides)
-
-
-def _meets(sides: Floats, stay: _While, start: Floats) -> Mask:
-    """True for boxes (C,) that a bundle from a point may hit."""
-    middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
-    farthest = np.einsum("sj,cj->cs", sides, middle) + np.einsum("sj,cj->cs", np.abs(sides), half)
-    return np.asarray((farthest >= 0).all(axis=1))
 
 
 @compiled

@@ -36,7 +36,14 @@ class Hits:
 def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
     """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
     if is_scalar():
-        return _single_hits(scene, origin, directions)
+        distance = np.full(len(directions), np.inf)
+        mesh, triangle = np.zeros((2, len(directions)), np.int64)
+        for index, ray in enumerate(_single_rays(origin, directions)):
+            hit = scene.ray_intersect_preliminary(ray)
+            if hit.is_valid():
+                distance[index] = hit.t
+                mesh[index], triangle[index] = hit.shape_index, hit.prim_index
+        return Hits(distance, mesh, triangle)
     hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
     # Other values of rays without a hit are left over from other work: they are set to zero here.
     valid = hits.is_valid()
@@ -65,17 +72,6 @@ def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats)
 def visibility_limits(distances: Floats) -> Floats:
     """End of rays to targets at distances (N,)."""
     return np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
-
-
-def _single_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
-    distance = np.full(len(directions), np.inf)
-    mesh, triangle = np.zeros((2, len(directions)), np.int64)
-    for index, ray in enumerate(_single_rays(origin, directions)):
-        hit = scene.ray_intersect_preliminary(ray)
-        if hit.is_valid():
-            distance[index] = hit.t
-            mesh[index], triangle[index] = hit.shape_index, hit.prim_index
-    return Hits(distance, mesh, triangle)
 
 
 def _rays(origin: Floats, directions: Floats) -> Any:

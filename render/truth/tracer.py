@@ -29,7 +29,6 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import band_means
-from megalopta.scenes.spectra.spectrum import Spectrum
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,10 @@ def albedo_of(
         material = materials[mesh.material]
         if not len(mine) or material.emission or material.finish:
             continue
-        base, *parts = band_means(_spectra(material), bands_nm)
+        spectra = [material.reflectance]
+        if material.texture:
+            spectra += [reflectance for reflectance, _ in material.texture.spectra]
+        base, *parts = band_means(spectra, bands_nm)
         albedo[mine] = base
         if material.texture and mesh.uv is not None:
             triangle, time_s = surface.triangle[mine], of_rays(surface.time_s, mine)
@@ -202,8 +204,3 @@ def albedo_of(
             # A texture of colors is on a black surface, another is mixed with the first spectrum.
             albedo[mine] += weight @ (np.array(parts) - (0 if is_sum else base))
     return albedo
-
-
-def _spectra(material: Material) -> list[Spectrum]:
-    of_texture = material.texture.spectra if material.texture else ()
-    return [material.reflectance, *(reflectance for reflectance, _ in of_texture)]

@@ -1,6 +1,6 @@
 """Forest around a camera's path, as scene data, and its size."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from scipy.spatial import cKDTree
 
-from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.floor import (
@@ -270,7 +269,8 @@ class Forest(SceneDescription, frozen=True):
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the forest in the light, with trunks clear of the camera's path."""
-        detail = min(self.detail * _finer(camera), 1000.0)
+        finer = float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
+        detail = min(self.detail * finer, 1000.0)
         drawn = self.model_copy(update={"detail": detail})
         poses = trajectory.poses()
         stand = build_forest(drawn, poses[:, :2, 3], poses[0, :2, 2])
@@ -295,9 +295,11 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     Raises ValueError if the path is not a finite (n, 2) array, or so long that the trees cannot
     surround it.
     """
-    path_points = _checked_path(path_xy)
-    check_stand(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))
-    way = dense_path(path_points)
+    points = np.asarray(path_xy, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"path_xy: shape {points.shape}; give finite positions of shape (n, 2)")
+    check_stand(forest, float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
+    way = dense_path(points)
     path = cKDTree(way)
     stand = forest.trees, forest.density_per_ha, forest.clearance_m
     trail = trail_of(forest, way, np.asarray(heading, dtype=float))
@@ -315,34 +317,17 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     litter: dict[str, Asset] = {}
     if floor:
         placements, litter = laid(forest.seed, placements, floor)
-    assets = _grown(forest, placements, path) | litter
+    flora, relief = forest.flora, forest.bark_relief
+    names = {placement.asset for placement in placements} & specimens_of(flora).keys()
+    grow = partial(grow_specimens, forest.seed, names, bark_relief=relief, flora=flora)
+    if (wanted := forest.leaf_area_index) is None:
+        assets = plant_assets(forest.seed, grow(), flora=flora) | litter
+    else:
+        specimens, share = in_leaf(wanted, grow, placements, path, forest.leaf_ring_m)
+        assets = plant_assets(forest.seed, specimens, share, flora) | litter
     assets["ground"] = floor.asset() if floor else even_ground(forest.ground, land, edge_m)
     if forest.wind:
         swayed = {*forest.flora.trees, *forest.flora.bushes}
         placements = tuple(swaying(placements, assets, swayed, forest.wind))
     surfaces = materials(forest.seed, assets, forest.bark_relief > 0, forest.flora)
     return Scene(surfaces, assets, placements)
-
-
-def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> dict[str, Asset]:
-    """Return the plants' assets with the leaves that the forest's leaf-area index requires."""
-    flora, relief = forest.flora, forest.bark_relief
-    names = {placement.asset for placement in placements} & specimens_of(flora).keys()
-    grow = partial(grow_specimens, forest.seed, names, bark_relief=relief, flora=flora)
-    if forest.leaf_area_index is None:
-        return plant_assets(forest.seed, grow(), flora=flora)
-    wanted = forest.leaf_area_index
-    specimens, share = in_leaf(wanted, grow, placements, path, forest.leaf_ring_m)
-    return plant_assets(forest.seed, specimens, share, flora)
-
-
-def _checked_path(path_xy: ArrayLike) -> Floats:
-    path = np.asarray(path_xy, dtype=float)
-    if path.ndim != 2 or path.shape[1] != 2 or not len(path) or not np.all(np.isfinite(path)):
-        raise ValueError(f"path_xy: shape {path.shape}; give finite positions of shape (n, 2)")
-    return path
-
-
-def _finer(camera: Camera) -> float:
-    """Return how much farther than with `PIXEL_RAD` a camera resolves leaves, within limits."""
-    return float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))

@@ -19,7 +19,7 @@ from megalopta.assets_gen.terrain import Terrain, cut_at, ground_surface, make_m
 from megalopta.assets_gen.tileable_noise import make_octaves
 from megalopta.assets_gen.trail import Trail, make_trail
 from megalopta.assets_gen.triangulation import Fineness, Triangulation, triangulated
-from megalopta.core.arrays import Ints, Mask
+from megalopta.core.arrays import Mask
 from megalopta.core.freshness import digest
 from megalopta.scenes.forest.flora import LITTER, PLANTS
 from megalopta.scenes.forest.planting import planted_reach
@@ -96,7 +96,15 @@ class Floor:
     def asset(self) -> Asset:
         """Return the ground with a part for each cover; shading hides their borders."""
         vertices = np.column_stack([self.mesh.points, self.heights])
-        normals = _vertex_normals(vertices, self.mesh.faces)
+        # Area-weighted means of the adjacent faces.
+        a, b, c = vertices[self.mesh.faces].swapaxes(0, 1)
+        across = np.cross(b - a, c - a)
+        total = np.zeros_like(vertices)
+        for corner in range(3):
+            for axis in range(3):
+                vertex = self.mesh.faces[:, corner]
+                total[:, axis] += np.bincount(vertex, across[:, axis], len(vertices))
+        normals = unit(total)
         parts = {}
         for cover, chosen in self.covers.items():
             used, faces = np.unique(self.mesh.faces[chosen], return_inverse=True)
@@ -147,17 +155,6 @@ def make_floor(
     for chosen, share in (mossy, ON_MOSS), (trodden, ON_PATH):
         leaves[mesh.faces[chosen]] = share
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
-
-
-def _vertex_normals(vertices: FloatArray, faces: Ints) -> FloatArray:
-    """Return unit normals (n, 3): area-weighted means of the adjacent faces."""
-    a, b, c = vertices[faces].swapaxes(0, 1)
-    across = np.cross(b - a, c - a)
-    total = np.zeros_like(vertices)
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] += np.bincount(faces[:, corner], across[:, axis], len(vertices))
-    return unit(total)
 
 
 FIELDS = {
@@ -218,22 +215,17 @@ def laid(
         if placement.kind != LITTER:
             found.append(placement)
             continue
-        leaves = _draped(specimens[placement.asset]["leaf"], placement, floor, rng)
+        leaves = specimens[placement.asset]["leaf"]
+        linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
+        places = leaves.vertices @ linear.T + foot
+        middles = places.reshape(-1, corners_of(leaves), 3).mean(axis=1)
+        kept = rng.random(len(middles)) < floor.litter(middles[:, :2])
+        above = FLATTENED * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
+        places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, LEAST_M)
+        draped = replace(leaves, vertices=(places - foot) @ np.linalg.inv(linear).T)
+        leaves = chosen_leaves(draped, np.flatnonzero(kept))
         if len(leaves.faces):
             name = f"{placement.asset} {index}"
             assets[name] = Asset({PLANTS[LITTER].part("leaf"): leaves.to_mesh()})
             found.append(replace(placement, asset=name))
     return tuple(found), assets
-
-
-def _draped(
-    leaves: Surface, placement: Placement, floor: Floor, rng: np.random.Generator
-) -> Surface:
-    linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
-    places = leaves.vertices @ linear.T + foot
-    middles = places.reshape(-1, corners_of(leaves), 3).mean(axis=1)
-    kept = rng.random(len(middles)) < floor.litter(middles[:, :2])
-    above = FLATTENED * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
-    places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, LEAST_M)
-    local = (places - foot) @ np.linalg.inv(linear).T
-    return chosen_leaves(replace(leaves, vertices=local), np.flatnonzero(kept))

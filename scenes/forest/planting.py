@@ -18,7 +18,7 @@ from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.core.arrays import Floats
-from megalopta.scenes.forest.flora import FLORA, HEIGHTS, LITTER, LODS, Flora, Plant, Woody
+from megalopta.scenes.forest.flora import FLORA, HEIGHTS, LITTER, LODS, Flora, Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.scene import Placement
 
@@ -129,8 +129,10 @@ class Planting:
             for i in rng.choice(len(names), len(points), p=shares / shares.sum())
         ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
-        shares = _shares_of_ages(age_spread)
-        return self._place(plants, points, 1 + height_spread * deviation, rng, shares)
+        away = (np.array(HEIGHTS) - 1) / max(age_spread, 1e-3)
+        ages = np.exp(-(away**2) / 2)  # a normal distribution around the mean
+        heights = 1 + height_spread * deviation
+        return self._place(plants, points, heights, rng, ages / ages.sum())
 
     def thicket(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Close the view between the trunks around a stand that reaches to `edge_m`.
@@ -141,7 +143,10 @@ class Planting:
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
-        shares = _closing(per_m2, self.flora.bushes) or THICKET
+        bushes = self.flora.bushes.items()
+        low = {name for name, bush in bushes if bush.shape.height_m < CLOSING_M}
+        own = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
+        shares = own or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
         plants = [self.flora.plants[kind] for kind in kinds]
@@ -153,7 +158,11 @@ class Planting:
             layer, rng = self.flora.layers[kind], generator(self.seed, "undergrowth", kind)
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
             if density > 0:
-                points = _clumped(_strewn(self.path, ring, ring[1], density, 0.6, rng), rng)
+                points = _strewn(self.path, ring, ring[1], density, 0.6, rng)
+                # Patches and gaps are a few meters wide.
+                patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
+                kept = rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))
+                points = points[kept]
                 if kind != LITTER:
                     points = self._beside_trail(points, layer.clearance_m)
                 scales = rng.uniform(*layer.scale, len(points))
@@ -186,7 +195,12 @@ class Planting:
         kinds = INDIVIDUALS if shares is None else len(shares)
         numbers = rng.choice(kinds, len(points), p=shares).tolist()
         heights, slopes = self.height(points), self._slopes(points)
-        turns = _random_turns(len(points), rng)
+        # By any angle about the vertical, and by about a degree out of it.
+        angle, toward = rng.uniform(0, 2 * np.pi, (2, len(points)))
+        lean, none = np.radians(1.2) * rng.standard_normal(len(points)), np.zeros(len(points))
+        upright = Rotation.from_rotvec(np.column_stack([none, none, angle]))
+        axes = np.column_stack([lean * np.cos(toward), lean * np.sin(toward), none])
+        turns = (Rotation.from_rotvec(axes) * upright).as_matrix()
         for index, plant in enumerate(plants):
             turn = slopes[index] @ turns[index] if plant.lies else turns[index]
             to_world = np.eye(4)
@@ -206,34 +220,3 @@ class Planting:
         across = np.column_stack([rise[:, 1:], -rise[:, :1], np.zeros(len(points))])
         angle = -np.arctan(steep) / np.maximum(steep, 1e-12)
         return Rotation.from_rotvec(-angle * across).as_matrix()
-
-
-def _closing(per_m2: Mapping[str, float], bushes: Mapping[str, Woody]) -> dict[str, float]:
-    """Return the densities of bushes that close the view."""
-    low = {name for name, bush in bushes.items() if bush.shape.height_m < CLOSING_M}
-    return {name: density for name, density in per_m2.items() if name in low and density > 0}
-
-
-def _shares_of_ages(spread: float) -> Floats:
-    """Return the shares (n,) of the classes of height: a normal distribution around the mean."""
-    away = (np.array(HEIGHTS) - 1) / max(spread, 1e-3)
-    shares = np.exp(-(away**2) / 2)
-    return np.asarray(shares / shares.sum())
-
-
-def _random_turns(count: int, rng: np.random.Generator) -> Floats:
-    """Return rotations by any angle about the vertical, and by about a degree out of it."""
-    turn, toward = rng.uniform(0, 2 * np.pi, (2, count))
-    lean = np.radians(1.2) * rng.standard_normal(count)
-    none = np.zeros(count)
-    upright = Rotation.from_rotvec(np.column_stack([none, none, turn]))
-    leaning = Rotation.from_rotvec(
-        np.column_stack([lean * np.cos(toward), lean * np.sin(toward), none])
-    )
-    return (leaning * upright).as_matrix()
-
-
-def _clumped(points: Floats, rng: np.random.Generator) -> Floats:
-    """Thin out points so that patches and gaps a few meters wide appear."""
-    patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
-    return points[rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))]

@@ -16,7 +16,7 @@ Trees grow with all their leaves, or twice or four times as many on the same twi
 some at random; leaves keep their size and clumping.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, lru_cache
 from itertools import groupby, product
@@ -71,7 +71,14 @@ def grown(
     own = [plant.variety] if isinstance(plant, Woody) and plant.variety else []
     store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels, *own)
     if kept := store.read():
-        return _organs(kept, len(lods))
+        fields_of: list[dict[str, dict[str, NDArray[np.generic]]]] = [{} for _ in lods]
+        for name, values in kept.items():
+            level, organ, field = name.split("/")
+            fields_of[int(level)].setdefault(organ, {})[field] = values
+        return [
+            {organ: Surface(**arrays) for organ, arrays in organs.items()}  # type: ignore[arg-type]
+            for organs in fields_of
+        ]
     rng = generator(seed, "plant", plant.name, number)
     individual = plant.individual(number)
     if isinstance(individual, Woody):
@@ -79,7 +86,14 @@ def grown(
         if bark_relief and (relief := individual.shape.relief):
             individual = individual.carved(bark_relief, texture(seed, relief.pattern))
     found = list(individual.grow(lods, rng))
-    store.write(dict(_arrays(found)))
+    arrays = {
+        f"{level}/{organ}/{field}": values
+        for level, organs in enumerate(found)
+        for organ, surface in organs.items()
+        for field in _FIELDS
+        if (values := getattr(surface, field)) is not None
+    }
+    store.write(arrays)
     return found
 
 
@@ -105,25 +119,6 @@ def _model() -> str:
     """Hash of the code that makes plants, textures and floors."""
     table = Path(__file__).with_name("flora.yaml").read_text("utf-8")
     return digest(table, code_digest("megalopta.assets_gen", "megalopta.scenes.forest"))
-
-
-def _arrays(levels: Sequence[Organs]) -> Iterator[tuple[str, NDArray[np.generic]]]:
-    for level, organs in enumerate(levels):
-        for organ, surface in organs.items():
-            for field in _FIELDS:
-                if (values := getattr(surface, field)) is not None:
-                    yield f"{level}/{organ}/{field}", values
-
-
-def _organs(arrays: dict[str, NDArray[np.generic]], levels: int) -> list[Organs]:
-    found: list[dict[str, dict[str, NDArray[np.generic]]]] = [{} for _ in range(levels)]
-    for name, values in arrays.items():
-        level, organ, field = name.split("/")
-        found[int(level)].setdefault(organ, {})[field] = values
-    return [
-        {organ: Surface(**each) for organ, each in organs.items()}  # type: ignore[arg-type]
-        for organs in found
-    ]
 
 
 INDIVIDUALS = 5

@@ -6,7 +6,7 @@ their file describes them. The reflectance of diffuse ones comes from the colors
 material.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -131,7 +131,15 @@ class Meshes(SceneDescription, frozen=True):
             used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
             notes += placed.notes(pieces, *used)
         materials: dict[str, Material] = {}
-        parts = list(self._objects(models, materials))
+        parts: list[tuple[Asset, Placement]] = []
+        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
+            shines = self.lights == "file"
+            of = placed.file.path, self.materials, self.reflectance, shines, materials
+            for number, (piece, asset) in enumerate(Surfacing(*of).objects(pieces)):
+                label, motion = f"file {index} object {number}", piece.motion
+                motion = motion and motion.moved(placed.pose)
+                kind = printable(quoted(piece.name.strip(), _NAME_LENGTH)) or "object"
+                parts.append((asset, Placement(label, kind, placed.pose, motion)))
         if self.ground is not None:
             materials[_GROUND] = material_of(self.ground)
             ground = Placement(_GROUND, _GROUND, np.eye(4))
@@ -145,19 +153,6 @@ class Meshes(SceneDescription, frozen=True):
             )
         placements = tuple(each for _, each in parts)
         return Scene(materials, assets, placements, lit, notes=tuple(notes))
-
-    def _objects(
-        self, models: list[list[Piece]], materials: dict[str, Material]
-    ) -> Iterator[tuple[Asset, Placement]]:
-        """Yield the objects of all files, and add their materials to others."""
-        for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            shines = self.lights == "file"
-            of = placed.file.path, self.materials, self.reflectance, shines, materials
-            surfacing = Surfacing(*of)
-            for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
-                label, motion = f"file {index} object {number}", piece.motion
-                motion = motion and motion.moved(placed.pose)
-                yield asset, Placement(label, _kind(piece.name), placed.pose, motion)
 
     def describe(self) -> str:
         """Sentence for the report."""
@@ -175,11 +170,6 @@ class Meshes(SceneDescription, frozen=True):
                 "the first surface, also of glass and mirrors"
             )
         return f"{text}."
-
-
-def _kind(name: str) -> str:
-    """Name of an object of a file, as the name of its kind."""
-    return printable(quoted(name.strip(), _NAME_LENGTH)) or "object"
 
 
 def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:

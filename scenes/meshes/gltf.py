@@ -130,19 +130,18 @@ class GltfFile:
         shape = entry["count"], _WIDTHS[entry["type"]]
         kind = np.dtype(_TYPES[entry["componentType"]])
         check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
-        found = self._array(entry, kind, shape) if "bufferView" in entry else np.zeros(shape, kind)
+        found = np.zeros(shape, kind)
+        if "bufferView" in entry:
+            step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
+            strides = step or kind.itemsize * shape[1], kind.itemsize
+            start = entry.get("byteOffset", 0)
+            # numpy refuses an array that would reach beyond the bytes.
+            found = np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
         if "sparse" in entry:
             raise ValueError("it has sparse accessors, which are not read; export it without")
         if entry.get("normalized"):
             return np.maximum(found / np.iinfo(kind).max, -1.0)
         return found.astype(np.float64) if kind.kind == "f" else found
-
-    def _array(self, entry: Json, kind: "np.dtype[Any]", shape: tuple[int, int]) -> NDArray[Any]:
-        step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
-        strides = step or kind.itemsize * shape[1], kind.itemsize
-        start = entry.get("byteOffset", 0)
-        # numpy refuses an array that would reach beyond the bytes.
-        return np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
 
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -184,7 +183,10 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
                 f"node {number} is a skinned figure, whose pose is not read; apply the pose to its "
                 "mesh, and export it again"
             )
-        chain = _chain(above, number) if tracks else []
+        chain = [number] if tracks else []  # from the node to the scene's root
+        while chain and chain[-1] in above:
+            chain.append(above[chain[-1]])
+        chain.reverse()
         steps += len(chain)
         check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
         motion = _motion(nodes, chain, pose, tracks)
@@ -291,14 +293,6 @@ def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
     return found
 
 
-def _chain(above: Mapping[int, int], number: int) -> list[int]:
-    """Numbers of the nodes from the scene's root to a node."""
-    chain = [number]
-    while chain[-1] in above:
-        chain.append(above[chain[-1]])
-    return chain[::-1]
-
-
 def _motion(
     nodes: Sequence[Json],
     chain: Sequence[int],
@@ -339,23 +333,12 @@ def _look(
         pictures[image] = texels.add(linear_picture(file.image(image), name))
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
     paint = replace(paint, picture=pictures[image])
-    return _Look(paint, _coordinates(texture), _transform(change))
-
-
-def _coordinates(texture: Json) -> int:
-    """Number of the set of coordinates of a texture's entry."""
-    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    return int(change.get("texCoord", texture.get("texCoord", 0)))
-
-
-def _transform(change: Json) -> Floats:
-    """Map (3, 3) of texture coordinates; of an empty extension, the identity."""
-    turn = change.get("rotation", 0.0)
-    matrix = np.eye(3)
-    matrix[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-    matrix[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
-    matrix[:2, 2] = change.get("offset", [0, 0])
-    return matrix
+    coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
+    turn, to_picture = change.get("rotation", 0.0), np.eye(3)
+    to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
+    to_picture[:2, 2] = change.get("offset", [0, 0])
+    return _Look(paint, coordinates, to_picture)
 
 
 def _ignored(material: Json) -> Iterator[str]:

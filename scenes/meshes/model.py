@@ -97,7 +97,13 @@ class PlacedMesh(Record, frozen=True):
             for what, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
                 unused.setdefault(what, {})[quoted(printable(owner), _LONGEST)] = None
         if unused:
-            things = (what + _some(owners) for what, owners in unused.items())
+            things = []
+            for what, owners in unused.items():
+                names_used = [name for name in owners if name]
+                rest = len(names_used) - _NAMED
+                more = f" and {rest} more" if rest > 0 else ""
+                some = f" ({', '.join(names_used[:_NAMED])}{more})" if names_used else ""
+                things.append(what + some)
             yield f"{path}: these have no effect: {quoted('; '.join(things), 600)}"
         names = {piece.material for piece in pieces if not piece.paint.is_described}
         if names:
@@ -130,7 +136,10 @@ class PlacedMesh(Record, frozen=True):
         corners = np.concatenate([piece.vertices[np.unique(piece.faces)] for piece in pieces])
         extent = min(float(np.ptp(corners, axis=0).max()), 1e300)
         if not SMALLEST_M <= extent < LARGEST_M:
-            better = _nearer(extent, self.scale)
+            # In steps of a thousand, such as millimeters.
+            step, better, fitting = 1e-3 if extent >= LARGEST_M else 1e3, self.scale, extent
+            while not SMALLEST_M <= fitting < LARGEST_M:
+                fitting, better = fitting * step, better * step
             raise ValueError(
                 f"{self.file.path} extends over {extent:.4g} m at a scale of {self.scale:g}; give "
                 f"the length of its unit in meters, such as `scale: {better:g}`"
@@ -143,27 +152,12 @@ class PlacedMesh(Record, frozen=True):
             )
 
 
-def _some(owners: Iterable[str]) -> str:
-    """Some of the names in brackets, empty without any."""
-    names = [each for each in owners if each]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f" ({', '.join(names[:_NAMED])}{more})" if names else ""
-
-
 def pose_of(position_m: Vector, turn_deg: Vector) -> Floats:
     """Pose (4, 4) of a position (m) and of turns about the world's x, then y, then z (degrees)."""
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
     pose[:3, 3] = position_m
     return pose
-
-
-def _nearer(extent: float, scale: float) -> float:
-    """Scale in steps of a thousand, such as millimeters, that makes an extent possible."""
-    step = 1e-3 if extent >= LARGEST_M else 1e3
-    while not SMALLEST_M <= extent < LARGEST_M:
-        extent, scale = extent * step, scale * step
-    return scale
 
 
 _LINE = re.compile(rb"^[ \t]*(v|f|o|g|usemtl)[ \t]", re.MULTILINE | re.IGNORECASE)

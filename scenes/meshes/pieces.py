@@ -84,7 +84,10 @@ class Piece:
         """Return the piece after a linear map (4, 4), which may mirror."""
         linear = matrix[:3, :3]
         vertices = self.vertices @ linear.T + matrix[:3, 3]
-        normals = None if self.normals is None else self.normals @ _cofactors(linear).T
+        x, y, z = linear
+        # Cofactors: the inverse transpose up to sign and length, if there is one.
+        turn = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+        normals = None if self.normals is None else self.normals @ turn.T
         faces = self.faces[:, ::-1] if np.linalg.det(linear) < 0 else self.faces
         moved = replace(self, vertices=vertices, faces=faces, normals=normals)
         return replace(moved, motion=self.motion.moved(matrix)) if self.motion else moved
@@ -97,7 +100,16 @@ class Piece:
         faces, facing = self.faces[solid], facing[solid]
         normals = self.normals
         if normals is not None:
-            normals = _on_the_side(normals, _vertex_sums(faces, facing, len(self.vertices)))
+            corners, of_corner = faces.ravel(), np.repeat(facing, 3, axis=0)
+            sums = [np.bincount(corners, axis, len(self.vertices)) for axis in of_corner.T]
+            beside = np.stack(sums, axis=1)
+            size = np.linalg.norm(normals, axis=1)
+            known = np.isfinite(size) & (size > 0)
+            normals = np.where(known[:, None], normals, beside)
+            is_turned = (normals * beside).sum(axis=1)[:, None] < 0
+            normals = np.where(is_turned, -normals, normals)
+            size = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = np.where(size > 0, normals / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])
         return replace(self, faces=faces, normals=normals)
 
 
@@ -112,28 +124,6 @@ def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
         raise ValueError(f"{where} is a perspective map")
     if not may_flatten and np.linalg.cond(matrix[:3, :3]) > _FLATTEST:
         raise ValueError(f"{where} leaves no volume")
-
-
-def _cofactors(linear: Floats) -> Floats:
-    """Map (3, 3) of normals, up to sign and length: the inverse transpose, if there is one."""
-    x, y, z = linear
-    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
-
-
-def _vertex_sums(faces: Ints, values: Floats, count: int) -> Floats:
-    """Sums (V, 3) over the faces at each vertex of values (F, 3)."""
-    corners, each = faces.ravel(), np.repeat(values, 3, axis=0)
-    return np.stack([np.bincount(corners, axis, count) for axis in each.T], axis=1)
-
-
-def _on_the_side(normals: Floats, facing: Floats) -> Floats:
-    """Unit normals (V, 3), turned to the side of others, which replace any without a direction."""
-    size = np.linalg.norm(normals, axis=1)
-    known = np.isfinite(size) & (size > 0)
-    chosen = np.where(known[:, None], normals, facing)
-    chosen = np.where((chosen * facing).sum(axis=1)[:, None] < 0, -chosen, chosen)
-    size = np.linalg.norm(chosen, axis=1, keepdims=True)
-    return np.where(size > 0, chosen / np.where(size > 0, size, 1), [0.0, 0.0, 1.0])
 
 
 _GRAY = "1", "L", "LA"

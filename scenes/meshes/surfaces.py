@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface, join
 from megalopta.core.bounded import quoted
@@ -75,9 +74,19 @@ class Surfacing:
                     "which is not rendered; give it a diffuse reflectance in `materials`"
                 )
             elif piece.paint.finish:
-                yield self._finished(piece, piece.paint.finish)
+                finish = piece.paint.finish
+                material = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
+                surface = self._unwrapped(piece) if finish.is_patterned else _bare(piece)
+                name = self._numbered(piece.material, id(finish))
+                yield self._part(name, material, surface)
             elif piece.paint.picture is not None:
-                yield self._pictured(piece)
+                paint, picture = piece.paint, piece.paint.picture
+                if paint.color != _WHITE:
+                    picture = picture * np.array(paint.color, np.float32)
+                texture = ColorTexture(picture, (RED, GREEN, BLUE))
+                material = Material(flat(0.0), texture, known_nm=KNOWN_NM)
+                name = self._numbered(piece.material, id(paint))
+                yield self._part(name, material, self._unwrapped(piece))
             else:
                 yield self._plain(piece)
 
@@ -95,14 +104,6 @@ class Surfacing:
         number = alike.setdefault(of, len(alike))
         return f"{name} ({number + 1})" if number else name
 
-    def _pictured(self, piece: Piece) -> tuple[str, Surface]:
-        paint, picture = piece.paint, piece.paint.picture
-        assert picture is not None
-        name = self._numbered(piece.material, id(paint))
-        if paint.color != _WHITE:
-            picture = picture * np.array(paint.color, np.float32)
-        return self._part(name, _textured(picture), self._unwrapped(piece))
-
     def _unwrapped(self, piece: Piece) -> Surface:
         if piece.uv is None:
             raise ValueError(
@@ -112,18 +113,15 @@ class Surfacing:
             )
         return Surface(piece.vertices, piece.faces, piece.uv, piece.normals)
 
-    def _finished(self, piece: Piece, finish: Finish) -> tuple[str, Surface]:
-        material = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
-        surface = self._unwrapped(piece) if finish.is_patterned else _bare(piece)
-        return self._part(self._numbered(piece.material, id(finish)), material, surface)
-
     def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
         """Lamp that reflects as its surface does, unless that has a picture."""
         paint, given = piece.paint, self.given.get(piece.material)
         finish = paint.finish if given is None else None
         if not finish and not (paint.picture is not None or paint.refused):
             own = paint.spectrum or reflectance_of_color(paint.color)
-            finish = _reflecting(own if given is None else material_of(given).reflectance)
+            reflectance = own if given is None else material_of(given).reflectance
+            side = Finish("diffuse", {"reflectance": reflectance})
+            finish = Finish("twosided", {"side": side}) if any(reflectance.values) else None
         spans = [(radiance.wavelengths_nm[0], KNOWN_NM[1])] if len(radiance.values) > 1 else []
         spans += [finish.known_nm] if finish and finish.known_nm else []
         ends = (max(low for low, _ in spans), min(high for _, high in spans)) if spans else None
@@ -157,16 +155,6 @@ def check_names(given: Iterable[str], pieces: Iterable[Piece]) -> None:
 def _bare(piece: Piece) -> Surface:
     """Mesh of a surface without texture."""
     return Surface(piece.vertices, piece.faces, np.zeros((len(piece.vertices), 2)), piece.normals)
-
-
-def _reflecting(reflectance: Spectrum) -> Finish | None:
-    """Return a diffuse surface of a lamp; None of a black one."""
-    side = Finish("diffuse", {"reflectance": reflectance})
-    return Finish("twosided", {"side": side}) if any(reflectance.values) else None
-
-
-def _textured(weight: NDArray[np.float32]) -> Material:
-    return Material(flat(0.0), ColorTexture(weight, (RED, GREEN, BLUE)), known_nm=KNOWN_NM)
 
 
 def _asset(parts: Sequence[tuple[str, Surface]]) -> Asset:

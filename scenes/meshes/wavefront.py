@@ -139,18 +139,16 @@ def _corners(faces: Iterable[str]) -> Corners:
     for face in faces:
         words = face.split()
         alike.setdefault((len(words), words[0].count("/"), "//" in face), []).append(face)
-    return np.concatenate([_fans(lines, *form) for form, lines in alike.items()])
-
-
-def _fans(lines: list[str], corners: int, slashes: int, has_no_uv: bool) -> Corners:
-    """Triangles of faces of the same form."""
-    given = _parsed(" ".join(lines).replace("/", " "), np.int64).reshape(len(lines), corners, -1)
-    columns = (0, 2) if has_no_uv else range(slashes + 1)
-    faces = np.zeros((len(lines), corners, 3), np.int64)
-    faces[..., columns] = given
-    second = np.arange(1, corners - 1)
-    fans = np.stack([np.zeros_like(second), second, second + 1], axis=1)
-    return faces[:, fans].reshape(-1, 3, 3)
+    triangles = []
+    for (corners, slashes, has_no_uv), lines in alike.items():
+        text = " ".join(lines).replace("/", " ")
+        columns = (0, 2) if has_no_uv else range(slashes + 1)
+        polygons = np.zeros((len(lines), corners, 3), np.int64)
+        polygons[..., columns] = _parsed(text, np.int64).reshape(len(lines), corners, -1)
+        second = np.arange(1, corners - 1)
+        fans = np.stack([np.zeros_like(second), second, second + 1], axis=1)
+        triangles.append(polygons[:, fans].reshape(-1, 3, 3))
+    return np.concatenate(triangles)
 
 
 def _piece(file: _ObjFile, of: tuple[int, str], corners: Corners, paint: Paint) -> Piece:

@@ -121,29 +121,27 @@ def transform_of(element: Element, name: str = "to_world") -> Floats:
     for transform in element:
         if transform.tag == "transform" and transform.get("name") == name:
             for step in transform:
-                matrix = _step(step) @ matrix
+                change = np.eye(4)
+                match step.tag:
+                    case "translate":
+                        change[:3, 3] = _vector(step, 0.0)
+                    case "scale":
+                        change[:3, :3] = np.diag(_vector(step, 1.0))
+                    case "rotate":
+                        axis = _vector(step, 0.0)
+                        angle = np.radians(float(step.get("angle", "0")))
+                        length = np.linalg.norm(axis)
+                        turn = angle * axis / length if axis.any() else np.full(3, np.nan)
+                        change[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+                    case "matrix":
+                        given = numbers_in(step.get("value", ""))
+                        side = 4 if given.size == 16 else 3
+                        change[:side, :side] = given.reshape(side, side)
+                    case other:
+                        raise ValueError(f"it has an unknown transform {quoted(other)!r}")
+                matrix = change @ matrix
                 owner, values = element.get("id") or element.get("type", ""), dict(step.attrib)
                 check_map(matrix, f"{element.tag} {quoted(owner)!r}: {step.tag} {quoted(values)}")
-    return matrix
-
-
-def _step(step: Element) -> Floats:
-    matrix = np.eye(4)
-    match step.tag:
-        case "translate":
-            matrix[:3, 3] = _vector(step, 0.0)
-        case "scale":
-            matrix[:3, :3] = np.diag(_vector(step, 1.0))
-        case "rotate":
-            axis, angle = _vector(step, 0.0), np.radians(float(step.get("angle", "0")))
-            turn = angle * axis / np.linalg.norm(axis) if axis.any() else np.full(3, np.nan)
-            matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
-        case "matrix":
-            given = numbers_in(step.get("value", ""))
-            side = 4 if given.size == 16 else 3
-            matrix[:side, :side] = given.reshape(side, side)
-        case other:
-            raise ValueError(f"it has an unknown transform {quoted(other)!r}")
     return matrix
 
 

@@ -102,16 +102,13 @@ _BANDS = (
 _ARCSEC2_SR = math.radians(1 / 3600) ** 2
 
 
-def _zenith(zero_point: float, *magnitudes: float) -> float:
-    """Radiance, W·m⁻²·sr⁻¹·nm⁻¹."""
-    magnitude = np.polynomial.polynomial.polyval(_ZENITH_DISTANCE_DEG - 95, magnitudes)
-    return float(zero_point / 1000 * 10 ** (-0.4 * magnitude) / _ARCSEC2_SR)
-
-
 def _twilight() -> Spectrum:
     grid = np.array(WAVELENGTHS_NM)
     scattered = ABOVE_ATMOSPHERE(grid) * transmission() * (grid / _I_NM) ** -4
-    measured = [_zenith(*band) for _, *band in _BANDS]
+    measured = []
+    for _, zero_point, *magnitudes in _BANDS:
+        magnitude = np.polynomial.polynomial.polyval(_ZENITH_DISTANCE_DEG - 95, magnitudes)
+        measured.append(float(zero_point / 1000 * 10 ** (-0.4 * magnitude) / _ARCSEC2_SR))
     scale, beyond = measured[-1] / float(np.interp(_I_NM, grid, scattered)), grid > _I_NM
     wavelengths = [*(wavelength for wavelength, *_ in _BANDS), *grid[beyond]]
     return Spectrum.of(wavelengths, [*measured, *(scale * scattered)[beyond]], _KNOWN_NM)
@@ -180,19 +177,16 @@ _DROPLET_M = 8e-6
 _FORWARD = 0.86
 
 
-def _through(absorbed: Floats) -> Floats:
-    """Transmitted share of diffuse light, by the absorbed share 1 − ω."""
+def _color() -> Spectrum:
+    absorbed = 0.85 * 100 * np.array(TABLES["water"]) * _DROPLET_M
+    without = 1 / (1 + math.sqrt(3) * (1 - _FORWARD) / 2 * OPTICAL_THICKNESS)
+    # Transmitted share of diffuse light, by the absorbed share 1 − ω.
     scattered = 1 - absorbed
     gamma = math.sqrt(3) * (2 - scattered * (1 + _FORWARD)) / 2
     k = np.sqrt(gamma**2 - (math.sqrt(3) * scattered * (1 - _FORWARD) / 2) ** 2)
     x = k * OPTICAL_THICKNESS
-    return np.asarray(k / (k * np.cosh(x) + gamma * np.sinh(x)))
-
-
-def _color() -> Spectrum:
-    absorbed = 0.85 * 100 * np.array(TABLES["water"]) * _DROPLET_M
-    without = 1 / (1 + math.sqrt(3) * (1 - _FORWARD) / 2 * OPTICAL_THICKNESS)
-    return Spectrum.of(TABLES["water nm"], [1.0, *(_through(absorbed) / without)[1:]])
+    through = k / (k * np.cosh(x) + gamma * np.sinh(x))
+    return Spectrum.of(TABLES["water nm"], [1.0, *(through / without)[1:]])
 
 
 OVERCAST = replace(_color(), known_nm=(100.0, TABLES["water nm"][-1]))

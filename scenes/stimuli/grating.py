@@ -89,7 +89,13 @@ class Grating(SceneDescription, frozen=True):
         resolve it, or the trajectory looks past the wall.
         """
         position_m = _position_on_axis(trajectory)
-        _check_height(camera)
+        if camera.steepest_tangent > _STEEPEST_TANGENT:
+            limit = math.floor(math.degrees(math.atan(_STEEPEST_TANGENT)))
+            raise ValueError(
+                f"the grating's cylinder ends {limit}° above and below the horizon and the "
+                f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
+                f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
+            )
         _check_frequency(self, camera)
         half_height = 1.05 * camera.steepest_tangent
         pattern = _pattern(self, camera.view_rad, half_height)
@@ -170,16 +176,6 @@ def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
             "the grating: use (0, 0, 0) and turn with rotation_deg_s"
         )
     return trajectory.position_m
-
-
-def _check_height(camera: Camera) -> None:
-    if camera.steepest_tangent > _STEEPEST_TANGENT:
-        limit = math.floor(math.degrees(math.atan(_STEEPEST_TANGENT)))
-        raise ValueError(
-            f"the grating's cylinder ends {limit}° above and below the horizon and the "
-            f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
-            f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
-        )
 
 
 def _check_frequency(grating: Grating, camera: Camera) -> None:

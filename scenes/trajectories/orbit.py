@@ -100,7 +100,12 @@ class Fit(Path, frozen=True):
                 rate_deg_s=self.rate_deg_s,
                 start_deg=self.start_deg,
             )
-            if _sees(orbit, corners, camera):
+            # All corners are within the image from all around.
+            around = orbit.model_copy(update={"rate_deg_s": 360 / _AZIMUTHS, "mount": None})
+            positions, rotations = around.course(np.arange(_AZIMUTHS, dtype=float))
+            places = np.einsum("nij,nki->nkj", rotations, corners - positions[:, None])
+            image = camera.project(places) / [camera.width, camera.height]
+            if ((image > _MARGIN) & (image < 1 - _MARGIN)).all():
                 break
         return orbit
 
@@ -111,15 +116,6 @@ class Fit(Path, frozen=True):
     def __str__(self) -> str:
         """Camera motion."""
         return "circles the scene, all of which it sees"
-
-
-def _sees(orbit: Orbit, corners: Floats, camera: Camera) -> bool:
-    """True if corners (8, 3) of a box are within the image from all around."""
-    around = orbit.model_copy(update={"rate_deg_s": 360 / _AZIMUTHS, "mount": None})
-    positions, rotations = around.course(np.arange(_AZIMUTHS, dtype=float))
-    places = np.einsum("nij,nki->nkj", rotations, corners - positions[:, None])
-    image = camera.project(places) / [camera.width, camera.height]
-    return bool(((image > _MARGIN) & (image < 1 - _MARGIN)).all())
 
 
 _FAR = 20.0

@@ -68,13 +68,7 @@ class Hover(Aimed, frozen=True):
 
     def course(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
-        jitter = self._jitter(times_s)
-        first = looking(np.subtract(self.look_at_m, self.position_m)[None], self.up)
-        turns = Rotation.from_rotvec(np.radians(self.jitter_deg) * jitter[:, 3:]).as_matrix()
-        return np.asarray(self.position_m) + self.jitter_m * jitter[:, :3], first @ turns
-
-    def _jitter(self, times_s: Floats) -> Floats:
-        """Six independent signals (n, 6) of mean square 1 over long times."""
+        # Six independent signals of mean square 1 over long times.
         rng = generator(self.seed, "hover")
         # One frequency from each of equal intervals: no gap in the band, no common period.
         place = (np.arange(_WAVES) + rng.random((6, _WAVES))) / _WAVES
@@ -83,7 +77,10 @@ class Hover(Aimed, frozen=True):
         jitter = np.zeros((len(times_s), 6))
         for wave in range(_WAVES):  # one at a time: times may be as many as pixels
             jitter += np.sin(times_s[:, None] * rate[:, wave] + phase[:, wave])
-        return np.asarray(np.sqrt(2 / _WAVES) * jitter)
+        jitter *= np.sqrt(2 / _WAVES)
+        first = looking(np.subtract(self.look_at_m, self.position_m)[None], self.up)
+        turns = Rotation.from_rotvec(np.radians(self.jitter_deg) * jitter[:, 3:]).as_matrix()
+        return np.asarray(self.position_m) + self.jitter_m * jitter[:, :3], first @ turns
 
     def __str__(self) -> str:
         """Camera motion."""

@@ -166,7 +166,6 @@ def test_defaults_fill_what_is_not_given(write):
             f'<default name="a" value="{"x" * 1000}"/>' + '<b c="$a $a $a $a"/>' * 5000,
             "too long a text",
         ),
-        ('<shape type="instance"/>', "a shape of type 'instance' is not read"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_one_sentence(write, body, message):

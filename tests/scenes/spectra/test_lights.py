@@ -19,7 +19,6 @@ from megalopta.scenes.spectra.outdoors import (
     SUN,
     TWILIGHT,
     ZODIACAL_S10,
-    overcast_share,
 )
 from megalopta.scenes.spectra.spectrum import luminous
 
@@ -96,11 +95,6 @@ def test_color_is_that_of_a_layer_added_up_of_thin_ones(wavelength_nm, absorptio
 
 def test_clouds_are_gray_where_the_eye_sees():
     assert OVERCAST(np.arange(380, 780)).min() > 0.99
-
-
-def test_closed_clouds_let_a_quarter_through_and_none_all():
-    assert overcast_share(1.0) == 0.25
-    assert overcast_share(0.0) == 1
 
 
 def test_unit_is_a_star_of_tenth_magnitude_per_square_degree():

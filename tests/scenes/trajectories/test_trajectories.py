@@ -187,8 +187,3 @@ def test_a_fitted_camera_sees_all_of_a_box_and_is_not_too_far(camera, bounds):
         assert ((image > 0) & (image < [camera.width, camera.height])).all()
         spans.append((np.ptp(image, axis=0) / [camera.width, camera.height]).max())
     assert max(spans) > 0.4
-
-
-def test_a_path_that_is_not_fitted_yet_says_so():
-    with pytest.raises(ValueError, match="load the configuration"):
-        Fit().poses()
