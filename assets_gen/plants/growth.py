@@ -195,7 +195,23 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
     skeleton = Skeleton(np.empty((0, 3)), np.empty(0, dtype=np.intp))
     bearing: list[IndexArray] = []
     for rope in range(species.stems):
-        line = _rope(species, growth, rope * GOLDEN_ANGLE + rng.normal(0, 0.4), rng)
+        azimuth = rope * GOLDEN_ANGLE + rng.normal(0, 0.4)
+        height = species.height_m * rng.uniform(0.8, 1)
+        levels = np.sort(rng.uniform(0.25, 0.9, HOLDS - 1))
+        z = np.concatenate([[-BURIED_M], height * levels, [height]])
+        away = growth.reach_m * np.concatenate([[0.0], rng.uniform(0.1, 1, HOLDS)])
+        turns = azimuth + rng.normal(0, 0.7, HOLDS + 1)
+        holds = away[:, None] * outward(turns) + z[:, None] * UP
+        pieces = [holds[:1]]
+        for low, high, sag in zip(holds[:-1], holds[1:], rng.uniform(0, 0.2, HOLDS), strict=True):
+            span = float(np.linalg.norm(high - low))
+            share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]
+            slack = 4 * share * (1 - share)
+            wave = np.sin(2 * np.pi * share + rng.uniform(0, 2 * np.pi)) * slack
+            across = outward(rng.uniform(0, 2 * np.pi, 1))
+            slackened = low + share * (high - low) + sag * span * slack * across
+            pieces.append(slackened + 0.06 * wave * across)
+        line = np.concatenate(pieces)
         first = len(skeleton.positions)
         skeleton = skeleton.with_chain(line)
         bearers = np.sort(rng.integers(len(line) // 2, len(line), growth.shoots)) + first
@@ -205,28 +221,6 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
         bearing.append(np.stack([bearers, len(skeleton.positions) + np.arange(len(ends))], axis=-1))
         skeleton = skeleton.extended(ends, bearers)
     return Branching(skeleton, np.concatenate(bearing))
-
-
-def _rope(
-    species: Species, growth: Climbing, azimuth: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return the nodes (k, 3) of a rope from below the ground to its upper end (m)."""
-    height = species.height_m * rng.uniform(0.8, 1)
-    levels = np.sort(rng.uniform(0.25, 0.9, HOLDS - 1))
-    z = np.concatenate([[-BURIED_M], height * levels, [height]])
-    away = growth.reach_m * np.concatenate([[0.0], rng.uniform(0.1, 1, HOLDS)])
-    turns = azimuth + rng.normal(0, 0.7, HOLDS + 1)
-    holds = away[:, None] * outward(turns) + z[:, None] * UP
-    pieces = [holds[:1]]
-    for low, high, sag in zip(holds[:-1], holds[1:], rng.uniform(0, 0.2, HOLDS), strict=True):
-        span = float(np.linalg.norm(high - low))
-        share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]
-        slack = 4 * share * (1 - share)
-        wave = np.sin(2 * np.pi * share + rng.uniform(0, 2 * np.pi)) * slack
-        across = outward(rng.uniform(0, 2 * np.pi, 1))
-        slackened = low + share * (high - low) + sag * span * slack * across
-        pieces.append(slackened + 0.06 * wave * across)
-    return np.concatenate(pieces)
 
 
 def grow_axes(species: Species, rng: np.random.Generator) -> Branching:

@@ -59,7 +59,7 @@ class OnnxDetector(DenseDetector, frozen=True):
         most = max(flow.size for flow in flows)
         flow = [flow for flow in flows if flow.size == most][-1]
         if wanted == padded:
-            return np.moveaxis(flow, 0, -1)[: shape[0], : shape[1]]
+            return np.asarray(np.moveaxis(flow, 0, -1)[: shape[0], : shape[1]])
         scale = np.array(shape[::-1]) / np.array(wanted[::-1])
         resized = [_resized(component, shape) for component in flow]
         return np.asarray(np.dstack(resized) * scale)
