@@ -4,6 +4,7 @@ Boulders: solids cut by random planes, weathered, half sunk into the ground.
 """
 
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 
@@ -17,19 +18,17 @@ _RINGS = 48
 
 def box(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
     """Return a box around the origin with edges along x, y, z; its texture repeats."""
-    axes = ((n, (n + 1) % 3, (n + 2) % 3, sign) for n in range(3) for sign in (1, -1))
-    return join([_side(np.array(extent_m) / 2, tile_m, *each) for each in axes])
-
-
-def _side(half: FloatArray, tile_m: float, normal: int, u: int, v: int, sign: int) -> Surface:
-    """Return one side, by the axis and the sign of its normal and the axes of its texture."""
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]][::sign], dtype=float)
-    corners = np.zeros((4, 3))
-    corners[:, normal] = sign * half[normal]
-    corners[:, [u, v]] = square * half[[u, v]]
-    # Each side has its own part of the texture.
-    uv = corners[:, [u, v]] / tile_m + 0.37 * (2 * normal + (sign > 0))
-    return Surface(corners, np.array([[0, 1, 2], [0, 2, 3]]), uv)
+    half, sides = np.array(extent_m) / 2, []
+    for normal, sign in product(range(3), (1, -1)):
+        across = [(normal + 1) % 3, (normal + 2) % 3]
+        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]][::sign], dtype=float)
+        corners = np.zeros((4, 3))
+        corners[:, normal] = sign * half[normal]
+        corners[:, across] = square * half[across]
+        # Each side has its own part of the texture.
+        uv = corners[:, across] / tile_m + 0.37 * (2 * normal + (sign > 0))
+        sides.append(Surface(corners, np.array([[0, 1, 2], [0, 2, 3]]), uv))
+    return join(sides)
 
 
 def ball(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
@@ -75,28 +74,26 @@ def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
     surface is a grid of `sides` meridians, closed at the top, and open only to the ground.
     """
     rings = max(sides // 2, 3)
-    elevation = np.linspace(-0.7, np.pi / 2, rings + 1)[:-1]
+    elevation = np.linspace(-0.7, np.pi / 2, rings + 1)[:-1, None]
     azimuth = 2 * np.pi * np.arange(sides + 1) / sides
-    grid = _directions(azimuth[None, :], elevation[:, None])
+    level, up = np.cos(elevation), np.sin(elevation) * np.ones_like(azimuth)
+    grid = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
     top = np.array([[[0.0, 0.0, 1.0]]])
     radius_m = _cut(rng)
     squash = np.array([1.0, rng.uniform(0.65, 1.0), rng.uniform(0.45, 0.85)])
     body, apex = (squash * radius_m(d)[..., None] * d for d in (grid, top))
     body[:, -1] = body[:, 0]
+    around = np.concatenate([body[:, -2:-1], body, body[:, 1:2]], axis=1)
+    along = np.gradient(body, axis=0)
+    normals = unit(cross(around[:, 2:] - around[:, :-2], along))
     u = azimuth / (2 * np.pi) * round(np.pi / STONE_TILE_M)
-    uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * STONE_TILE_M)), axis=-1)
+    uv = np.stack(np.broadcast_arrays(u, elevation / (2 * STONE_TILE_M)), axis=-1)
     return Surface(
         np.concatenate([body.reshape(-1, 3), apex.reshape(-1, 3)]),
         tube_faces(rings, sides),
         np.concatenate([uv.reshape(-1, 2), [[u[-1] / 2, np.pi / 4 / STONE_TILE_M]]]),
-        np.concatenate([_normals(body), top.reshape(-1, 3)]),
+        np.concatenate([normals.reshape(-1, 3), top.reshape(-1, 3)]),
     )
-
-
-def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
-    level = np.cos(elevation)
-    up = np.sin(elevation) * np.ones_like(azimuth)
-    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
 
 
 def _cut(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
@@ -116,10 +113,3 @@ def _cut(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
         return np.asarray(smooth + sum(dent(direction[..., pair]) for dent, pair in pairs))
 
     return radius
-
-
-def _normals(body: FloatArray) -> FloatArray:
-    """Return outward vertex normals of a grid whose last column repeats the first."""
-    around = np.concatenate([body[:, -2:-1], body, body[:, 1:2]], axis=1)
-    along = np.gradient(body, axis=0)
-    return unit(cross(around[:, 2:] - around[:, :-2], along)).reshape(-1, 3)

@@ -30,8 +30,13 @@ def poisson_disk(
         )
     kept = np.empty((0, 2))
     while len(kept) < count:
-        darts = rng.uniform(low, high, (4 * count, 2))
-        kept = np.concatenate([kept, darts])[_survivors(np.concatenate([kept, darts]), spacing_m)]
+        darts = np.concatenate([kept, rng.uniform(low, high, (4 * count, 2))])
+        pairs = cKDTree(darts).query_pairs(spacing_m, output_type="ndarray")
+        alive = np.ones(len(darts), dtype=bool)
+        for earlier, later in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
+            if alive[earlier]:
+                alive[later] = False
+        kept = darts[alive]
     return kept[:count]
 
 
@@ -42,16 +47,6 @@ def distance_to(points: cKDTree, places: FloatArray, within: float = np.inf) -> 
     """
     distance, _ = points.query(places, distance_upper_bound=within)
     return np.asarray(distance)
-
-
-def _survivors(darts: FloatArray, spacing_m: float) -> list[int]:
-    """Return the indices of the darts that no earlier surviving dart excludes."""
-    pairs = cKDTree(darts).query_pairs(spacing_m, output_type="ndarray")
-    alive = np.ones(len(darts), dtype=bool)
-    for earlier, later in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
-        if alive[earlier]:
-            alive[later] = False
-    return np.flatnonzero(alive).tolist()
 
 
 def generator(seed: int, *purpose: str | int) -> np.random.Generator:

@@ -90,24 +90,18 @@ def ground_surface(
 
     It extends for `reach_m` beyond them, with growing steps.
     """
-    x, y = (_graded(low[i], high[i], step_m, reach_m) for i in range(2))
+    away = np.cumsum(step_m * GROWTH ** np.arange(1, 200))
+    beyond = away[: np.searchsorted(away, reach_m) + 1]
+    x, y = (
+        np.concatenate([start - beyond[::-1], np.linspace(start, end, steps), end + beyond])
+        for start, end in zip(low, high, strict=True)
+        for steps in [max(int((end - start) / step_m), 2)]
+    )
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     grid = np.column_stack([flat, terrain.height(flat)]).reshape(len(y), len(x), 3)
-    return Surface(
-        grid.reshape(-1, 3), grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
-    )
-
-
-def _graded(low: float, high: float, step_m: float, reach_m: float) -> FloatArray:
-    inside = np.linspace(low, high, max(int((high - low) / step_m), 2))
-    steps = step_m * GROWTH ** np.arange(1, 200)
-    beyond = np.cumsum(steps)[: np.searchsorted(np.cumsum(steps), reach_m) + 1]
-    return np.concatenate([low - beyond[::-1], inside, high + beyond])
-
-
-def _grid_normals(grid: FloatArray) -> FloatArray:
     rows, columns = np.gradient(grid, axis=(0, 1))
-    return unit(np.cross(columns, rows)).reshape(-1, 3)
+    normals = unit(np.cross(columns, rows)).reshape(-1, 3)
+    return Surface(grid.reshape(-1, 3), grid_faces(len(y), len(x)), terrain.uv(flat), normals)
 
 
 MOSS_BANDS = (((1.2, 5.0), 0.8), ((0.3, 1.2), 0.5), ((0.09, 0.3), 0.33))

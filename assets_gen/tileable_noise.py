@@ -7,7 +7,6 @@ the edges and the scale-free spectrum of natural scenes, which filtered noise la
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,27 +167,23 @@ def strew(
         center = rng.random((n, 2)) * size_m
         shade = 0.5 * rng.standard_normal(n)
         for few in (slice(first, first + PAINTED) for first in range(0, n, PAINTED)):
-            chosen = _Laid(center[few], length[few], angle[few], shade[few])
-            flat, value = _paint(shape, texel, marks.aspect, chosen)
+            laid = center[few], length[few], angle[few], shade[few]
+            flat, value = _paint(shape, texel, marks.aspect, *laid)
             # For repeated indices numpy keeps the last value, so later marks are on top.
             image[flat] = value
     return image.reshape(shape)
 
 
-class _Laid(NamedTuple):
-    """Positions (n, 2) of n marks, and their lengths, directions and shades (n,)."""
-
-    center: FloatArray
-    length: FloatArray
-    angle: FloatArray
-    shade: FloatArray
-
-
 def _paint(
-    shape: tuple[int, int], texel: FloatArray, aspect: float, marks: _Laid
+    shape: tuple[int, int],
+    texel: FloatArray,
+    aspect: float,
+    center: FloatArray,
+    length: FloatArray,
+    angle: FloatArray,
+    shade: FloatArray,
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """Return the texels covered by each mark and their shades, in the order of the marks."""
-    center, length, angle, shade = marks
     reach = np.ceil(length.max() / 2 / texel).astype(int)
     offsets = np.stack(
         np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1

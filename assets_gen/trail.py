@@ -93,7 +93,12 @@ def make_trail(
     rng : Generator
         Draws windings and margins.
     """
-    start, end = (_direction(points, heading) for points in (path_xy[::-1], path_xy))
+    ends = []
+    for points in (path_xy[::-1], path_xy):
+        far = np.flatnonzero(np.linalg.norm(points[-1] - points, axis=1) >= CHORD_M)
+        chord = points[-1] - points[far[-1]] if len(far) else heading
+        ends.append(unit(np.asarray(chord, dtype=float)))
+    start, end = ends
     if np.linalg.norm(np.ptp(path_xy, axis=0)) < CHORD_M:
         start = -end
     behind, ahead = (
@@ -107,14 +112,6 @@ def make_trail(
         margin=plane_waves((0.5, 4.0), 0.12 * width_m**0.5, 40, rng),
         fringe=plane_waves((0.12, 0.6), FRINGE_M, 40, rng),
     )
-
-
-def _direction(points: FloatArray, heading: FloatArray) -> FloatArray:
-    """Return the unit vector in which points (n, 2) end, or the heading if they stay in place."""
-    away = np.linalg.norm(points[-1] - points, axis=1)
-    far = np.flatnonzero(away >= CHORD_M)
-    chord = points[-1] - points[far[-1]] if len(far) else heading
-    return unit(np.asarray(chord, dtype=float))
 
 
 def _winding(

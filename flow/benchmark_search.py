@@ -286,37 +286,29 @@ class _Search:
             self._measured = {0: nothing, self._last: nothing}
         else:
             for metric, bits in product(self._settings.metrics, self._settings.bits):
-                self._measure(self._start(bits))
-                self._bracket(metric, 2.0**-bits)
-                self._close_interval(metric, bits)
+                self._search(metric, bits)
         return [self._curve(metric, self._settings.bits) for metric in self._settings.metrics]
 
-    def _measure(self, *indices: int) -> None:
-        for index in indices:
-            if index not in self._measured:
-                self._measured[index] = self._errors.sums(self._fluxes[index])
-
-    def _start(self, bits: int) -> int:
-        """Return the index at which the brightness of a pixel is known to this many bits."""
+    def _search(self, metric: Metric, bits: int) -> None:
+        """Measure as many fluxes as the threshold of an accuracy and its interval need."""
+        # start where the brightness of a pixel is known to this many bits
         needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * self._sequences.pixels
         dark = self._sequences.dark_counts * self._sequences.pixels
         flux = (needed + math.sqrt(needed**2 + 4 * needed * dark)) / 2  # F²/(F + dark) = needed
         decades = math.log10(flux / self._settings.flux_min)
-        return min(max(round(decades * _STRIDES_PER_DECADE) * self._step, 0), self._last)
+        start = round(decades * _STRIDES_PER_DECADE) * self._step
+        self._measure(min(max(start, 0), self._last))
 
-    def _bracket(self, metric: Metric, level: float) -> None:
         def following() -> int | None:
             errors = {index: error_of(sums, metric) for index, sums in self._measured.items()}
             per_decade, last = self._settings.fluxes_per_decade, self._last
-            return next_index(errors, level, last, per_decade, self._straight, self._is_exact)
+            return next_index(errors, 2.0**-bits, last, per_decade, self._straight, self._is_exact)
 
         while (index := following()) is not None:
             self._measure(index)
         if len(self._measured) == 1:  # a curve has two points
             self._measure(0, self._last)
-
-    def _close_interval(self, metric: Metric, bits: int) -> None:
-        while True:
+        while True:  # until fluxes on both sides bound the interval
             threshold = self._curve(metric, (bits,)).thresholds[bits]
             lowest, highest = min(self._measured), max(self._measured)
             if threshold.kind == "crossing" and threshold.low is None and lowest > 0:
@@ -325,6 +317,11 @@ class _Search:
                 self._measure(min(highest + self._step, self._last))
             else:
                 return
+
+    def _measure(self, *indices: int) -> None:
+        for index in indices:
+            if index not in self._measured:
+                self._measured[index] = self._errors.sums(self._fluxes[index])
 
     def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
         """Return the curve through the measured points."""

@@ -26,7 +26,6 @@ puts more points in front.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -80,9 +79,13 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
             f"{known.sum()} velocities are defined; the camera's motion needs {_FEWEST}"
         )
     d, e = d[known], e[known]
-    found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
-    heading, rotation, _ = found
-    return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
+    fits = (_refined(t, d, e) for t in _promising(d, e))
+    heading, rotation, _ = min(fits, key=itemgetter(2))
+    # points in front, which are most, move away from the heading
+    moved = Rotation.from_rotvec(rotation).apply(e) - d
+    away = (d @ heading)[:, np.newaxis] * d - heading
+    is_ahead = np.sum(np.sign(np.sum(moved * away, axis=1))) >= 0
+    return CameraMotion(np.degrees(rotation), heading if is_ahead else -heading)
 
 
 def _promising(d: Floats, e: Floats) -> Floats:
@@ -129,23 +132,16 @@ def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
 
 
-def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Heading displaced sideways from t, and rotation vector."""
-    moved = t + parameters[:2] @ sideways
-    return moved / np.linalg.norm(moved), parameters[2:]
-
-
 def _scaled_residuals(
     t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
 ) -> Floats:
     return _across(*_near(t, sideways, parameters), d, e) / noise
 
 
-def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
-    """Sign of t that puts more points in front, where they move away from it."""
-    left = Rotation.from_rotvec(turn).apply(e) - d
-    away = (d @ t)[:, np.newaxis] * d - t
-    return 1 if np.sum(np.sign(np.sum(left * away, axis=1))) >= 0 else -1
+def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
+    """Heading displaced sideways from t, and rotation vector."""
+    moved = t + parameters[:2] @ sideways
+    return moved / np.linalg.norm(moved), parameters[2:]
 
 
 _SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
@@ -215,11 +211,21 @@ def camera_motion_with_error(
     _check(counts, camera)
     search = _Search.of(counts, camera)
     best = search.best()
-    motion, variance = best.seen, _variance(best)
-    parts = chain(_strips(counts.shape[1:]), _layers(best.motion, counts.shape[1:]))
-    others = [replace(search, used=~part).best().seen for part in parts]
-    turns = [(each.rotation_deg - motion.rotation_deg) ** 2 for each in others]
-    angles = angles_deg(np.array([each.heading for each in others]), motion.heading)
+    motion, shape = best.seen, counts.shape[1:]
+    # variances of the parameters; of those without information, that of a half turn
+    values, vectors = np.linalg.eigh(best.information)
+    variance = (vectors**2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
+    near = _dense(best.motion.nearness, shape)
+    layers = (
+        near > np.quantile(near, 1 - _PART),
+        near > threshold_otsu(near),
+        near < np.quantile(near, _PART),
+    )
+    partial_motions = [
+        replace(search, used=~part).best().seen for part in (*_strips(shape), *layers)
+    ]
+    turns = [(each.rotation_deg - motion.rotation_deg) ** 2 for each in partial_motions]
+    angles = angles_deg(np.array([each.heading for each in partial_motions]), motion.heading)
     error = CameraMotionError(
         np.sqrt(np.degrees(1) ** 2 * variance[:3] + np.max(turns, axis=0)),
         float(np.sqrt(np.degrees(1) ** 2 * variance[3:5].sum() + (angles**2).max())),
@@ -260,24 +266,9 @@ def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
             yield part
 
 
-def _layers(motion: "_Motion", shape: tuple[int, ...]) -> Iterator[Mask]:
-    """Yield the nearest, the nearer (of two groups, by Otsu) and the farthest pixels (H, W)."""
-    near = _dense(motion.nearness, shape)
-    yield near > np.quantile(near, 1 - _PART)
-    yield near > threshold_otsu(near)
-    yield near < np.quantile(near, _PART)
-
-
 def _dense(nearness: Floats, shape: tuple[int, ...]) -> Floats:
     """Return the inverse depth at pixels (H, W), given that at nodes."""
     return np.asarray(likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0])
-
-
-def _variance(found: "_Found") -> Floats:
-    """Return the variances (8,) of the parameters; of ones without information, of a half turn."""
-    values, vectors = np.linalg.eigh(found.information)
-    least = 1 / np.pi**2
-    return np.asarray((vectors**2 / np.maximum(values, least)).sum(axis=1))
 
 
 class _Found(NamedTuple):
@@ -418,7 +409,14 @@ class _Search:
         to_near = (along * slopes[0]).sum(axis=-1).ravel() - held @ nearness.ravel()
         diagonal, nodes = near_near.ravel() + _DAMPING * scale**2, np.arange(nearness.size)
         matrix = held + coo_array((diagonal, (nodes, nodes)))
-        change, step, left = _solved(eight_eight, eight_near, matrix, to_eight, to_near)
+        # the steps of the eight parameters and of the inverse depth, which is eliminated
+        options = {"SymmetricMode": True}
+        factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
+        solved = factors.solve(np.column_stack((to_near, eight_near)))
+        left = eight_eight - eight_near.T @ solved[:, 1:]
+        left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
+        change = np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0])
+        step = solved[:, 0] - solved[:, 1:] @ change
         longest = _LONGEST_STEP_PX / scale
         nearer = nearness + np.clip(step.reshape(nearness.shape), -longest, longest)
         way = heading + sideways @ change[3:5]
@@ -453,21 +451,6 @@ class _Search:
         values = scale**2 * np.concatenate((springs, springs, -springs, -springs))
         held = coo_array((values, (rows, columns)), shape=(nearness.size,) * 2)
         return float((springs * change**2).sum()), held
-
-
-def _solved(
-    eight_eight: Floats, eight_near: Floats, near_near: coo_array, to_eight: Floats, to_near: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return the steps of eight parameters and of the inverse depth, which is eliminated.
-
-    The third is the information (8, 8) of the parameters.
-    """
-    factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    solved = factors.solve(np.column_stack((to_near, eight_near)))
-    left = eight_eight - eight_near.T @ solved[:, 1:]
-    left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
-    change = np.asarray(np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0]), np.float64)
-    return change, solved[:, 0] - solved[:, 1:] @ change, left
 
 
 def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:

@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats
-
 Rgb = NDArray[np.uint8]
 
 _UNDEFINED = 128
@@ -36,7 +34,9 @@ def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
     undefined = np.isnan(flow).any(axis=-1)
     x, y = np.moveaxis(np.where(undefined[..., np.newaxis], 0, flow).astype(np.float64), -1, 0)
     speed = np.hypot(x, y)[..., np.newaxis] / max_speed
-    hue = _hue(np.arctan2(y, x) / (2 * np.pi) % 1.0)
+    turn = np.arctan2(y, x) / (2 * np.pi) % 1.0
+    channels = [np.interp(turn, _TURN, _CORNERS[:, channel]) for channel in range(3)]
+    hue = np.stack(channels, axis=-1)
     color = np.where(speed <= 1, 1 - speed * (1 - hue), _BEYOND_SCALE * hue)
     picture = np.round(255 * color).astype(np.uint8)
     picture[undefined] = _UNDEFINED
@@ -58,8 +58,3 @@ def wheel_legend(side_px: int) -> Rgb:
     picture = flow_to_rgb(flow, 1.0)
     picture[outside] = 255
     return picture
-
-
-def _hue(turn: Floats) -> Floats:
-    channels = [np.interp(turn, _TURN, _CORNERS[:, channel]) for channel in range(3)]
-    return np.stack(channels, axis=-1)

@@ -71,32 +71,24 @@ def with_large_motion(level: Level, times: Floats, nodes: Floats) -> Floats:
     equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
     _fill(equal.astype(np.float32), now, area * level.noise, costs)
     costs[..., :-1] += _LEAVING * (len(times) - 1)
-    _add_claims(costs, _explained(middle, nodes, squares))
+    # how well the flow so far explains the second frame around each node, 0 to 1
+    *_, back = place_of_pixels(middle, np.array([0.0, -1.0]), nodes)
+    around = gaussian_filter(squares, _AGREEMENT_PX) / middle.noise
+    at_second = map_coordinates(around, back, order=1, mode="nearest")
+    explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
+    # displacements to a place of the second frame that is explained otherwise cost more
+    middles = (NODE_PX * np.arange(count) + NODE_PX // 2 for count in explained.shape)
+    places = ((centers + _SHIFTS[:, np.newaxis]) // NODE_PX for centers in middles)
+    rows, columns = (place.clip(0, place[_REACH_PX, -1]) for place in places)
+    for label in range(side**2):
+        row, column = rows[label // side], columns[label % side]
+        costs[..., label] += _CLAIM * explained[np.ix_(row, column)]
     total = costs.copy()
     for down, right in _DIRECTIONS:
         _add_messages(costs, nodes, down, right, total)
     best = total.argmin(axis=-1)
     y, x = np.divmod(best, side)
     return np.where(best == side**2, nodes, np.stack((x, y)) - float(_REACH_PX))
-
-
-def _explained(pair: Level, nodes: Floats, squares: Floats) -> Floats:
-    """Return how well the flow so far explains the second frame around each node, 0 to 1."""
-    *_, back = place_of_pixels(pair, np.array([0.0, -1.0]), nodes)
-    around = gaussian_filter(squares, _AGREEMENT_PX) / pair.noise
-    at_second = map_coordinates(around, back, order=1, mode="nearest")
-    return np.asarray(to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / NODE_PX**2)
-
-
-def _add_claims(costs: Floats, explained: Floats) -> None:
-    """Add the cost of displacements to a place of the second frame that is explained otherwise."""
-    side = 2 * _REACH_PX + 1
-    middles = (NODE_PX * np.arange(count) + NODE_PX // 2 for count in explained.shape)
-    down, right = ((middle + _SHIFTS[:, np.newaxis]) // NODE_PX for middle in middles)
-    rows, columns = (each.clip(0, each[_REACH_PX, -1]) for each in (down, right))
-    for label in range(side**2):
-        row, column = rows[label // side], columns[label % side]
-        costs[..., label] += _CLAIM * explained[np.ix_(row, column)]
 
 
 @compiled(fastmath={"reassoc", "contract"})

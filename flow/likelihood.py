@@ -30,7 +30,7 @@ from scipy.ndimage import (
     rank_filter,
     spline_filter,
 )
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import coo_array
 from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
 from megalopta.core.arrays import Floats, Mask
@@ -263,7 +263,22 @@ class MostLikely:
         `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower; `start`
         (2, n, m): velocities nearby.
         """
-        matrix, target = _system(information, springs), slope.ravel()
+        shape, target = information.shape[1:], slope.ravel()
+        nodes = int(np.prod(shape))
+        first, second = links(shape)
+        stiffness = np.concatenate([spring.ravel() for spring in springs])
+        ends = np.concatenate((first, second))
+        pull = np.bincount(ends, np.concatenate((stiffness, stiffness)), nodes) + _LEAST
+        xx, xy, yy = information.reshape(3, nodes)
+        x = np.arange(nodes)
+        y = x + nodes
+        # (row, column, value) of every entry, x of all nodes before y
+        entries = [(x, x, xx + pull), (y, y, yy + pull), (x, y, xy), (y, x, xy)]
+        for offset in (0, nodes):
+            entries.append((first + offset, second + offset, -stiffness))
+            entries.append((second + offset, first + offset, -stiffness))
+        rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+        matrix = coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
         if self._factors is not None:
             similar = LinearOperator(matrix.shape, self._factors.solve, dtype=target.dtype)
             how: dict[str, Any] = {"rtol": _TOLERANCE, "maxiter": _MOST_STEPS, "M": similar}
@@ -273,26 +288,6 @@ class MostLikely:
         options = {"SymmetricMode": True}
         self._factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options=options)
         return np.asarray(self._factors.solve(target)).reshape(slope.shape)
-
-
-def _system(information: Floats, springs: tuple[Floats, Floats]) -> csc_array:
-    """Return the matrix of evidence and springs, x of all nodes before y."""
-    shape = information.shape[1:]
-    nodes = int(np.prod(shape))
-    first, second = links(shape)
-    stiffness = np.concatenate([spring.ravel() for spring in springs])
-    ends = np.concatenate((first, second))
-    pull = np.bincount(ends, np.concatenate((stiffness, stiffness)), nodes) + _LEAST
-    xx, xy, yy = information.reshape(3, nodes)
-    x = np.arange(nodes)
-    y = x + nodes
-    # (row, column, value) of every entry
-    entries = [(x, x, xx + pull), (y, y, yy + pull), (x, y, xy), (y, x, xy)]
-    for offset in (0, nodes):
-        entries.append((first + offset, second + offset, -stiffness))
-        entries.append((second + offset, first + offset, -stiffness))
-    rows, columns, values = (np.concatenate(each) for each in zip(*entries, strict=True))
-    return coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
 
 
 def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

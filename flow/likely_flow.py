@@ -53,10 +53,19 @@ def node_covariance(information: Floats, springs: tuple[Floats, Floats]) -> Floa
         return found.transpose(0, 2, 1)
     rows = information.shape[1]
     down = np.pad(np.tile(springs[1], 2), ((1, 1), (0, 0)))  # of both components
+    width = information.shape[2]
+    node = np.arange(width)
     # inverse of each row, given all above
     above: list[Floats] = []
     for row in range(rows):
-        block = _row(information[:, row], springs[0][row], down[row] + down[row + 1])
+        xx, xy, yy = information[:, row]
+        right, vertical = springs[0][row], down[row] + down[row + 1]
+        pull = np.pad(right, (1, 0)) + np.pad(right, (0, 1))
+        # the matrix of a row, x of all nodes before y
+        block = np.diag(np.concatenate((xx + pull, yy + pull)) + vertical)
+        block[node, node + width] = block[node + width, node] = xy
+        for first in (node[:-1], node[:-1] + width):
+            block[first, first + 1] = block[first + 1, first] = -right
         if row:
             block -= down[row][:, np.newaxis] * above[-1] * down[row]
         above.append(np.asarray(np.linalg.inv(block), np.float64))
@@ -67,19 +76,6 @@ def node_covariance(information: Floats, springs: tuple[Floats, Floats]) -> Floa
         last = np.asarray(above[row] + tied @ last @ tied.T)
         found[:, row] = _blocks(last)
     return found
-
-
-def _row(information: Floats, right: Floats, vertical: Floats) -> Floats:
-    """Return the matrix (2m, 2m) of a row, x of all nodes before y."""
-    xx, xy, yy = information
-    width = len(xx)
-    pull = np.pad(right, (1, 0)) + np.pad(right, (0, 1))
-    matrix = np.diag(np.concatenate((xx + pull, yy + pull)) + vertical)
-    node = np.arange(width)
-    matrix[node, node + width] = matrix[node + width, node] = xy
-    for first in (node[:-1], node[:-1] + width):
-        matrix[first, first + 1] = matrix[first + 1, first] = -right
-    return np.asarray(matrix)
 
 
 def _blocks(inverse: Floats) -> Floats:

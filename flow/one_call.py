@@ -9,7 +9,6 @@ from pydantic import ValidationError
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, velocity_method
@@ -68,8 +67,16 @@ def optical_flow(
         With `return_covariance`: its covariances (H, W, 2, 2), px².
     """
     detector = _changed(velocity_method(method), settings)
-    frames = [_image(each) for each in (first, second)]
-    if detector.takes_counts and all(map(_are_gray_levels, frames)):
+    frames = [np.asarray(image) for image in (first, second)]
+    for image in frames:
+        if image.dtype.kind not in "buif":
+            raise ValueError(f"an image of {image.dtype}: give numbers")
+    frames = [image.astype(np.uint8) if image.dtype.kind == "b" else image for image in frames]
+    are_gray_levels = all(
+        image.size and image.min() >= 0 and image.max() <= 1 and (image != np.round(image)).any()
+        for image in frames
+    )
+    if detector.takes_counts and are_gray_levels:
         raise ValueError(
             f"{detector.name} needs photon counts, but these are gray levels from 0 to 1: multiply"
             " them by the photons of the brightest, or choose another method, such as DIS"
@@ -99,15 +106,3 @@ def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetec
         raise ValueError(
             f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
         ) from None
-
-
-def _image(values: ArrayLike) -> Frames:
-    image = np.asarray(values)
-    if image.dtype.kind not in "buif":
-        raise ValueError(f"an image of {image.dtype}: give numbers")
-    return image.astype(np.uint8) if image.dtype.kind == "b" else image
-
-
-def _are_gray_levels(image: Frames) -> bool:
-    is_within = image.size > 0 and image.min() >= 0 and image.max() <= 1
-    return bool(is_within and (image != np.round(image)).any())

@@ -166,7 +166,15 @@ class Furrows:
         """
         radius = float(profile.mean(axis=1).max())
         sides = int(np.clip(np.ceil(2 * np.pi * radius / GRAIN_M[0]), *SIDES))
-        axis, profile = _refined(axis, profile, sides)
+        # more rings where furrows are, and more sides
+        z, nodes = axis[:, 2], np.arange(len(axis), dtype=float)
+        top = min(CARVED_M[1], z[-2])
+        at = np.interp(np.arange(z[0], top, GRAIN_M[1]), z, nodes)
+        at = np.union1d(at.round(6), nodes)
+        axis = np.stack([np.interp(at, nodes, axis[:, i]) for i in range(3)], axis=-1)
+        around = np.fft.irfft(np.fft.rfft(profile, axis=1) / profile.shape[1], sides, axis=1)
+        columns = (around * sides).T
+        profile = np.stack([np.interp(at[:-1], nodes[:-1], column) for column in columns], axis=-1)
         u, v = np.moveaxis(tube_uv(axis, profile, tile_m, whole_tiles=True)[:-1], -1, 0)
         place = np.stack([v, u]).reshape(2, -1, sides + 1)[..., :-1] + uv_origin[::-1, None, None]
         steps = np.array(GRAIN_M[::-1]) / tile_m[::-1] * self.pattern.shape
@@ -177,20 +185,6 @@ class Furrows:
         shown = np.clip((CARVED_M[1] - z) / (CARVED_M[1] - CARVED_M[0]), 0, 1) * (z > -0.1)
         most = min(self.depth_m, DEEPEST * radius)
         return axis, profile - most * shown[:, None] * depth
-
-
-def _refined(axis: FloatArray, profile: FloatArray, sides: int) -> tuple[FloatArray, FloatArray]:
-    """Return axis and profile with more rings, where furrows are, and with `sides` sides."""
-    z = axis[:, 2]
-    place = np.arange(len(axis), dtype=float)
-    top = min(CARVED_M[1], z[-2])
-    at = np.interp(np.arange(z[0], top, GRAIN_M[1]), z, place)
-    at = np.union1d(at.round(6), place)
-    fine = np.stack([np.interp(at, place, axis[:, i]) for i in range(3)], axis=-1)
-    before = np.fft.rfft(profile, axis=1) / profile.shape[1]
-    around = np.fft.irfft(before, sides, axis=1) * sides
-    rings = np.stack([np.interp(at[:-1], place[:-1], column) for column in around.T], axis=-1)
-    return fine, rings
 
 
 BUTTRESSED_SIDES = 36

@@ -10,7 +10,6 @@ branching angle; only branches continue to grow, never the bare trunk.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, unit
@@ -78,23 +77,16 @@ def colonize(
         nearest[closer] = buds[np.asarray(which)[closer]]
         unreached = distance > KILL_STEPS * step_m
         points, distance, nearest = points[unreached], distance[unreached], nearest[unreached]
-        growing, pull = _pulls(points, nearest, skeleton)
+        nodes, owner, count = np.unique(nearest, return_inverse=True, return_counts=True)
+        pull = np.zeros((len(nodes), 3))
+        np.add.at(pull, owner, unit(points - skeleton.positions[nearest]))
+        free = skeleton.child_counts()[nodes] < MAX_CHILDREN
+        growing, pull = nodes[free], pull[free] / count[free, None]
         pull += (0, 0, tropism) + DEFLECTION * rng.standard_normal(pull.shape)
         tips = skeleton.positions[growing] + step_m * unit(pull)
         buds = len(skeleton.positions) + np.arange(len(growing))
         skeleton = skeleton.extended(tips, growing)
     return skeleton
-
-
-def _pulls(
-    points: FloatArray, nearest: IndexArray, skeleton: Skeleton
-) -> tuple[IndexArray, FloatArray]:
-    """Return the nodes that grow and the mean direction (n, 3) to the points they attract."""
-    nodes, owner, count = np.unique(nearest, return_inverse=True, return_counts=True)
-    pull = np.zeros((len(nodes), 3))
-    np.add.at(pull, owner, unit(points - skeleton.positions[nearest]))
-    free = skeleton.child_counts()[nodes] < MAX_CHILDREN
-    return nodes[free], pull[free] / count[free, None]
 
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
@@ -196,10 +188,14 @@ def _with_scaffold(
 
 def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator) -> Branching:
     """Add leafy twigs of two internodes to the tips and along the thinnest branches."""
-    bearers, at_tip = _shoot_bearers(skeleton, growth.shoots, rng)
+    is_tip = skeleton.child_counts() == 0
+    is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= THIN_TIPS
+    tips = np.flatnonzero(is_tip)
+    lateral = rng.permutation(np.tile(np.flatnonzero(is_thin & ~is_tip), 2))
+    bearers = np.concatenate([tips, np.sort(lateral[: max(growth.shoots - len(tips), 0)])])
     ahead = unit(skeleton.internodes()[bearers])
     turn = GOLDEN_ANGLE * np.arange(len(bearers)) + rng.normal(0, 0.3, len(bearers))
-    spread = np.where(at_tip, 0.25, 1.1)[:, None]
+    spread = np.where(is_tip[bearers], 0.25, 1.1)[:, None]
     down = -growth.shoot_droop * UP
     half = growth.shoot_m / 2 * rng.uniform(0.7, 1.2, (len(bearers), 1))
     start = unit(ahead + spread * sideways(ahead, turn) + 0.5 * down)
@@ -210,54 +206,29 @@ def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator
     return Branching(grown, np.stack([bearers, first, first + len(bearers)], axis=-1))
 
 
-def _shoot_bearers(
-    skeleton: Skeleton, count: int, rng: np.random.Generator
-) -> tuple[IndexArray, NDArray[np.bool_]]:
-    """Return nodes that get twigs, and True for tips: all tips, then thin branches."""
-    is_tip = skeleton.child_counts() == 0
-    is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= THIN_TIPS
-    tips = np.flatnonzero(is_tip)
-    lateral = rng.permutation(np.tile(np.flatnonzero(is_thin & ~is_tip), 2))
-    bearers = np.concatenate([tips, np.sort(lateral[: max(count - len(tips), 0)])])
-    return bearers, is_tip[bearers]
-
-
 def grow_whorled(species: Species, growth: Whorled, rng: np.random.Generator) -> Branching:
     """Return the axes of a spruce or fir: tiers of branches around a straight leader."""
     axis = stem_axis(species.height_m, species.wander, growth.spacing_m / 2, rng)
     stem = Skeleton(axis, np.arange(-1, len(axis) - 1))
-    bearers, azimuth = _whorl_buds(species, growth, axis[:, 2], rng)
     low = species.crown.base * species.height_m
+    tiers = np.arange(low, axis[-1, 2] - 0.3, growth.spacing_m)
+    count = len(tiers) * growth.branches
+    heights = np.repeat(tiers, growth.branches) + growth.spacing_m / 6 * rng.standard_normal(count)
+    bearers = np.searchsorted(axis[:, 2], heights).clip(1, len(axis) - 2)
+    azimuth = np.repeat(rng.uniform(0, 2 * np.pi, len(tiers)), growth.branches)
+    azimuth += 2 * np.pi * np.arange(count) / growth.branches
+    azimuth += rng.normal(0, 0.2, count)
     level = ((axis[bearers, 2] - low) / (species.height_m - low)).clip(0, 1)
     angle = np.radians(np.interp(level, [0, 1], growth.insertion_deg))
     angle += rng.normal(0, 0.08, len(level))
     length = profile_radius(species.crown, level) * rng.uniform(0.75, 1.12, len(level))
+    # branches sag, and rise again at the tip
     sag = growth.droop * (1 - 0.6 * level)
-    nodes = axis[bearers, None] + _sagging(azimuth, angle, length, sag)
-    first = len(axis) + np.arange(nodes[..., 0].size).reshape(nodes.shape[:2])
-    bearing = np.concatenate([bearers[:, None], first], axis=1)
-    return Branching(stem.extended(nodes.reshape(-1, 3), bearing[:, :-1].ravel()), bearing)
-
-
-def _whorl_buds(
-    species: Species, growth: Whorled, z: FloatArray, rng: np.random.Generator
-) -> tuple[IndexArray, FloatArray]:
-    """Return the stem's node and the azimuth of every branch, for nodes at heights `z`."""
-    tiers = np.arange(species.crown.base * species.height_m, z[-1] - 0.3, growth.spacing_m)
-    count = len(tiers) * growth.branches
-    heights = np.repeat(tiers, growth.branches) + growth.spacing_m / 6 * rng.standard_normal(count)
-    bearers = np.searchsorted(z, heights).clip(1, len(z) - 2)
-    turn = np.repeat(rng.uniform(0, 2 * np.pi, len(tiers)), growth.branches)
-    even = 2 * np.pi * np.arange(count) / growth.branches
-    return bearers, turn + even + rng.normal(0, 0.2, count)
-
-
-def _sagging(
-    azimuth: FloatArray, angle: FloatArray, length: FloatArray, sag: FloatArray
-) -> FloatArray:
-    """Return the nodes (n, 4, 3) of branches that sag and rise again at the tip."""
     share = np.array([0.25, 0.5, 0.75, 1.0])
     out = share * np.sin(angle)[:, None]
     up = share * np.cos(angle)[:, None] - sag[:, None] * np.sin(np.pi * share**0.8)
     shape = out[..., None] * outward(azimuth)[:, None] + up[..., None] * UP
-    return np.asarray(length[:, None, None] * shape)
+    nodes = axis[bearers, None] + length[:, None, None] * shape
+    first = len(axis) + np.arange(nodes[..., 0].size).reshape(nodes.shape[:2])
+    bearing = np.concatenate([bearers[:, None], first], axis=1)
+    return Branching(stem.extended(nodes.reshape(-1, 3), bearing[:, :-1].ravel()), bearing)

@@ -31,12 +31,8 @@ class Detail:
 def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:
     """Return wood and leaves of a plant drawn coarsely."""
     wood = plant.wood if detail.thinnest_m == 0 else _wood(plant, detail, rng)
-    return wood, merged_leaves(plant.leaves, _leaves_in(detail.leaf_m2, plant.leaves), rng)
-
-
-def _leaves_in(area_m2: float, leaves: Surface) -> int:
-    """Return the number of average leaves in an area, at least 1."""
-    return max(round(area_m2 * len(leaves.faces) / 2 / leaves.area), 1)
+    average_m2 = plant.leaves.area / (len(plant.leaves.faces) / 2)
+    return wood, merged_leaves(plant.leaves, max(round(detail.leaf_m2 / average_m2), 1), rng)
 
 
 def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:

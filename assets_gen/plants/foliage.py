@@ -50,7 +50,9 @@ def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -
     axis, share, rank = _attachments(axes, bare, foliage.per_m)
     base, ahead = _along(axes, axis, share)
     turn = np.radians(foliage.divergence_deg) * rank + rng.normal(0, 0.25, len(rank))
-    direction = _leaf_directions(ahead, turn, foliage, rng)
+    angle = np.radians(foliage.angle_deg)
+    direction = np.cos(angle) * ahead + np.sin(angle) * sideways(ahead, turn) - foliage.droop * UP
+    direction = unit(direction + rng.normal(0, 0.15, direction.shape))
     normal = UP + foliage.tilt * rng.normal(0, 0.7, direction.shape)
     size = (1 - (1 - foliage.shrink) * share) * rng.uniform(0.75, 1.2, len(share))
     leaves = blades(base, direction, normal, size, foliage, rng)
@@ -75,14 +77,6 @@ def _along(axes: FloatArray, axis: IndexArray, share: FloatArray) -> tuple[Float
     segment = np.minimum(place.astype(np.intp), axes.shape[1] - 2)
     start, end = axes[axis, segment], axes[axis, segment + 1]
     return start + (place - segment)[:, None] * (end - start), unit(end - start)
-
-
-def _leaf_directions(
-    ahead: FloatArray, turn: FloatArray, foliage: Foliage, rng: np.random.Generator
-) -> FloatArray:
-    angle = np.radians(foliage.angle_deg)
-    direction = np.cos(angle) * ahead + np.sin(angle) * sideways(ahead, turn) - foliage.droop * UP
-    return unit(direction + rng.normal(0, 0.15, direction.shape))
 
 
 def blades(

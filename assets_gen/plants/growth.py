@@ -110,8 +110,12 @@ def bark_around(
     if not is_stem:
         radius[0] = radius[1]  # the first node is inside the bearing axis and has its radius
     walls = species.buttresses if is_stem else None
-    sides = BUTTRESSED_SIDES if walls else _sides(radius[0], chord_m)
-    profile = np.repeat(radius[:, None] * _as_wide_as_a_circle(sides), sides, axis=1)
+    # enough sides to look round at this detail
+    round_sides = int(np.interp(radius[0] / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
+    sides = BUTTRESSED_SIDES if walls else round_sides
+    # By Cauchy's formula convex outlines of one circumference are equally wide on average.
+    circumradius = float(np.pi / (sides * np.sin(np.pi / sides)))
+    profile = np.repeat(radius[:, None] * circumradius, sides, axis=1)
     if is_stem:
         profile *= root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
     if walls:
@@ -123,19 +127,6 @@ def bark_around(
     if is_stem and furrows:
         axis, rings = furrows.carved(axis, rings, TILE_M, origin)
     return swept_tube(axis, rings, TILE_M, origin, whole_tiles=is_stem)
-
-
-def _sides(radius_m: float, chord_m: float) -> int:
-    """Return the number of sides for a tube to look round at the detail of `chord_m`."""
-    return int(np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
-
-
-def _as_wide_as_a_circle(sides: int) -> float:
-    """Return the circumradius of the regular polygon with the unit circle's circumference.
-
-    By Cauchy's formula convex outlines of one circumference are equally wide on average.
-    """
-    return float(np.pi / (sides * np.sin(np.pi / sides)))
 
 
 def simplified(points: FloatArray, tolerance: float) -> IndexArray:
@@ -166,6 +157,8 @@ CLUMP_M = 0.5
 
 def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) -> Branching:
     """Return the axes of one palm; each frond bears leaflets from the stem to its tip."""
+    age = (np.arange(growth.fronds) + 0.5) / growth.fronds
+    share = np.arange(1, NODES + 1) / NODES
     skeleton = Skeleton(np.empty((0, 3)), np.empty(0, dtype=np.intp))
     bearing: list[IndexArray] = []
     for stem in range(species.stems):
@@ -175,27 +168,21 @@ def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) ->
         if species.stems > 1:
             axis += CLUMP_M * outward(np.array([stem * GOLDEN_ANGLE]))
         skeleton = skeleton.with_chain(axis)
-        along = axis[-1] + _fronds(growth, rng)
+        azimuth = GOLDEN_ANGLE * np.arange(growth.fronds) + rng.normal(0, 0.2, growth.fronds)
+        raised = np.radians(np.interp(age, [0, 1], growth.raised_deg[::-1]))
+        raised += rng.normal(0, 0.1, growth.fronds)
+        bend = growth.bend * share**1.5 * rng.uniform(0.8, 1.3, (growth.fronds, 1))
+        elevation = raised[:, None] - bend
+        sway = outward(azimuth)[:, None] + 0.08 * rng.normal(0, 1, (growth.fronds, NODES, 3))
+        heading = np.cos(elevation)[..., None] * sway + np.sin(elevation)[..., None] * UP
+        length = growth.frond_m * rng.uniform(0.75, 1, growth.fronds) / NODES
+        along = axis[-1] + np.cumsum(length[:, None, None] * unit(heading), axis=1)
         end = len(skeleton.positions) - 1
-        own = end + 1 + np.arange(growth.fronds * NODES).reshape(growth.fronds, NODES)
+        nodes = end + 1 + np.arange(growth.fronds * NODES).reshape(growth.fronds, NODES)
         foot = np.full((growth.fronds, 1), end)
-        bearing.append(np.concatenate([foot, own], axis=1))
+        bearing.append(np.concatenate([foot, nodes], axis=1))
         skeleton = skeleton.extended(along.reshape(-1, 3), bearing[-1][:, :-1].ravel())
     return Branching(skeleton, np.concatenate(bearing))
-
-
-def _fronds(growth: Fronded, rng: np.random.Generator) -> FloatArray:
-    """Return the nodes (n, NODES, 3) of fronds from the end of their stem (m)."""
-    age = (np.arange(growth.fronds) + 0.5) / growth.fronds
-    azimuth = GOLDEN_ANGLE * np.arange(growth.fronds) + rng.normal(0, 0.2, growth.fronds)
-    raised = np.radians(np.interp(age, [0, 1], growth.raised_deg[::-1]))
-    raised += rng.normal(0, 0.1, growth.fronds)
-    share = np.arange(1, NODES + 1) / NODES
-    elevation = raised[:, None] - growth.bend * share**1.5 * rng.uniform(0.8, 1.3, (len(age), 1))
-    sway = outward(azimuth)[:, None] + 0.08 * rng.normal(0, 1, (len(age), NODES, 3))
-    heading = np.cos(elevation)[..., None] * sway + np.sin(elevation)[..., None] * UP
-    length = growth.frond_m * rng.uniform(0.75, 1, len(age)) / NODES
-    return np.cumsum(length[:, None, None] * unit(heading), axis=1)
 
 
 STEP_M = 0.45
@@ -208,7 +195,23 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
     skeleton = Skeleton(np.empty((0, 3)), np.empty(0, dtype=np.intp))
     bearing: list[IndexArray] = []
     for rope in range(species.stems):
-        line = _rope(species, growth, rope * GOLDEN_ANGLE + rng.normal(0, 0.4), rng)
+        azimuth = rope * GOLDEN_ANGLE + rng.normal(0, 0.4)
+        height = species.height_m * rng.uniform(0.8, 1)
+        levels = np.sort(rng.uniform(0.25, 0.9, HOLDS - 1))
+        z = np.concatenate([[-BURIED_M], height * levels, [height]])
+        away = growth.reach_m * np.concatenate([[0.0], rng.uniform(0.1, 1, HOLDS)])
+        turns = azimuth + rng.normal(0, 0.7, HOLDS + 1)
+        holds = away[:, None] * outward(turns) + z[:, None] * UP
+        pieces = [holds[:1]]
+        for low, high, sag in zip(holds[:-1], holds[1:], rng.uniform(0, 0.2, HOLDS), strict=True):
+            span = float(np.linalg.norm(high - low))
+            share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]
+            slack = 4 * share * (1 - share)
+            wave = np.sin(2 * np.pi * share + rng.uniform(0, 2 * np.pi)) * slack
+            across = outward(rng.uniform(0, 2 * np.pi, 1))
+            slackened = low + share * (high - low) + sag * span * slack * across
+            pieces.append(slackened + 0.06 * wave * across)
+        line = np.concatenate(pieces)
         first = len(skeleton.positions)
         skeleton = skeleton.with_chain(line)
         bearers = np.sort(rng.integers(len(line) // 2, len(line), growth.shoots)) + first
@@ -218,33 +221,6 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
         bearing.append(np.stack([bearers, len(skeleton.positions) + np.arange(len(ends))], axis=-1))
         skeleton = skeleton.extended(ends, bearers)
     return Branching(skeleton, np.concatenate(bearing))
-
-
-def _rope(
-    species: Species, growth: Climbing, azimuth: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return the nodes (k, 3) of a rope from below the ground to its upper end (m)."""
-    height = species.height_m * rng.uniform(0.8, 1)
-    levels = np.sort(rng.uniform(0.25, 0.9, HOLDS - 1))
-    z = np.concatenate([[-BURIED_M], height * levels, [height]])
-    away = growth.reach_m * np.concatenate([[0.0], rng.uniform(0.1, 1, HOLDS)])
-    turns = azimuth + rng.normal(0, 0.7, HOLDS + 1)
-    holds = away[:, None] * outward(turns) + z[:, None] * UP
-    pieces = [
-        _hanging(low, high, sag, rng)
-        for low, high, sag in zip(holds[:-1], holds[1:], rng.uniform(0, 0.2, HOLDS), strict=True)
-    ]
-    return np.concatenate([holds[:1], *pieces])
-
-
-def _hanging(low: FloatArray, high: FloatArray, sag: float, rng: np.random.Generator) -> FloatArray:
-    """Return the nodes (k, 3) from one hold (excluded) to the next: a slack rope."""
-    span = float(np.linalg.norm(high - low))
-    share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]
-    slack = 4 * share * (1 - share)
-    wave = np.sin(2 * np.pi * share + rng.uniform(0, 2 * np.pi)) * slack
-    across = outward(rng.uniform(0, 2 * np.pi, 1))
-    return low + share * (high - low) + sag * span * slack * across + 0.06 * wave * across
 
 
 def grow_axes(species: Species, rng: np.random.Generator) -> Branching:

@@ -99,15 +99,14 @@ def axes(skeleton: Skeleton, thickness: FloatArray) -> list[IndexArray]:
     for node, parent in enumerate(skeleton.parents):
         if parent >= 0 and (heir[parent] < 0 or thickness[node] > thickness[heir[parent]]):
             heir[parent] = node
-    starts = [n for n, p in enumerate(skeleton.parents) if p < 0 or heir[p] != n]
-    return [_follow(heir, int(skeleton.parents[start]), start) for start in starts]
-
-
-def _follow(heir: IndexArray, bearer: int, start: int) -> IndexArray:
-    nodes = [start] if bearer < 0 else [bearer, start]
-    while heir[nodes[-1]] >= 0:
-        nodes.append(int(heir[nodes[-1]]))
-    return np.array(nodes)
+    along = []
+    for start, parent in enumerate(skeleton.parents.tolist()):
+        if parent < 0 or heir[parent] != start:
+            nodes = [start] if parent < 0 else [parent, start]
+            while heir[nodes[-1]] >= 0:
+                nodes.append(int(heir[nodes[-1]]))
+            along.append(np.array(nodes))
+    return along
 
 
 def relaxed(skeleton: Skeleton, passes: int) -> Skeleton:
@@ -181,11 +180,15 @@ def swept_tube(
     angle = 2 * np.pi * np.arange(sides)[:, None] / sides
     spokes = np.cos(angle) * normals[:-1, None] + np.sin(angle) * binormals[:-1, None]
     grid = axis[:-1, None] + profile[..., None] * spokes
+    rows = np.empty((rings + 2, sides, 3))
+    rows[0], rows[1:-1], rows[-1] = grid[0], grid, axis[-1]
+    columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
+    outward = unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
     return Surface(
         np.concatenate([_seamed(grid), axis[-1:]]),
         tube_faces(rings, sides),
         tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin,
-        np.concatenate([_seamed(_grid_normals(grid, axis)), unit(axis[-1:] - axis[-2:-1])]),
+        np.concatenate([_seamed(outward), unit(axis[-1:] - axis[-2:-1])]),
     )
 
 
@@ -210,13 +213,6 @@ def tube_uv(
 
 def _seamed(grid: FloatArray) -> FloatArray:
     return np.concatenate([grid, grid[:, :1]], axis=1).reshape(-1, 3)
-
-
-def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
-    rows = np.empty((len(grid) + 2, *grid.shape[1:]))
-    rows[0], rows[1:-1], rows[-1] = grid[0], grid, axis[-1]
-    columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
-    return unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
 
 
 @lru_cache(maxsize=512)

@@ -160,20 +160,17 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
     trunk = swept_tube(
         np.concatenate([axis, tip]), profile, TILE_M, rng.random(2), whole_tiles=True
     )
-    stubs = [_stub(axis, thick, rng) for _ in range(STUBS)]
-    return join([trunk, *stubs]), join([_end(axis, profile, at) for at in (0, rings - 1)])
-
-
-def _stub(axis: FloatArray, thick: FloatArray, rng: np.random.Generator) -> Surface:
-    at = rng.integers(2, len(axis) - 1)
-    turn = rng.uniform(-0.3, np.pi + 0.3)
-    toward = unit(np.array([rng.uniform(0.2, 0.9), np.cos(turn), np.sin(turn)]))
-    length = rng.uniform(0.08, 0.5)
-    steps = np.array([0.0, 0.7, 0.95, 1.0])[:, None]
-    radius = thick[at] * rng.uniform(0.12, 0.3)
-    profile = np.repeat(radius * np.array([[1.2], [0.8], [0.7]]), 5, axis=1)
-    line = axis[at] + steps * (thick[at] + length) * toward
-    return swept_tube(line, profile, TILE_M, rng.random(2), whole_tiles=False)
+    wood = [trunk]
+    for _ in range(STUBS):
+        at = rng.integers(2, len(axis) - 1)
+        turn = rng.uniform(-0.3, np.pi + 0.3)
+        toward = unit(np.array([rng.uniform(0.2, 0.9), np.cos(turn), np.sin(turn)]))
+        stub_m = thick[at] + rng.uniform(0.08, 0.5)
+        line = axis[at] + np.array([0.0, 0.7, 0.95, 1.0])[:, None] * stub_m * toward
+        stub_radius = thick[at] * rng.uniform(0.12, 0.3)
+        outline = np.repeat(stub_radius * np.array([[1.2], [0.8], [0.7]]), 5, axis=1)
+        wood.append(swept_tube(line, outline, TILE_M, rng.random(2), whole_tiles=False))
+    return join(wood), join([_end(axis, profile, at) for at in (0, rings - 1)])
 
 
 def _end(axis: FloatArray, profile: FloatArray, at: int) -> Surface:

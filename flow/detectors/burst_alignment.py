@@ -9,7 +9,6 @@ A parabola through the differences refines the last. The velocity is the slope o
 time. Smoothing of the field of shifts, and merging, which follow in Ma et al., are not done.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -24,7 +23,8 @@ from megalopta.flow.detectors.poisson_matching import parabola_minimum
 from megalopta.flow.likelihood import halved
 
 _SUMS = 4
-_NEIGHBORS = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
+_DOWN, _RIGHT = np.array([[0, -1, 1, 0, 0], [0, 0, 0, -1, 1]])
+"""Neighbors of a block, itself first"""
 
 
 class BurstAlignment(PooledFrames, frozen=True):
@@ -62,26 +62,23 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:
         """Return the displacement of each block's content in another frame, (blocks, 2)."""
-        pyramid = list(_levels(np.stack((reference, other)), grid.block_px, self.levels))
+        pyramid = [np.stack((reference, other))]
+        # each binned by 2 × 2 px more, as long as a block fits
+        while len(pyramid) < self.levels and min(pyramid[-1].shape[1:]) // 2 >= grid.block_px:
+            pyramid.append(halved(pyramid[-1]))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
+        down, right = np.mgrid[: grid.rows, : grid.columns][..., np.newaxis]
         around = np.empty((grid.rows * grid.columns, 3, 3))
         for level, pair in reversed(list(enumerate(pyramid))):
             radius = self.finer_radius_px if level < len(pyramid) - 1 else self.radius_px
             corners = _corners(grid, level, pair.shape[1:])
-            guesses = 2 * np.stack([_moved(shifts, *by) for by in _NEIGHBORS], axis=2)
-            guesses = guesses.reshape(len(corners), -1, 2)
-            found = _search(pair, corners, grid.block_px, guesses, radius, around)
-            shifts = found.reshape(shifts.shape)
-        return np.asarray(found + parabola_minimum(around))
-
-
-def _levels(pair: Floats, block_px: int, most: int) -> Iterator[Floats]:
-    """Yield both frames (2, H, W), each time binned by 2 × 2 px more, as long as a block fits."""
-    for _ in range(most):
-        yield pair
-        if min(pair.shape[1:]) // 2 < block_px:
-            return
-        pair = halved(pair)
+            # the shifts of neighbors; at the edge, a block's own
+            rows = np.clip(down + _DOWN, 0, grid.rows - 1)
+            columns = np.clip(right + _RIGHT, 0, grid.columns - 1)
+            guesses = 2 * shifts[rows, columns].reshape(len(corners), -1, 2)
+            best = _search(pair, corners, grid.block_px, guesses, radius, around)
+            shifts = best.reshape(shifts.shape)
+        return np.asarray(best + parabola_minimum(around))
 
 
 def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> Ints:
@@ -94,13 +91,6 @@ def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> Ints:
         corner = np.floor(middles - grid.block_px / 2).astype(np.int64)
         along.append(np.clip(corner, 0, side - grid.block_px))
     return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
-def _moved(field: Ints, down: int, right: int) -> Ints:
-    """Return the neighbors' values of a field (rows, columns, 2); at the edge, its own."""
-    rows = np.clip(np.arange(field.shape[0]) + down, 0, field.shape[0] - 1)
-    columns = np.clip(np.arange(field.shape[1]) + right, 0, field.shape[1] - 1)
-    return field[np.ix_(rows, columns)]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]

@@ -68,7 +68,11 @@ class GrayDetector(BlockDetector, frozen=True):
         if self.stretch != "none":
             pair = 2 * np.sqrt(pair + _ANSCOMBE)
         if self.stretch == "denoised":
-            pair = np.stack([_denoised(frame) for frame in pair])
+            # Buades et al. (2005), with scikit-image's strength; the noise is 1
+            from skimage.restoration import denoise_nl_means
+
+            settings = {"patch_size": 5, "patch_distance": 6, "h": 0.8, "sigma": 1.0}
+            pair = np.stack([denoise_nl_means(frame, **settings, fast_mode=True) for frame in pair])
         if self.blur_px:
             sigma = (0, self.blur_px, self.blur_px)
             pair = gaussian_filter(pair.astype(np.float64), sigma, mode="nearest")
@@ -77,17 +81,6 @@ class GrayDetector(BlockDetector, frozen=True):
     @abstractmethod
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         """Return the velocities of the blocks between two frames (2, H, W), from 0 to 1."""
-
-
-def _denoised(frame: Floats) -> Floats:
-    """Return a frame without its noise of standard deviation 1, by non-local means.
-
-    Buades et al. (2005), with patches of 5 px, 6 px apart at most, and scikit-image's strength.
-    """
-    from skimage.restoration import denoise_nl_means
-
-    settings = {"patch_size": 5, "patch_distance": 6, "h": 0.8, "sigma": 1.0, "fast_mode": True}
-    return np.asarray(denoise_nl_means(frame, **settings))
 
 
 def eight_bits(pair: Floats) -> NDArray[np.uint8]:

@@ -39,38 +39,30 @@ class OnnxDetector(DenseDetector, frozen=True):
 
     def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         shape = (pair.shape[1], pair.shape[2])
-        wanted = self._size(shape)
-        is_fixed = wanted != _padded(shape)
-        pictures = [_resized(each, wanted) if is_fixed else _continued(each) for each in pair]
-        flow = self._inferred(255 * np.array(pictures))
-        if not is_fixed:
-            return flow[: shape[0], : shape[1]]
-        scale = np.array(shape[::-1]) / np.array(wanted[::-1])
-        resized = [_resized(each, shape) for each in np.moveaxis(flow, -1, 0)]
-        return np.asarray(np.dstack(resized) * scale)
-
-    def _size(self, shape: tuple[int, int]) -> tuple[int, int]:
-        """Height and width of the network's pictures for frames (H, W)."""
-        own = _session(self.path, self.content).get_inputs()[0].shape[-2:]
-        if all(isinstance(each, int) for each in own):
-            return int(own[0]), int(own[1])
-        return _padded(shape)
-
-    def _inferred(self, pictures: Floats) -> Floats:
-        """Flow (H, W, 2) of two pictures (2, H, W) from 0 to 255."""
-        session = _session(self.path, self.content)
+        session, padded = _session(self.path, self.content), _padded(shape)
         inputs = session.get_inputs()
+        is_fixed = all(isinstance(side, int) for side in inputs[0].shape[-2:])
+        wanted = (int(inputs[0].shape[-2]), int(inputs[0].shape[-1])) if is_fixed else padded
+        if wanted == padded:
+            more = [(0, 0), *((0, int(px)) for px in np.subtract(padded, shape))]
+            pictures = np.pad(pair, more, mode="edge")
+        else:
+            pictures = np.array([_resized(picture, wanted) for picture in pair])
         channels = int(inputs[0].shape[1]) * len(inputs) // 2
-        planes = np.repeat(pictures, channels, axis=0).reshape(len(inputs), -1, *pictures.shape[1:])
+        planes = np.repeat(255 * pictures, channels, axis=0).reshape(len(inputs), -1, *wanted)
         feed = {
             each.name: plane[np.newaxis].astype(_TYPES[each.type])
             for each, plane in zip(inputs, planes, strict=True)
         }
-        outputs = [np.asarray(each, np.float64) for each in session.run(None, feed)]
-        flows = [each[0] for each in outputs if each.ndim == 4 and each.shape[1] == 2]
-        largest = max(flows, key=lambda each: each.size)
-        flow = [each for each in flows if each.size == largest.size][-1]
-        return np.moveaxis(flow, 0, -1)
+        outputs = [np.asarray(output, np.float64) for output in session.run(None, feed)]
+        flows = [output[0] for output in outputs if output.ndim == 4 and output.shape[1] == 2]
+        most = max(flow.size for flow in flows)
+        flow = [flow for flow in flows if flow.size == most][-1]
+        if wanted == padded:
+            return np.asarray(np.moveaxis(flow, 0, -1)[: shape[0], : shape[1]])
+        scale = np.array(shape[::-1]) / np.array(wanted[::-1])
+        resized = [_resized(component, shape) for component in flow]
+        return np.asarray(np.dstack(resized) * scale)
 
 
 def onnx_detector(path: Path) -> OnnxDetector:
@@ -122,12 +114,6 @@ def _problem(detector: OnnxDetector) -> str | None:
 def _padded(shape: tuple[int, int]) -> tuple[int, int]:
     height, width = (max(_FEWEST_PX, -(-each // _MULTIPLE) * _MULTIPLE) for each in shape)
     return height, width
-
-
-def _continued(picture: Floats) -> NDArray[Any]:
-    """A picture (H, W), padded at its right and lower borders."""
-    more = np.subtract(_padded((picture.shape[0], picture.shape[1])), picture.shape)
-    return np.pad(picture, [(0, int(each)) for each in more], mode="edge")
 
 
 def _resized(picture: Floats, shape: tuple[int, int]) -> NDArray[Any]:

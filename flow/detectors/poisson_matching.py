@@ -76,8 +76,19 @@ class PoissonMatching(BlockDetector, frozen=True):
         return SmoothedFrame(frame)
 
     def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
-        """Return the most likely shifts between two frames."""
-        return _shifts(window, grid, self._radius(grid))
+        """Return the most likely shifts between two frames, NaN if all are equally likely.
+
+        The radius is also the margin around a block in which its texture and noise are measured.
+        """
+        (first, second), radius, seconds = window, self._radius(grid), grid.corners
+        levels, size = suited_levels(window, grid, radius), grid.block_px
+        costs = _costs((first, second), levels, np.hstack((seconds, seconds)), size, radius)
+        best, exists = least_cost(costs)
+        firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
+        forth = _costs((first, second), levels, np.hstack((firsts, seconds)), size, 1)
+        back = _costs((second, first), levels, np.hstack((seconds, firsts)), size, 1)
+        shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
+        return np.where(exists[:, np.newaxis], shifts, np.nan)
 
     def _radius(self, grid: BlockGrid) -> int:
         return self.radius_px or thesis_radius_px(grid.shape)
@@ -242,23 +253,6 @@ def parabola_minimum(costs: Floats) -> Floats:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def _shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
-    """Return the displacement of each block between two frames, (blocks, 2), x and y, px.
-
-    NaN if all shifts are equally likely. `radius` is the largest shift in x and in y, and the
-    margin around a block in which its texture and noise are measured.
-    """
-    first, second = window
-    levels, seconds = suited_levels(window, grid, radius), grid.corners
-    costs = _costs((first, second), levels, np.hstack((seconds, seconds)), grid.block_px, radius)
-    best, exists = least_cost(costs)
-    firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
-    forth = _costs((first, second), levels, np.hstack((firsts, seconds)), grid.block_px, 1)
-    back = _costs((second, first), levels, np.hstack((seconds, firsts)), grid.block_px, 1)
-    shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
-    return np.where(exists[:, np.newaxis], shifts, np.nan)
-
-
 def _costs(
     pair: tuple[SmoothedFrame, SmoothedFrame],
     levels: NDArray[np.intp],
@@ -340,7 +334,12 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
         correlations = irfft2(np.stack(crosses) * weight, (size, size))
         add_up_pairs(correlations, frames[0].side, scores)
         if np.ptp(scores) > 0:
-            velocities[patch] = _peak(scores)
+            # between the velocities tried, by a parabola
+            best = np.array(np.unravel_index(scores.argmax(), scores.shape))
+            around = np.full((1, 3, 3), np.inf)
+            if (best > 0).all() and (best < 2 * steps).all():
+                around[0] = -scores[best[0] - 1 : best[0] + 2, best[1] - 1 : best[1] + 2]
+            velocities[patch] = (best[::-1] - steps + parabola_minimum(around)[0]) / _STEPS_PER_PX
     return velocities
 
 
@@ -375,16 +374,6 @@ def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: Floats) -
                     + a * image[(above + 1) % size, (left + 1) % size]
                 )
             scores[i, j] = total
-
-
-def _peak(scores: Floats) -> Floats:
-    """Return the velocity (x, y) of the highest score, between those tried by a parabola."""
-    steps = len(scores) // 2
-    best = np.array(np.unravel_index(scores.argmax(), scores.shape))
-    around = np.full((1, 3, 3), np.inf)
-    if (best > 0).all() and (best < 2 * steps).all():
-        around[0] = -scores[best[0] - 1 : best[0] + 2, best[1] - 1 : best[1] + 2]
-    return np.asarray((best[::-1] - steps + parabola_minimum(around)[0]) / _STEPS_PER_PX)
 
 
 def aligned(

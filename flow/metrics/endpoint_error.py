@@ -295,24 +295,36 @@ class DenseErrors:
             raise ValueError(f"occluded of shape {occluded.shape}: give {truth.shape[:2]}")
         known = np.asarray(np.isfinite(truth).all(axis=-1))
         hidden = np.zeros_like(known) if occluded is None else occluded
-        true, found, hidden = truth[known], flow[known], hidden[known]
-        if len(true) and not np.isfinite(found).all(axis=-1).any():
+        true, answer, hidden = truth[known], flow[known], hidden[known]
+        if len(true) and not np.isfinite(answer).all(axis=-1).any():
             raise ValueError(
                 "no flow where the truth is known, so nothing to score; give flow there"
             )
-        sums = {name: np.zeros_like(each) for name, each in self._sums.items()}
+        sums = {name: np.zeros_like(total) for name, total in self._sums.items()}
         for at in range(0, len(true), _AT_ONCE):
             part = slice(at, at + _AT_ONCE)
-            truth_px = true[part].astype(np.float64)
-            measures = _measures(found[part].astype(np.float64), truth_px)
-            for name, among in _groups(truth_px, hidden[part]).items():
-                own = measures[:, among]
-                sums[name][0] += own.shape[1]
-                sums[name][3:] += own.sum(axis=1)
-        for name, each in sums.items():
-            if each[0]:
-                each[1:3] = 1.0, each[3] / each[0]
-                self._sums[name] += each
+            true_px, flow_px = true[part].astype(np.float64), answer[part].astype(np.float64)
+            missing = np.asarray(~np.isfinite(flow_px).all(axis=-1))
+            flow_px[missing] = 0.0
+            speed, epe = np.hypot(*true_px.T), np.hypot(*(flow_px - true_px).T)
+            off = np.where(missing, np.inf, epe)
+            over = [off > limit for limit in _THRESHOLDS_PX]
+            fl = over[1] & (off > _RELATIVE * speed)
+            # WAUC: the weight of all thresholds above an error, as a share
+            within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
+            wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
+            angles = _angles_deg(flow_px, true_px)
+            measures = np.array([epe, epe**2, *over, fl, wauc, missing, angles])
+            slow, fast = SPEEDS_PX
+            by_sight = np.ones_like(missing), ~hidden[part], hidden[part]
+            by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
+            for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
+                sums[name][0] += among.sum()
+                sums[name][3:] += measures[:, among].sum(axis=1)
+        for name, total in sums.items():
+            if total[0]:
+                total[1:3] = 1.0, total[3] / total[0]
+                self._sums[name] += total
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
@@ -332,25 +344,3 @@ class DenseErrors:
         *percents, missing = (100 * share for share in shares)
         values = [epe, image_epe / images, math.sqrt(square), *percents, angle, missing]
         return DenseError(int(pixels), *values)
-
-
-def _measures(found: Floats, true: Floats) -> Floats:
-    """Measures that are averaged over pixels, (measures, pixels)."""
-    missing = np.asarray(~np.isfinite(found).all(axis=-1))
-    found = np.where(missing[:, np.newaxis], 0.0, found)
-    epe = np.hypot(*(found - true).T)
-    off = np.where(missing, np.inf, epe)
-    over = [off > limit for limit in _THRESHOLDS_PX]
-    fl = over[1] & (off > _RELATIVE * np.hypot(*true.T))
-    # WAUC: the weight of all thresholds above an error, as a share
-    within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
-    wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
-    return np.array([epe, epe**2, *over, fl, wauc, missing, _angles_deg(found, true)])
-
-
-def _groups(true: Floats, hidden: Mask) -> dict[str, Mask]:
-    speed = np.hypot(*true.T)
-    slow, fast = SPEEDS_PX
-    each = np.ones_like(hidden), ~hidden, hidden
-    by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
-    return dict(zip(GROUPS, (*each, *by_speed), strict=True))

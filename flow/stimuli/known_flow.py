@@ -40,7 +40,17 @@ class MovingLayers:
 
     def light(self, shape: tuple[int, int], times: Sequence[float]) -> Floats:
         """Return frames of light at some times, (T, H, W), in the unit of the textures."""
-        return np.stack([self._frame(shape, time) for time in times])
+        n, frames = self.texels, []
+        positions = _pixels(shape, n)
+        for time in times:
+            image = np.zeros(positions.shape[:2])
+            for layer in self.layers:
+                points, seen = _seen(layer, positions, time)
+                texels = np.moveaxis(points[..., ::-1] * n, -1, 0)
+                light = map_coordinates(layer.texture, texels, order=1, mode="grid-wrap")
+                image = np.where(seen, light, image)
+            frames.append(image.reshape(shape[0], n, shape[1], n).mean(axis=(1, 3)))
+        return np.stack(frames)
 
     def flow(self, shape: tuple[int, int], time: float) -> Floats:
         """Return the motion of visible content at a time over one frame, (H, W, 2), px."""
@@ -61,18 +71,6 @@ class MovingLayers:
             is_lower = ~_seen(layer, here, time)[1]
             covered = is_lower & (covered | _seen(layer, there, time + 1)[1])
         return covered
-
-    def _frame(self, shape: tuple[int, int], time: float) -> Floats:
-        n = self.texels
-        positions = _pixels(shape, n)
-        image = np.zeros(positions.shape[:2])
-        for layer in self.layers:
-            points, seen = _seen(layer, positions, time)
-            texels = np.moveaxis(points[..., ::-1] * n, -1, 0)
-            image = np.where(
-                seen, map_coordinates(layer.texture, texels, order=1, mode="grid-wrap"), image
-            )
-        return np.asarray(image.reshape(shape[0], n, shape[1], n).mean(axis=(1, 3)))
 
 
 def _pixels(shape: tuple[int, int], samples: int) -> Floats:

@@ -16,16 +16,10 @@ def test_direction_is_hue():
     assert up[0] > 50 and up[1] == 0 and up[2] > 200
 
 
-def test_speed_is_saturation_from_white_to_pure():
+def test_speed_is_saturation_and_darker_beyond_the_maximum_and_none_is_gray():
     assert color(0, 0) == (255, 255, 255)
     assert color(1, 0, max_speed=2) == (255, 128, 128)
-
-
-def test_speed_beyond_the_maximum_is_darkened():
     assert color(5, 0) == (191, 0, 0)
-
-
-def test_undefined_flow_is_mid_gray():
     assert color(np.nan, 1) == (128, 128, 128)
 
 
