@@ -427,15 +427,7 @@ def another_value(content, rng):
 
 BINARY = cut, cut, empty, flipped, flipped, blocked, noise, other_magic, stating, stating, swapped
 TEXT = (
-    cut,
-    empty,
-    flipped,
-    blocked,
-    renumbered,
-    renumbered,
-    repeated,
-    odd_text,
-    odd_text,
+    *(cut, empty, flipped, blocked, renumbered, renumbered, repeated, odd_text, odd_text),
     *[another_value] * 3,
 )
 SURE = cut, empty, noise
@@ -764,20 +756,9 @@ def damaged_recordings(whole):
 
 
 BAD_NUMBERS = (
-    "nan",
-    "-inf",
-    "1e300",
-    "-1",
-    "1" + "0" * 400,
-    "0x10",
-    "½",
-    "1:2:3",
-    "",
-    "None",
-    "1,2",
-    "--",
+    "nan", "-inf", "1e300", "-1", "1" + "0" * 400, "0x10", "½", "1:2:3", "", "None", "1,2", "--",
     "\x1b[31m",
-)
+)  # fmt: skip
 NUMERIC = (
     "benchmark pairs x --photons", "benchmark pairs x --pairs", "dataset make x --only", "dataset make x --workers",
     "check files x --truth", "spadcam calibrate x --wavelength-nm", "spadcam compare x --device y --margin",

@@ -5,7 +5,6 @@ import os
 import numpy as np
 import pytest
 
-from megalopta.camera.capture import State
 from megalopta.camera.recording import Recorder, open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
@@ -121,12 +120,3 @@ def test_a_header_that_cannot_be_is_refused(recorder, tmp_path, old, new, told):
     path.write_text(text.replace(old, new, 1), "utf-8")
     with pytest.raises((UserError, ValueError), match=told):
         open_recording(tmp_path)
-
-
-def test_a_line_tells_frames_rate_gaps_damage_and_saturated_pixels():
-    counts = np.arange(256, dtype=np.uint16).reshape(16, 16)
-    state = State(120, 2, 7, 1, 9.98, False, counts, counts > 250)
-    assert str(state) == (
-        "120 frames, 10.0 frames/s, 2 gaps (7 frames missing), 1 packets damaged, "
-        "5 pixels saturated, unplugged, waiting"
-    )

@@ -8,7 +8,6 @@ import sys
 from itertools import groupby
 
 import pytest
-import trimesh
 
 from megalopta.cli import main as cli
 
@@ -57,34 +56,6 @@ def test_a_mistake_gets_one_sentence_and_makes_nothing(
     monkeypatch.chdir(tmp_path)
     assert message in one_line(*arguments)
     assert not list(tmp_path.iterdir())
-
-
-BOX = trimesh.creation.box().export(file_type="glb")
-TEXTURED = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        (
-            "a.glb",
-            BOX[:-9],
-            "a.glb is missing or damaged (it states 928 bytes, and has 919); repair",
-        ),
-        ("a.obj", TEXTURED, "names wood.png, which"),
-    ],
-)
-def test_a_bad_mesh_gets_one_sentence_and_makes_nothing(
-    capsys, tmp_path, monkeypatch, name, content, message
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.mtl").write_text("newmtl wood\nmap_Kd wood.png\n")
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(SystemExit):
-        cli.main(["demo", "--scene.kind", "meshes", "--scene.files", name, "--out", "out"])
-    *_, told = capsys.readouterr().err.splitlines()
-    assert message in told
-    assert not any((tmp_path / "out").rglob("*"))
 
 
 @pytest.mark.parametrize(

@@ -38,35 +38,6 @@ def run(capsys):
     return run
 
 
-@pytest.mark.parametrize(
-    ("verb", "own"),
-    [
-        (
-            "render",
-            "name seed scene objects light camera scene-camera trajectory "
-            "stereo-with shutter render labels tracks",
-        ),
-        (
-            "sense",
-            "light-levels sensors products imu sub-frames burst-hz free-running correct calibration "
-            "expectation repeats",
-        ),
-        ("flow", "methods flow"),
-        ("benchmark photons", "methods benchmark title trial vary values sizes templates"),
-    ],
-)
-def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
-    lines = run(*verb.split(), "--help-all").stdout.partition("\nsettings (")[2].splitlines()
-    paths = [line.split()[0].removeprefix("--") for line in lines if line.startswith("  --")]
-    assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
-
-
-@pytest.mark.parametrize("verb", ["", "report", "check", "dataset"])
-def test_verbs_without_settings_answer_to_help_all_as_to_help(run, verb):
-    asked = run(*verb.split(), "--help-all")
-    assert (asked.returncode, asked.stdout) == (0, run(*verb.split(), "--help").stdout)
-
-
 def test_info_names_versions_and_the_variant(run):
     done = run("info")
     assert done.returncode == 0

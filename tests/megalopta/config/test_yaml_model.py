@@ -1,16 +1,11 @@
 """YAML as users write it, the mistakes in it, and settings as the help lists them."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
-from megalopta.cli.settings import VerbSettings
 from megalopta.config import yaml_model
 from megalopta.config.measuring import FlowSettings
-from megalopta.config.model import Configuration, load, parse
-from megalopta.config.recipe import Plan
-from megalopta.config.schema import schema_of
+from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
 from megalopta.core.validation import checked
 
@@ -39,13 +34,6 @@ def test_values_of_file_and_command_line_are_validated_once(monkeypatch):
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize("model", [Configuration, Plan])
-def test_schemas_state_every_field_with_its_meaning(model):
-    fields = schema_of(model)["properties"]
-    assert fields.keys() == model.model_fields.keys()
-    assert all(field.get("description") or "$ref" in field for field in fields.values())
-
-
 def test_text_of_a_number_is_one():
     assert parse("camera: {fov_deg: 6e1}", "my.yaml").camera.fov_deg == 60
 
@@ -54,19 +42,6 @@ def test_text_of_a_number_is_one():
 def test_a_path_that_leads_nowhere_is_refused(path):
     with pytest.raises(UserError, match=f"--{path}: "):
         load("grating", {path: "1"})
-
-
-def test_help_lists_every_setting_with_a_meaning():
-    text = VerbSettings().help()
-    entries = [line for line in text.splitlines() if line.startswith("  --")]
-    meanings = [line for line in text.splitlines() if line.startswith("      ")]
-    assert len(entries) > 50
-    assert len(meanings) >= len(entries)
-    assert not [
-        a for a, b in pairwise(text.splitlines()) if a.startswith("  --") and b.startswith("  --")
-    ]
-    assert any(line.startswith("  --camera.fov-deg 75") for line in entries)
-    assert "(degrees)" in text
 
 
 PURITY = np.array([0.0, 0.4, 0.75, 1.0])

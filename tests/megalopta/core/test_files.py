@@ -13,9 +13,6 @@ from PIL import Image
 from megalopta.core import freshness
 from megalopta.core.bounded import (
     check_file,
-    cut,
-    printable,
-    quoted,
     read_bytes,
     read_text,
     sentence,
@@ -212,20 +209,6 @@ def test_a_larger_file_is_refused(tmp_path: Path) -> None:
 def test_devices_are_refused(device: str) -> None:
     with pytest.raises(UserError, match="not a regular file"):
         read_bytes(device)
-
-
-def test_messages_quote_no_more_than_their_limit() -> None:
-    assert quoted("a" * 300) == "a" * 200 + "…"
-    assert quoted([1, 2]) == "[1, 2]"
-
-
-def test_control_codes_do_not_reach_a_terminal() -> None:
-    assert printable("a\x1b[31m\nb\udcff\u202eä") == "a\\x1b[31m\\nb\\udcff\\u202eä"
-
-
-def test_of_what_was_given_a_message_quotes_no_more_than_that() -> None:
-    told = cut(f"name: {'a' * 300!r} is taken; give another", {"x": [{"name": "a" * 300}]})
-    assert told == f"name: '{'a' * 200}…' is taken; give another"
 
 
 def test_a_sentence_is_one_line_that_a_terminal_only_shows() -> None:

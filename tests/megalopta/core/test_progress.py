@@ -80,13 +80,6 @@ def test_a_line_names_the_innermost_step(capsys):
     assert "dataset: at work for 0 s; sequence 7" in capsys.readouterr().err
 
 
-def test_a_step_of_silent_work_is_named_by_who_speaks_for_it(capsys):
-    with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
-        progress.say("not heard")
-        time.sleep(0.2)
-    assert "Making: 0 % of 1 sequences · 0:00 so far; baking" in capsys.readouterr().err
-
-
 def test_progress_of_silent_work_is_shown_with_its_step(capsys):
     with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
         with progress.progress("Computing light", 4, "part") as advance:

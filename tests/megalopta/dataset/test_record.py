@@ -7,9 +7,8 @@ import pytest
 
 import megalopta
 from megalopta.core.errors import UserError
-from megalopta.dataset.record import STAGE_NAMES, read_record
+from megalopta.dataset.record import read_record
 from megalopta.dataset.store import Tree
-from megalopta.stages.registry import STAGES
 
 
 @pytest.fixture(scope="module")
@@ -98,10 +97,6 @@ def test_settings_that_do_not_fit_the_record_are_refused(single_copy, change, pr
         return
     with pytest.raises(UserError, match=problem):
         Tree(single_copy).opened("000000")
-
-
-def test_names_of_stages_are_those_that_there_are():
-    assert tuple(STAGES) == STAGE_NAMES
 
 
 def damaged(path):

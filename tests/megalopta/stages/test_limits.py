@@ -7,7 +7,7 @@ import pytest
 from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.stages.limits import needed_bytes, refuse_absurd, size
+from megalopta.stages.limits import needed_bytes, refuse_absurd
 from megalopta.stages.run import run_all
 
 from ..small import TINY
@@ -144,10 +144,3 @@ def test_histograms_and_colors_take_their_room():
 def test_a_sweep_of_too_many_trials_is_refused():
     with pytest.raises(ValueError, match="10001 trials; give at most 10000 in all"):
         Sweep.model_validate({"vary": "seed", "values": list(range(10_001))})
-
-
-@pytest.mark.parametrize(
-    ("number", "text"), [(3e6, "3 MB"), (4.04e10, "40.4 GB"), (2e13, "20 TB"), (1.5e15, "1.5 PB")]
-)
-def test_sizes_are_told_in_the_unit_that_fits(number, text):
-    assert size(number) == text

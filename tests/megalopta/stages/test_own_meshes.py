@@ -76,24 +76,6 @@ def test_a_file_moves_over_any_scene_and_its_change_is_another_configuration(tmp
         run_stage(tmp_path / "data", parse(text, "test", SMALL), "render")
 
 
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [
-        ("{file: none.glb}", r"objects\.0\.file: none\.glb cannot be read"),
-        (
-            "{shape: box, sise_m: [1, 1, 1]}",
-            r"objects\.0\.sise_m: unknown key; did you mean 'size_m'",
-        ),
-        ("{shape: cone}", r"objects\.0\.shape: .*'box' or 'ball', got 'cone'"),
-        ("{file: {path: a.glb, sha256: 0}, shape: box}", r"objects\.0\."),
-    ],
-)
-def test_mistakes_of_objects_are_told_by_their_field(given, reason):
-    with pytest.raises(UserError, match=reason) as problem:
-        parse(f"objects: [{given}]", "test")
-    assert "Moving" not in str(problem.value)
-
-
 def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
     file = Gltf()
     file.triangle(np.float32([[0, -1, 0], [0, 1, -1], [0, 1, 1]]))

@@ -86,15 +86,6 @@ def test_products_are_checked_with_the_settings(products, message):
         load("grating", {"products": products})
 
 
-def test_more_events_than_memory_holds_are_refused_in_one_sentence():
-    shot = Shot(
-        radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
-        stream="s", first_frame=0, frame_period_s=1.0,
-    )  # fmt: skip
-    with pytest.raises(UserError, match="events in a frame are to be simulated"):
-        next(shot.events())
-
-
 def test_light_is_not_known_beyond_the_next_frame():
     following = NextFrames(
         radiance=np.ones((1, 2, 2, 1)),
