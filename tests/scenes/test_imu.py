@@ -67,6 +67,20 @@ def test_integrated_readings_lead_along_the_path():
     assert np.abs(place - found.positions).max() < 1e-5
 
 
+def test_a_lever_arm_adds_what_rigid_bodies_add():
+    # a' = a + α × r + ω × (ω × r), with α from differences of ω.
+    arm, times = np.array([0.2, -0.1, 0.4]), times_of(HOVER)
+    center, off = inertia(HOVER, times), inertia(HOVER.mounted(Mount(position_m=arm)), times)
+    rate = center.angular_velocities
+    later, earlier = (inertia(HOVER, times + dt).angular_velocities for dt in (1e-4, -1e-4))
+    spin = (later - earlier) / 2e-4
+    expected = np.cross(spin, arm) + np.cross(rate, np.cross(rate, arm))
+    assert np.abs(expected).max() > 1
+    # Differences of order 4 over 1 ms, and of order 2 over 0.1 ms.
+    error = off.specific_forces - center.specific_forces - expected
+    np.testing.assert_allclose(error, 0, atol=1e-5 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("seconds", [0.05, 1.0, 40.0])
 def test_the_allan_variance_is_that_of_the_model(seconds):
     rate = 100.0

@@ -16,7 +16,7 @@ from megalopta.render.baking.choice import (
     path_tracing_reason,
 )
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
@@ -255,3 +255,16 @@ def test_a_moving_box_leaves_the_rest_baked():
     assert least_standing(tracer, light, part.sky == 0, 0.4) < 1.25 * 0.05
     # The box itself is there, and its paths are traced.
     assert 0 < np.mean((part.standing == 0).all(axis=(2, 3)) & (part.sky == 0)) < 0.5
+
+
+@pytest.mark.slow
+@vectorized
+@pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
+def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
+    wall = square(1.0, 50.0)
+    wall.visual = trimesh.visual.TextureVisuals(uv=wall.vertices[:, :2])
+    material = Material(flat(0.5), None, Emission(3e-6, pattern))
+    scene = scene_of(None, (wall, material))
+    above, below = (renderer_of(scene, poses).radiance(poses[0], 1) for poses in (DOWN, UP))
+    np.testing.assert_allclose(above, 3e-6 * (1 if pattern is None else 0.5), 1e-5)
+    assert below.max() == 0
