@@ -59,9 +59,6 @@ class Pooling(NamedTuple):
             yield slice(first, first + self.frames)
 
 
-NO_POOLING = Pooling(1, 1)
-
-
 class RankingSettings(Record, frozen=True):
     """Methods, photons and pooling."""
 

@@ -245,14 +245,13 @@ def fit_comb(falls: Falls, step_v: Floats, offset_v: Floats, swing_v: float) -> 
     state = _started(readings, start)
     is_clear = bool(np.median(state.noise / state.solution[:, 2]) < _CLEAR)
     if is_clear:
+        weights = np.ones(len(readings.pixel))
         # peaks counted wrongly from some depth on also fit a slope, with more noise
         other = _started(readings, start._replace(may_slope=False))._replace(may_slope=True)
         for _ in range(_ROUNDS_OF_START):
-            ones = np.ones(len(readings.pixel))
-            other = _regressed(readings, ones, other.nearest(readings), other)
+            other = _regressed(readings, weights, other.nearest(readings), other)
         state = min(state, other, key=lambda fitted: float(np.median(fitted.noise)))
         numbers = state.nearest(readings)
-        weights = np.ones_like(numbers)
     else:
         # readings between two peaks would bend the curve
         state = _started(readings, start._replace(may_slope=False))

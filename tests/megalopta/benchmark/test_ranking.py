@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from megalopta.benchmark import ranking as module
-from megalopta.benchmark.ranking import BOUND, MEAN, NO_POOLING, RATIO, STILL, Pooling
+from megalopta.benchmark.ranking import BOUND, MEAN, RATIO, STILL, Pooling
 from megalopta.benchmark.ranking_page import caution, order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.sequence_errors import SequenceTruth, in_segments
@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 
 WORDS = "--methods BM DIS --fluxes 1e3 1e8 --repeats 1".split()
 
+NO_POOLING = Pooling(1, 1)
 FEW = {
     "fluxes": "[1e8]",
     "repeats": "1",
