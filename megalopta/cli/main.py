@@ -7,6 +7,7 @@ megalopta.
 import argparse
 import atexit
 import gc
+import logging
 import os
 import sys
 from argparse import Namespace
@@ -38,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = sys.argv[1:] if arguments is None else arguments
     _collect_seldom()
     _print_anything()
+    logging.getLogger().addHandler(logging.NullHandler())  # libraries log what we say in a sentence
     try:
         _check_address_space()
         _check_letters(words)
