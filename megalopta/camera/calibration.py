@@ -268,7 +268,7 @@ def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | No
     charts = tuple(pages.code_charts(device))
     curves = Section("Photon transfer and saturation", pages.CURVES, head, rows, charts)
     sections = curves, pages.neighbors_section(device.kernel)
-    source = f"calibrated by comb from {len(device.falls.exposure_s)} recordings"
+    source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
     return Calibration(source, fields, maps, {"hot": device.hot}, summary, quantities, sections)
 
 

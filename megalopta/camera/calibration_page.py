@@ -152,7 +152,7 @@ def neighbors_section(
 def code_charts(device: Device) -> Iterator[Markup]:
     """Draw photon transfer and, under light, the saturation curve."""
     yield captioned(
-        _falls_chart(device),
+        _drops_chart(device),
         "A point per pixel and level. On the line, noise is that of single events; points of "
         "bright light lie below it where dead time regularizes events.",
     )
@@ -165,12 +165,12 @@ def code_charts(device: Device) -> Iterator[Markup]:
 
 
 @style.in_style
-def _falls_chart(device: Device) -> Markup:
+def _drops_chart(device: Device) -> Markup:
     """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    used = device.falls.frames > 0
+    used = device.drops.frames > 0
     dark = (device.counts.light_hz == 0)[:, None] & used
-    mean, variance = 1e3 * device.falls.mean_v, 1e6 * device.falls.variance_v2
+    mean, variance = 1e3 * device.drops.mean_v, 1e6 * device.drops.variance_v2
     for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
         axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
     ends = np.array([0.0, float(mean[used].max(initial=1.0))])
@@ -187,7 +187,7 @@ def _saturation_chart(device: Device, efficiency: Estimate, dead_time_s: Estimat
     figure, axes = style.new_axes(*style.CHART_PT)
     lit = device.counts.light_hz > 0
     light, exposure = device.counts.light_hz[lit], device.counts.exposure_s[lit]
-    mean = np.where(device.falls.frames[lit] > 0, device.counts.mean[lit], np.nan)
+    mean = np.where(device.drops.frames[lit] > 0, device.counts.mean[lit], np.nan)
     axes.plot(light, np.nanmedian(mean, axis=1) / exposure, "o", color=BLACK, label="measured")
     grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
     rate = device.dark_counts_hz.median + efficiency.median * grid

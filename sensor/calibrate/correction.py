@@ -113,7 +113,7 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
     side = 9 if plain.crosstalk.is_on else 1
     arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, most, _NODES)))
     rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
-    mean, variance = (each[:, side // 2, side // 2] for each in reading_moments(rates, plain))
+    mean, variance = np.array(reading_moments(rates, plain))[:, :, side // 2, side // 2]
     slopes = np.diff(mean) / np.diff(arrivals)
     flat = np.flatnonzero(slopes < _SMALLEST_SLOPE * slopes[:10].max())
     end = int(flat[0]) if flat.size else arrivals.size - 1
@@ -122,25 +122,16 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
             f"sensor {sensor.name!r}: its readings do not rise with the light; nothing can be "
             "corrected"
         )
+    # readings that brighter light beyond a peak of the curve may give, too
+    ambiguous_from = np.inf
+    wraps = getattr(plain.counter, "overflow", "saturate") == "wrap"
+    if plain.dead_time.kind == "paralyzable" or wraps:
+        peak = int(np.argmax(mean))
+        after = (np.arange(arrivals.size) > peak) & (arrivals <= _BEYOND * arrivals[peak])
+        lowest = mean[after] - 3 * np.sqrt(variance[after])
+        ambiguous_from = float(np.min(lowest, initial=np.inf))
     rising = slice(0, end + 1)
-    return ResponseCurve(
-        arrivals[rising],
-        mean[rising],
-        variance[rising],
-        _ambiguous_from(arrivals, mean, variance, plain),
-    )
-
-
-def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Sensor) -> float:
-    wraps = getattr(sensor.counter, "overflow", "saturate") == "wrap"
-    if sensor.dead_time.kind != "paralyzable" and not wraps:
-        return np.inf
-    peak = int(np.argmax(mean))
-    possible = arrivals <= _BEYOND * arrivals[peak]
-    after = (np.arange(arrivals.size) > peak) & possible
-    if not after.any():
-        return np.inf
-    return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
+    return ResponseCurve(arrivals[rising], mean[rising], variance[rising], ambiguous_from)
 
 
 def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floats]:
@@ -209,8 +200,7 @@ def calibrate(
     hot_times : float
         Pixels with surely more dark counts than this many times the median are hot.
     """
-    kinds = {"dark": dark_frames, "flat": flat_frames}
-    shapes = {name: np.shape(frames) for name, frames in kinds.items()}
+    shapes = {"dark": np.shape(dark_frames), "flat": np.shape(flat_frames)}
     for name, shape in shapes.items():
         if len(shape) != 3 or shape[0] < 2:
             raise ValueError(
@@ -221,8 +211,13 @@ def calibrate(
             f"dark frames of {shapes['dark'][1:]} and flat frames of {shapes['flat'][1:]} pixels: "
             "give those of one device"
         )
+
+    def chunks(frames: Any) -> Iterator[Floats]:
+        for first in range(0, len(frames), _FRAMES_AT_ONCE):
+            yield np.asarray(frames[first : first + _FRAMES_AT_ONCE], np.float64)
+
     curve = response_curve(sensor)
-    dark, flat = (_mean(_chunks(frames), curve) for frames in kinds.values())
+    dark, flat = (_mean(chunks(frames), curve) for frames in (dark_frames, flat_frames))
     return _of_means(curve, dark, flat, flat_detections, hot_times)
 
 
@@ -246,26 +241,18 @@ def simulated_calibration(
     """
     curve = response_curve(sensor)
     detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0])
-    even = np.full(shape, detections / sensor.exposure_s)
-    even *= draw_fixed_pattern(sensor, shape).efficiency_factor
-    dark, flat = (
-        _mean(_drawn(rate, sensor, frames, seed, f"calibration {name}"), curve)
-        for name, rate in (("dark", 0 * even), ("flat", even))
-    )
+    factor = draw_fixed_pattern(sensor, shape).efficiency_factor
+
+    def drawn(name: str, rate_hz: Floats) -> Iterator[NDArray[Any]]:
+        for first in range(0, frames, _FRAMES_AT_ONCE):
+            several = min(_FRAMES_AT_ONCE, frames - first)
+            rates_hz = np.broadcast_to(rate_hz, (several, *shape))
+            stream = f"calibration {name}"
+            yield expose_rate(rates_hz, sensor, seed=seed, stream=stream, first_frame=first).counts
+
+    dark = _mean(drawn("dark", np.zeros(shape)), curve)
+    flat = _mean(drawn("flat", np.full(shape, detections / sensor.exposure_s) * factor), curve)
     return _of_means(curve, dark, flat, detections, hot_times)
-
-
-def _chunks(frames: Any) -> Iterator[Floats]:
-    for first in range(0, len(frames), _FRAMES_AT_ONCE):
-        yield np.asarray(frames[first : first + _FRAMES_AT_ONCE], np.float64)
-
-
-def _drawn(
-    rate: Floats, sensor: Sensor, frames: int, seed: int, sequence: str
-) -> Iterator[NDArray[Any]]:
-    for first in range(0, frames, _FRAMES_AT_ONCE):
-        several = np.broadcast_to(rate, (min(_FRAMES_AT_ONCE, frames - first), *rate.shape))
-        yield expose_rate(several, sensor, seed=seed, stream=sequence, first_frame=first).counts
 
 
 class _Mean(NamedTuple):

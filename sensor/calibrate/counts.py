@@ -22,6 +22,7 @@ omitted where a counter was at its capacity, or fewer than ten binary frames wer
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -103,25 +104,14 @@ def summed(
     if not is_binary and not light_hz:
         frames = max(_MOST_COUNTS // mean.size, _FEWEST_FRAMES)
         varies = (variance > 0) & ~correlation.is_telegraph
-        try:
+        with suppress(ValueError):  # too few pixels have neighbors
             kernel = crosstalk.neighbor_kernel(readings[:frames], varies)
-        except ValueError:
-            kernel = None  # too few pixels have neighbors
-    sums = Summed(
-        exposure_s,
-        light_hz,
-        is_binary,
-        n,
-        mean * n,
-        variance,
-        largest.astype(np.float64),
-        at_largest,
-        correlation,
-        kernel,
-    )
-    series = readings.mean(axis=(1, 2), dtype=np.float64)
-    check_steadiness(sums, drift(series), float(np.sqrt(variance.mean())))
-    return sums
+    recording = Summed(
+        exposure_s, light_hz, is_binary, n, mean * n, variance, largest.astype(np.float64),
+        at_largest, correlation, kernel,
+    )  # fmt: skip
+    _check_drift(recording, readings.mean(axis=(1, 2), dtype=np.float64))
+    return recording
 
 
 def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float) -> Summed:
@@ -137,23 +127,20 @@ def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: floa
     if sums.max() > bits:
         raise ValueError(f"a frame has {sums.max()} counts, more than sums: {bits} binary frames")
     total = sums.sum(axis=0, dtype=np.float64)
-    share = total / n
+    share, is_seen = total / n, total > 0
+    variance = share * (1 - share) * n / (n - 1)
     recording = Summed(
-        exposure_s,
-        light_hz,
-        is_binary=True,
-        frames=n,
-        total=total,
-        variance=share * (1 - share) * n / (n - 1),
-        largest=(total > 0).astype(np.float64),
-        at_largest=np.where(total > 0, total, n),
-        correlation=pixels.uncorrelated(total.shape, n),
-        kernel=None,
-    )
+        exposure_s, light_hz, True, n, total, variance, is_seen.astype(np.float64),
+        np.where(is_seen, total, n), pixels.uncorrelated(total.shape, n), None,
+    )  # fmt: skip
     if len(sums) >= _FEWEST_FRAMES:
-        series = sums.mean(axis=(1, 2), dtype=np.float64) / bits
-        check_steadiness(recording, drift(series), float(np.sqrt(recording.variance.mean())))
+        _check_drift(recording, sums.mean(axis=(1, 2), dtype=np.float64) / bits)
     return recording
+
+
+def _check_drift(recording: Summed, frame_means: Floats) -> None:
+    sigma = float(np.sqrt(recording.variance.mean()))
+    check_steadiness(recording, drift(frame_means), sigma)
 
 
 class Switching(NamedTuple):
@@ -205,28 +192,20 @@ class CountingDevice:
 
 
 class _Recorded(NamedTuple):
-    """Recordings as all estimators use them."""
+    """Recordings as all estimators use them, (levels, …)."""
 
-    levels: Sequence[Summed]
-    light_hz: Floats
-    """(levels,)"""
+    mean: Floats
+    """(levels, rows, columns), as the next two"""
+    total: Floats
     used: Mask
-    """Pixels whose readings determine rates, (levels, rows, columns)"""
+    """Pixels whose readings determine rates"""
+    frames: Floats
+    """(levels,), as the next three"""
+    exposure_s: Floats
+    light_hz: Floats
     spread: Floats
-    """Variance over that of independent events, (levels,)"""
+    """Variance over that of independent events"""
     is_binary: bool
-
-    @property
-    def mean(self) -> Floats:
-        return np.array([level.mean for level in self.levels])
-
-    @property
-    def frames(self) -> Floats:
-        return np.array([level.frames for level in self.levels], np.float64)
-
-    @property
-    def exposure_s(self) -> Floats:
-        return np.array([level.exposure_s for level in self.levels])
 
 
 class _NotDeterminedError(Exception):
@@ -252,17 +231,22 @@ def calibrate_counts(
     """
     _check(levels)
     is_binary = levels[0].is_binary
+    # pixels that show no light
     lit = [level for level in levels if level.light_hz] or list(levels)
     counts = np.sum([level.total for level in lit], axis=0)
     typical = float(np.median(counts))
-    frozen = np.logical_and.reduce([level.at_largest == level.frames for level in levels])
-    frozen &= np.logical_and.reduce([level.largest == levels[0].largest for level in levels])
+    frozen = np.logical_and.reduce(
+        [
+            (level.at_largest == level.frames) & (level.largest == levels[0].largest)
+            for level in levels
+        ]
+    )
     dead = pixels.dead_pixels(counts, np.full(counts.shape, typical))
     dead |= frozen & (counts == 0) & (typical > _FEWEST_ZEROS)
     stuck = frozen & ~dead & (counts > 0)
+    # the counter's capacity: the largest reading, if pixels pile up there while readings vary
     capacity: int | None = 1
     if not is_binary:
-        # the largest reading of all, if some pixel piles up there while readings vary elsewhere
         top = max(float(level.largest.max()) for level in levels)
         piled = [
             ((level.largest == top) & (level.at_largest > _PILED * level.frames)).mean()
@@ -270,16 +254,31 @@ def calibrate_counts(
         ]
         several = sum(share > 0 for share in piled) > 1 or max(piled) > 2 / levels[0].total.size
         capacity = int(top) if top > 1 and several else None
-    used = np.array([_within(level, capacity) & ~dead & ~stuck for level in levels])
-    spread = np.array([_excess(*pair) for pair in zip(levels, used, strict=True)])
-    light_hz = np.array([level.light_hz for level in levels])
-    recorded = _Recorded(levels, light_hz, used, spread, is_binary)
+    # pixels of each level whose readings the counter does not limit
+    used, spread = [], []
+    for level in levels:
+        within = level.largest < (np.inf if capacity is None else capacity)
+        if is_binary:
+            within = level.frames - level.total >= _FEWEST_ZEROS
+        used.append(within & ~dead & ~stuck)
+        spread.append(_excess(level, used[-1]))
+    recorded = _Recorded(
+        *(np.array([getattr(level, name) for level in levels]) for name in ("mean", "total")),
+        np.array(used),
+        *(
+            np.array([getattr(level, name) for level in levels], np.float64)
+            for name in ("frames", "exposure_s", "light_hz")
+        ),
+        np.array(spread), is_binary,
+    )  # fmt: skip
     kernels = [level.kernel for level in levels if level.kernel is not None]
     kernel = crosstalk.mean_kernel(kernels) if kernels else None
+    # dead time, dark counts, efficiency
     refused: dict[str, str] = {}
     dead_time: DeadTimeEstimate | None = None
     dark: Estimate | None = None
     efficiency: Estimate | None = None
+    hot = np.zeros(dead.shape, np.bool_)
     try:
         dead_time, scaled_hz = _dead_time(recorded, kernel)
         recorded = recorded._replace(light_hz=scaled_hz)
@@ -288,14 +287,13 @@ def calibrate_counts(
     applied = dead_time
     if dead_time is None and known is not None and not is_binary:
         applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
-    hot = np.zeros(dead.shape, np.bool_)
     try:
         dark = _dark_counts(recorded, applied)
         hot = pixels.hot_pixels(dark.low, dark.value, dark.high, hot_times)
         hot |= np.isnan(dark.value)  # saturated in the dark
     except _NotDeterminedError as reason:
         refused["dark counts"] = str(reason)
-    telegraph = _telegraph(recorded, applied)
+    telegraph = _telegraph(levels, recorded, applied)
     try:
         efficiency = _efficiency(recorded, applied)
     except _NotDeterminedError as reason:
@@ -304,19 +302,12 @@ def calibrate_counts(
         # how many of their counts under light were dark ones is not known
         efficiency = efficiency.where(~telegraph.pixels)
     return CountingDevice(
-        dark_counts_hz=dark,
-        efficiency=efficiency,
-        dead_time=dead_time,
-        capacity=capacity,
-        dead=dead,
-        stuck=stuck,
+        dark_counts_hz=dark, efficiency=efficiency, dead_time=dead_time, capacity=capacity,
+        dead=dead, stuck=stuck, telegraph=telegraph, kernel=kernel,
         reading=np.where(stuck, levels[0].largest, np.where(dead, 0.0, -1.0)),
-        telegraph=telegraph,
-        kernel=kernel,
-        saturated=~used.any(axis=0) & ~dead & ~stuck,
-        hot=hot & ~dead & ~stuck,
+        saturated=~recorded.used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
         refused=refused,
-    )
+    )  # fmt: skip
 
 
 def _check(levels: Sequence[Summed]) -> None:
@@ -331,22 +322,13 @@ def _check(levels: Sequence[Summed]) -> None:
     longest = max(dark, key=lambda level: level.exposure_s)
     dark_hz = float(np.median(longest.mean)) / longest.exposure_s
     for level in levels:
-        full = level.is_binary and dark_hz * longest.exposure_s > 0.9
-        if not level.light_hz or full:
-            continue
-        more = float(np.median(level.mean)) - dark_hz * level.exposure_s
-        spread = float(np.sqrt(level.variance.mean() / level.frames / level.total.size))
-        if more < _BRIGHTER_Z * spread:
+        is_full = level.is_binary and dark_hz * longest.exposure_s > 0.9
+        excess = float(np.median(level.mean)) - dark_hz * level.exposure_s
+        error = float(np.sqrt(level.variance.mean() / level.frames / level.total.size))
+        if level.light_hz and not is_full and excess < _BRIGHTER_Z * error:
             raise ValueError(
                 f"{level}: no brighter than the dark; uncover the sensor or raise the light"
             )
-
-
-def _within(level: Summed, capacity: int | None) -> Mask:
-    """Pixels whose readings are not limited by the counter."""
-    if level.is_binary:
-        return np.asarray(level.frames - level.total >= _FEWEST_ZEROS)
-    return np.asarray(level.largest < (np.inf if capacity is None else capacity))
 
 
 def _excess(level: Summed, used: Mask) -> float:
@@ -376,47 +358,49 @@ def _dead_time(
         )
     if _nonlinearity(recorded, None) < _SEEN:
         raise _NotDeterminedError("no counts are lost to it; record brighter light")
-    some = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
-    fired, unsure = kernel.echoes if kernel else (0.0, 0.0)
-    found, misfit, live = _fitted_dead_time(recorded, some, fired, 1.0, _ROUNDS if fired else 1)
+    fitted = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
+    fired, fired_error = kernel.echoes if kernel else (0.0, 0.0)
+    dead_time, misfit, live = _fitted_dead_time(
+        recorded, fitted, fired, 1.0, _ROUNDS if fired else 1
+    )
     if misfit.is_clear:
         raise _NotDeterminedError(
-            f"{found.kind}, {1e9 * found.seconds:.3g} ns, fits best, but counts differ from its "
-            f"curve by {100 * misfit.share:+.2g} %, as with recharging, twilight pulses, or lights "
-            "that are not as stated; no interval holds"
+            f"{dead_time.kind}, {1e9 * dead_time.seconds:.3g} ns, fits best, but counts differ "
+            f"from its curve by {100 * misfit.share:+.2g} %, as with recharging, twilight pulses, "
+            "or lights that are not as stated; no interval holds"
         )
     if kernel:
-        longer = _fitted_dead_time(recorded, some, fired + unsure, live, 1)[0]
-        hidden = _HIDDEN * (kernel.afterpulses + unsure) * found.seconds
-        error = np.hypot(longer.seconds - found.seconds, max(hidden, 0.0))
-        found = found._replace(
-            error=float(np.hypot(found.error, error)),
-            is_kind_clear=found.is_kind_clear and longer.kind == found.kind,
+        longer = _fitted_dead_time(recorded, fitted, fired + fired_error, live, 1)[0]
+        hidden = _HIDDEN * (kernel.afterpulses + fired_error) * dead_time.seconds
+        error = np.hypot(longer.seconds - dead_time.seconds, max(hidden, 0.0))
+        dead_time = dead_time._replace(
+            error=float(np.hypot(dead_time.error, error)),
+            is_kind_clear=dead_time.is_kind_clear and longer.kind == dead_time.kind,
         )
-    return found, recorded.light_hz * (1 - fired) / (1 - fired * live)
+    return dead_time, recorded.light_hz * (1 - fired) / (1 - fired * live)
 
 
 def _fitted_dead_time(
-    recorded: _Recorded, some: Ints, fired: float, live: Floats | float, rounds: int
+    recorded: _Recorded, fitted: Ints, fired: float, live: Floats | float, rounds: int
 ) -> tuple[DeadTimeEstimate, saturation.Misfit, Floats]:
     """Dead time of some pixels, its misfit, and the shares of arrivals counted at each level.
 
     Lights are scaled for so many `fired` events per avalanche, with these shares at first.
     """
-    count = len(recorded.levels)
-    mean = recorded.mean.reshape(count, -1)[:, some]
-    frames = recorded.used.reshape(count, -1)[:, some] * recorded.frames[:, None]
+    levels = len(recorded.frames)
+    mean = recorded.mean.reshape(levels, -1)[:, fitted]
+    frames = recorded.used.reshape(levels, -1)[:, fitted] * recorded.frames[:, None]
     for _ in range(rounds):
         light_hz = recorded.light_hz * (1 - fired) / (1 - fired * live)
         counts = saturation.MeanCounts(mean, frames, recorded.exposure_s, light_hz)
         fit, ratio = saturation.fit_saturation(counts, lambda fits: _pooled(fits)[0])
         live = np.nanmedian(saturation.live_share(counts, fit), axis=1)
     seconds, error = _pooled(fit)
+    # events in excess of Poisson's widen the interval, too
     spread = float(recorded.spread.max())
-    # events in excess of Poisson's widen it, too
     error *= float(np.sqrt(spread))
-    found = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
-    return found, saturation.misfit(counts, fit, spread**2), np.asarray(live)
+    dead_time = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
+    return dead_time, saturation.misfit(counts, fit, spread**2), np.asarray(live)
 
 
 def _pooled(fit: saturation.SaturationFit) -> tuple[float, float]:
@@ -439,121 +423,119 @@ def _nonlinearity(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> fl
     lit = order[light_hz[order] > 0]
     if not lit.size:
         return 0.0
-    places = int(order[0]), int(lit[0]), int(lit[-1])
-    low, dim, bright = (float(light_hz[at]) for at in places)
+    levels = int(order[0]), int(lit[0]), int(lit[-1])
+    low, dim, bright = (float(light_hz[level]) for level in levels)
     if dim in (low, bright):
         return 0.0
-    good = recorded.used[list(places)].all(axis=0)
+    good = recorded.used[list(levels)].all(axis=0)
     slope = (bright - low) / (dim - low)
-    lost, variance = np.zeros(good.sum()), np.zeros(good.sum())
-    for at, share in zip(places, (1 - slope, slope, -1.0), strict=True):
-        rate = _rates(recorded, at, recorded.levels[at].mean, dead_time)
-        lost = lost + share * rate[good]
-        variance = variance + share**2 * _variance(recorded, at, rate, dead_time)[good]
-    return float(np.sum(lost) / np.sqrt(np.sum(variance))) if good.any() else 0.0
+    loss, variance = np.zeros(good.sum()), np.zeros(good.sum())
+    for level, share in zip(levels, (1 - slope, slope, -1.0), strict=True):
+        rate_hz = _rates(recorded, level, recorded.mean[level], dead_time)
+        loss = loss + share * rate_hz[good]
+        variance = variance + share**2 * _variance(recorded, level, rate_hz, dead_time)[good]
+    return float(np.sum(loss) / np.sqrt(np.sum(variance))) if good.any() else 0.0
 
 
 def _rates(
     recorded: _Recorded,
-    at: int,
+    level: int,
     counts: Floats,
     dead_time: DeadTimeEstimate | None,
-    later: float = 0.0,
+    errors: float = 0.0,
 ) -> Floats:
     """Rate of arrivals (Hz) behind mean readings, for a dead time so many errors longer."""
-    exposure_s = recorded.levels[at].exposure_s
+    exposure_s = recorded.exposure_s[level]
     if recorded.is_binary:
         return np.asarray(-np.log1p(-np.minimum(counts, 1 - 1e-12)) / exposure_s)
     if dead_time is None:
         return np.asarray(counts / exposure_s)
-    grid, mean, _ = _counted(dead_time, exposure_s, later)
+    grid_hz, mean, _ = _counted(dead_time, exposure_s, errors)
     # counts are those of arrivals at low rates, which the grid does not reach
-    loss = np.interp(counts, mean, mean / (grid * exposure_s))
-    return np.asarray(counts / loss / exposure_s)
+    live = np.interp(counts, mean, mean / (grid_hz * exposure_s))
+    return np.asarray(counts / live / exposure_s)
 
 
 def _variance(
-    recorded: _Recorded, at: int, rate: Floats, dead_time: DeadTimeEstimate | None
+    recorded: _Recorded, level: int, rate_hz: Floats, dead_time: DeadTimeEstimate | None
 ) -> Floats:
     """Variance of the estimated rate of a level, Hz², at this rate."""
-    level, spread = recorded.levels[at], recorded.spread[at]
-    arrivals = np.maximum(rate * level.exposure_s, 0.3 / level.frames)
+    exposure_s, frames = recorded.exposure_s[level], recorded.frames[level]
+    arrivals = np.maximum(rate_hz * exposure_s, 0.3 / frames)
     if recorded.is_binary:
-        return np.asarray(np.expm1(arrivals) / level.frames / level.exposure_s**2)
+        return np.asarray(np.expm1(arrivals) / frames / exposure_s**2)
+    spread = recorded.spread[level]
     if dead_time is None:
-        return np.asarray(spread * arrivals / level.frames / level.exposure_s**2)
-    grid, mean, variance = _counted(dead_time, level.exposure_s)
-    slope = np.interp(rate, grid, np.maximum(np.gradient(mean, grid), 1e-12))
-    of_counts = np.where(rate < grid[0], arrivals, np.interp(rate, grid, variance))
-    return np.asarray(spread * of_counts / level.frames / slope**2)
+        return np.asarray(spread * arrivals / frames / exposure_s**2)
+    grid_hz, mean, variance = _counted(dead_time, exposure_s)
+    slope = np.interp(rate_hz, grid_hz, np.maximum(np.gradient(mean, grid_hz), 1e-12))
+    of_counts = np.where(rate_hz < grid_hz[0], arrivals, np.interp(rate_hz, grid_hz, variance))
+    return np.asarray(spread * of_counts / frames / slope**2)
 
 
 def _counted(
-    dead_time: DeadTimeEstimate, exposure_s: float, later: float = 0.0
+    dead_time: DeadTimeEstimate, exposure_s: float, errors: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
     """Rates, and mean and variance of their counts, for a dead time so many errors longer."""
-    seconds = max(dead_time.seconds + later * dead_time.error, 1e-12)
-    top = 0.95 if dead_time.kind == "paralyzable" else 50.0
-    grid = np.geomspace(1e-3 / exposure_s, max(top / seconds, 1 / exposure_s), _GRID)
-    dead_s = np.full(grid.shape, seconds)
-    mean, variance = saturation.dead_time_moments(grid, exposure_s, dead_s, dead_time.kind)
-    return grid, np.maximum.accumulate(mean), variance
+    seconds = max(dead_time.seconds + errors * dead_time.error, 1e-12)
+    most = 0.95 if dead_time.kind == "paralyzable" else 50.0
+    grid_hz = np.geomspace(1e-3 / exposure_s, max(most / seconds, 1 / exposure_s), _GRID)
+    dead_s = np.full(grid_hz.shape, seconds)
+    mean, variance = saturation.dead_time_moments(grid_hz, exposure_s, dead_s, dead_time.kind)
+    return grid_hz, np.maximum.accumulate(mean), variance
 
 
 def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:
     """Dark counts from recordings in the dark, with exact intervals."""
-    dark = recorded.light_hz == 0
-    if not dark.any():
+    is_dark = recorded.light_hz == 0
+    if not is_dark.any():
         raise _NotDeterminedError("need a recording in the dark")
-    used, times, is_binary = recorded.used[dark], recorded.exposure_s[dark], recorded.is_binary
-    frames = recorded.frames[dark][:, None, None] * used
-    total = (np.array([level.total for level in recorded.levels])[dark] * used).sum(axis=0)
-    number = frames.sum(axis=0)
-    ends = garwood_interval(total)
-    if is_binary:  # Clopper and Pearson (1934)
+    used, times_s = recorded.used[is_dark], recorded.exposure_s[is_dark, None, None]
+    frames = recorded.frames[is_dark, None, None] * used
+    total, number = (recorded.total[is_dark] * used).sum(axis=0), frames.sum(axis=0)
+    live_s = (frames * times_s).sum(axis=0)
+
+    def rate_of(total: Floats) -> Floats:
+        """Rate (Hz) at which the expected sum of all frames is the total."""
+        rate_hz = np.maximum(total, 0) / np.maximum(live_s, 1e-300)
+        for _ in range(40 if recorded.is_binary else 0):  # Newton's method
+            zeros = frames * np.exp(-rate_hz * times_s)
+            excess = total - (frames - zeros).sum(axis=0)
+            slope = np.maximum((zeros * times_s).sum(axis=0), 1e-12 * live_s + 1e-300)
+            rate_hz = np.clip(rate_hz + excess / slope, 0, 60 / times_s.min())
+        return np.asarray(rate_hz)
+
+    value, ends = rate_of(total), garwood_interval(total)
+    scale = np.sqrt(recorded.spread[is_dark].max()) * np.ones(total.shape)
+    if recorded.is_binary:  # Clopper and Pearson (1934)
         several = np.maximum(number, 1)
         low = beta.ppf(0.025, np.maximum(total, 1e-9), several - total + 1)
         high = beta.isf(0.025, total + 1, np.maximum(several - total, 1e-9))
         low, high = np.where(total > 0, low, 0.0), np.where(total < several, high, 1.0)
         ends = low * several, high * several
-    value = _solved(total, frames, times, is_binary)
-    scale = np.sqrt(recorded.spread[dark].max()) * np.ones(total.shape)
-    if is_binary:
         # σ of a sum of unequal binomial numbers over that of one with their mean probability
-        p = -np.expm1(-value * times[:, None, None])
-        share = (frames * p).sum(axis=0) / np.maximum(number, 1)
-        one, several = number * share * (1 - share), (frames * p * (1 - p)).sum(axis=0)
-        scale *= np.sqrt(np.divide(several, one, out=np.ones_like(one), where=one > 0))
-    low, high = (_solved(total + scale * (end - total), frames, times, is_binary) for end in ends)
+        p = -np.expm1(-value * times_s)
+        share = (frames * p).sum(axis=0) / several
+        alike, unequal = number * share * (1 - share), (frames * p * (1 - p)).sum(axis=0)
+        scale *= np.sqrt(np.divide(unequal, alike, out=np.ones_like(alike), where=alike > 0))
+    low, high = (rate_of(total + scale * (end - total)) for end in ends)
     # to first order, both kinds of dead time hide the same counts
-    longer = 1 + value * (dead_time.seconds if dead_time else 0.0)
-    return Estimate(value, low, high).where(number > 0).scaled(longer)
+    hidden = 1 + value * (dead_time.seconds if dead_time else 0.0)
+    return Estimate(value, low, high).where(number > 0).scaled(hidden)
 
 
-def _solved(total: Floats, frames: Floats, times: Floats, is_binary: bool) -> Floats:
-    """Rate at which the expected sum of all frames (levels, rows, columns) is the total, Hz."""
-    live = (frames * times[:, None, None]).sum(axis=0)
-    rate = np.maximum(total, 0) / np.maximum(live, 1e-300)
-    if not is_binary:
-        return np.asarray(rate)
-    for _ in range(40):
-        zeros = frames * np.exp(-rate * times[:, None, None])
-        excess = total - (frames - zeros).sum(axis=0)
-        slope = np.maximum((zeros * times[:, None, None]).sum(axis=0), 1e-12 * live + 1e-300)
-        rate = np.clip(rate + excess / slope, 0, 60 / times.min())
-    return np.asarray(rate)
-
-
-def _telegraph(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Switching | None:
+def _telegraph(
+    levels: Sequence[Summed], recorded: _Recorded, dead_time: DeadTimeEstimate | None
+) -> Switching | None:
     """Switching pixels, from the recording in the dark with the most counts."""
     dark = np.flatnonzero(recorded.light_hz == 0).tolist()
     marked = np.zeros(recorded.used.shape[1:], np.bool_)
-    for at in dark:
-        marked |= recorded.levels[at].correlation.is_telegraph & recorded.used[at]
+    for number in dark:
+        marked |= levels[number].correlation.is_telegraph & recorded.used[number]
     if not marked.any():
         return None
-    best = max(dark, key=lambda at: float(recorded.levels[at].total[marked].sum()))
-    level = recorded.levels[best]
+    best = max(dark, key=lambda number: float(levels[number].total[marked].sum()))
+    level = levels[best]
     *means, frames = pixels.switching(level.mean, level.variance, level.correlation, marked)
     low_hz, high_hz = (_rates(recorded, best, mean, dead_time) for mean in means)
     low_hz = np.maximum(low_hz, high_hz / _LARGEST_STEP)
@@ -564,8 +546,8 @@ def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Esti
     """Slope of rates over light, by weighted least squares."""
     lights = np.unique(recorded.light_hz)
     if len(lights) < 2:
-        wanted = "the dark or a second light" if lights.max() else "a recording under uniform light"
-        raise _NotDeterminedError(f"needs {wanted}")
+        need = "the dark or a second light" if lights.max() else "a recording under uniform light"
+        raise _NotDeterminedError(f"needs {need}")
     if abs(_nonlinearity(recorded, dead_time)) > _NOT_LINEAR:
         raise _NotDeterminedError(
             "rates are not proportional to light; check the lights, or record dimmer and brighter "
@@ -574,22 +556,17 @@ def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Esti
     used, brightest = recorded.used.astype(np.float64), lights.max()
     light = (recorded.light_hz / brightest)[:, None, None]
 
-    def rates(later: float = 0.0) -> Floats:
-        return np.array(
-            [
-                _rates(recorded, at, level.mean, dead_time, later)
-                for at, level in enumerate(recorded.levels)
-            ]
-        )
+    def rates(errors: float = 0.0) -> Floats:
+        levels = enumerate(recorded.mean)
+        return np.array([_rates(recorded, at, mean, dead_time, errors) for at, mean in levels])
 
-    rate = fitted = rates()
+    rate_hz = fitted_hz = rates()
     for _ in range(_ROUNDS):
-        weight = used / np.array(
-            [_variance(recorded, at, each, dead_time) for at, each in enumerate(fitted)]
-        )
-        intercept, slope, variance = _line(light, rate, weight)
-        fitted = np.maximum(intercept + slope * light, 0)
-    value, error = slope / brightest, np.sqrt(variance) / brightest
+        variance = [_variance(recorded, at, rate, dead_time) for at, rate in enumerate(fitted_hz)]
+        weight = used / np.array(variance)
+        intercept, slope, slope_variance = _line(light, rate_hz, weight)
+        fitted_hz = np.maximum(intercept + slope * light, 0)
+    value, error = slope / brightest, np.sqrt(slope_variance) / brightest
     if dead_time is not None and dead_time.error:
         moved = _line(light, rates(1.0), weight)[1] / brightest
         error = np.hypot(error, moved - value)

@@ -95,16 +95,16 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     counts = np.asarray(counts, np.float64)
     mean = counts.mean(axis=0)
     n = len(counts)
-    apart = np.where(good, counts - mean, 0)
+    excess = np.where(good, counts - mean, 0)
     variance = np.where(good, counts.var(axis=0, ddof=1), 0)
-    ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
+    ratios, errors = np.array([_pairs(excess, mean, good, offset) for offset in OFFSETS]).T
     # mean covariance of pixels at least four rows apart
     sums, pairs = 0.0, 0
     rows = good.shape[0]
-    totals, numbers = apart.sum(axis=2), good.sum(axis=1)
+    totals, numbers = excess.sum(axis=2), good.sum(axis=1)
     for row in range(rows - _FAR):
         below = totals[:, row + _FAR :].sum(axis=1)
-        sums += float((totals[:, row] * below).sum()) / (len(apart) - 1)
+        sums += float((totals[:, row] * below).sum()) / (n - 1)
         pairs += int(numbers[row] * numbers[row + _FAR :].sum())
     common = (sums / pairs if pairs else 0.0) / float(mean[good].mean())
     seen, error = ratios - common, errors / 2
@@ -116,11 +116,11 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     left = 1.0  # 1 − p
     for _ in range(_ROUNDS_OF_BOTH):
         # the kernel that produces the observed covariances
-        wanted = seen * left**2
-        relative = wanted / 2
+        target = seen * left**2
+        relative = target / 2
         for _ in range(_ROUNDS):
             response = _response(relative)
-            relative = relative - (np.array([response[place] for place in OFFSETS]) - wanted) / 2
+            relative = relative - (np.array([response[place] for place in OFFSETS]) - target) / 2
             total = 2 * np.abs(relative).sum()
             if total > 0.8:
                 relative *= 0.8 / total
@@ -130,29 +130,33 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
 
 def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
     """Average kernels of independent recordings by their precision."""
-    share, error = _average([each.share for each in kernels], [each.error for each in kernels])
-    left = [each.afterpulses for each in kernels]
-    traps = _average(left, [each.afterpulses_error for each in kernels])
-    return Kernel(share, error, *map(float, traps))
+
+    def averaged(values: str, errors: str) -> tuple[Any, Any]:
+        squares = np.square([getattr(kernel, errors) for kernel in kernels])
+        weights = 1 / np.maximum(squares, 1e-30)
+        total = weights.sum(axis=0)
+        mean = (weights * np.array([getattr(kernel, values) for kernel in kernels])).sum(axis=0)
+        return mean / total, 1 / np.sqrt(total)
+
+    afterpulses = map(float, averaged("afterpulses", "afterpulses_error"))
+    return Kernel(*averaged("share", "error"), *afterpulses)
 
 
-def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floats]:
-    weights = 1 / np.maximum(np.square(errors), 1e-30)
-    mean = (weights * np.array(values)).sum(axis=0) / weights.sum(axis=0)
-    return np.asarray(mean), np.asarray(1 / np.sqrt(weights.sum(axis=0)))
-
-
-def _pairs(apart: Floats, mean: Floats, good: Mask, offset: tuple[int, int]) -> tuple[float, float]:
+def _pairs(
+    excess: Floats, mean: Floats, good: Mask, offset: tuple[int, int]
+) -> tuple[float, float]:
     """Covariance over mean of all pairs of an offset, weighted by light; standard error."""
     (down, right), (rows, columns) = offset, good.shape
-    here = slice(max(-right, 0), columns - max(right, 0))
-    there = slice(max(right, 0), columns + min(right, 0))
-    first, second = (slice(0, rows - down), here), (slice(down, rows), there)
+    left = slice(max(-right, 0), columns - max(right, 0))
+    first, second = (
+        (slice(0, rows - down), left),
+        (slice(down, rows), slice(left.start + right, left.stop + right)),
+    )
     both = good[first] & good[second]
-    covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
+    covariance = (excess[:, *first] * excess[:, *second]).sum(axis=0) / (len(excess) - 1)
     # brighter pairs are more precise per event: weight by inverse variance of the ratio
     total = (mean[first] + mean[second]) / 2
-    noise = mean[first] * mean[second] / len(apart)
+    noise = mean[first] * mean[second] / len(excess)
     weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
     norm = float((weight * total).sum())
     if both.sum() < 2 or not norm > 0:
@@ -164,9 +168,9 @@ def _pairs(apart: Floats, mean: Floats, good: Mask, offset: tuple[int, int]) -> 
 def _response(share: Floats) -> Floats:
     """Covariance over mean, by offset, in an unbounded array."""
     kernel = np.zeros((_SIZE, _SIZE))
-    for (down, right), each in zip(OFFSETS, share, strict=True):
-        kernel[down % _SIZE, right % _SIZE] += each
-        kernel[-down % _SIZE, -right % _SIZE] += each
+    for (down, right), probability in zip(OFFSETS, share, strict=True):
+        kernel[down % _SIZE, right % _SIZE] += probability
+        kernel[-down % _SIZE, -right % _SIZE] += probability
     transform = np.abs(1 / (1 - np.fft.fft2(kernel))) ** 2
     return np.asarray(np.fft.ifft2(transform).real * (1 - np.square(kernel).sum()))
 
@@ -182,7 +186,7 @@ _SIDE = 2 * REACH + 1
 _PLACES = np.delete(np.arange(_SIDE**2), _SIDE**2 // 2)
 
 
-def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
+def crosstalk_of_hot_pixels(rates: Floats) -> Floats:
     """Return shares that pixels receive, (2, 2, 7, 7), by parity of the receiver's row and column.
 
     [p, q, 3 + down, 3 + right] is the share of the rate of the pixel that is so far down and right.
@@ -191,8 +195,6 @@ def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
     ----------
     rates : (rows, columns) float64
         Mean events per frame or second; NaN: not known, as are all pixels that see such a one.
-    use : (rows, columns) bool, optional
-        Receivers to use; default: all that are three pixels from the border.
 
     Raises ValueError if there are too few pixels.
     """
@@ -200,13 +202,9 @@ def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
         raise ValueError(f"{rates.size} pixels; crosstalk of hot pixels needs {FEWEST_PIXELS}")
     inside = np.zeros(rates.shape, np.bool_)
     inside[REACH:-REACH, REACH:-REACH] = True
-    if use is not None:
-        inside &= use
-    found = np.zeros((PERIOD, PERIOD, _SIDE**2))
+    shares = np.zeros((PERIOD, PERIOD, _SIDE**2))
     for row, column in np.ndindex(PERIOD, PERIOD):
-        chosen = np.zeros_like(inside)
-        chosen[row::PERIOD, column::PERIOD] = inside[row::PERIOD, column::PERIOD]
-        places = np.argwhere(chosen)
+        places = np.argwhere(inside[row::PERIOD, column::PERIOD]) * PERIOD + (row, column)
         down, right = np.divmod(_PLACES, _SIDE)
         around = rates[places[:, :1] + down - REACH, places[:, 1:] + right - REACH]
         received = rates[places[:, 0], places[:, 1]]
@@ -214,14 +212,14 @@ def crosstalk_of_hot_pixels(rates: Floats, use: Mask | None = None) -> Floats:
         if known.sum() < 4 * len(_PLACES):
             raise ValueError(f"{known.sum()} pixels with all neighbors known; measure more")
         matrix = np.column_stack((np.ones(known.sum()), around[known]))
-        level = float(np.median(received[known]))
-        solution = np.concatenate(([level], np.zeros(len(_PLACES))))
+        typical = float(np.median(received[known]))
+        solution = np.concatenate(([typical], np.zeros(len(_PLACES))))
         for _ in range(_ROUNDS_OF_SHARES):
             residual = np.abs(received[known] - matrix @ solution)
-            weighted = matrix / np.maximum(residual, _FINEST * level)[:, None]
+            weighted = matrix / np.maximum(residual, _FINEST * typical)[:, None]
             solution = np.linalg.solve(weighted.T @ matrix, weighted.T @ received[known])
-        found[row, column, _PLACES] = solution[1:]
-    return found.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
+        shares[row, column, _PLACES] = solution[1:]
+    return shares.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
 
 
 def kernel_of(shares: Floats) -> Crosstalk:
@@ -255,7 +253,7 @@ class PairCrosstalk(NamedTuple):
 
     def some(self, chosen: Mask) -> "PairCrosstalk":
         """Return a part of the pairs."""
-        return PairCrosstalk._make(each[chosen] for each in self)
+        return PairCrosstalk._make(values[chosen] for values in self)
 
     def at(self, down: int, right: int) -> "PairCrosstalk":
         """Return the pairs at a distance."""
@@ -267,24 +265,20 @@ def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:
 
     Raises ValueError without pairs of edge neighbors, or if these show no crosstalk.
     """
-    edge, diagonal, two, three = (
-        _mean_of(pairs, places)
-        for places in (((0, 1), (1, 0)), ((1, 1),), ((0, 2), (2, 0)), ((0, 3), (3, 0)))
-    )
+    probabilities = []
+    for offsets in (((0, 1), (1, 0)), ((1, 1),), ((0, 2), (2, 0)), ((0, 3), (3, 0))):
+        values = np.concatenate([pairs.at(*offset).probability for offset in offsets])
+        probabilities.append(float(values.mean()) if values.size else 0.0)
+    edge = probabilities[0]
     if not edge > 0:
         raise ValueError("no crosstalk between edge neighbors; give pairs at a distance of 1")
-    shares = [float(np.clip(each / edge, 0, 1)) for each in (diagonal, two, three)]
+    shares = [float(np.clip(probability / edge, 0, 1)) for probability in probabilities[1:]]
     return Crosstalk(
         mean_fired_neighbors=4 * edge * (1 + sum(shares)),
         diagonal=shares[0],
         distance_two=shares[1],
         distance_three=shares[2],
     )
-
-
-def _mean_of(pairs: PairCrosstalk, places: tuple[tuple[int, int], ...]) -> float:
-    values = np.concatenate([pairs.at(*place).probability for place in places])
-    return float(values.mean()) if values.size else 0.0
 
 
 def modelled(crosstalk: Crosstalk, pairs: PairCrosstalk) -> Floats:

@@ -1,9 +1,8 @@
 """A device from its recordings: all estimators in sequence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -13,10 +12,10 @@ from megalopta.sensor.calibrate.comb import HIDDEN_AT, Curve, comb_period, fit_c
 from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
 from megalopta.sensor.calibrate.level import (
     Adc,
-    Falls,
+    Drops,
     Level,
     check_levels,
-    falls_of,
+    drops_of,
     photon_transfer,
 )
 from megalopta.sensor.calibrate.pixels import hot_pixels
@@ -96,7 +95,7 @@ class Device:
     """(rows, columns)"""
     counts: MeanCounts
     """Mean counts behind the saturation curve"""
-    falls: Falls
+    drops: Drops
     curve: Curve
     """Change of the step over the swing"""
     slope_error: float
@@ -109,9 +108,9 @@ class Device:
 
     def counts_of(self, level: Level, adc: Adc) -> Floats:
         """Counts, not rounded, from the ADC codes of frames (n, rows, columns)."""
-        leak = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
-        fall = (adc.top - level.readings) * adc.lsb_v
-        steps = (fall - self.offset_v.value - leak) / self.step_v.value
+        leaked_v = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
+        drop_v = (adc.top - level.readings) * adc.lsb_v
+        steps = (drop_v - self.offset_v.value - leaked_v) / self.step_v.value
         return self.curve.numbers(steps, self.step_v.value)
 
 
@@ -129,82 +128,93 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     exposure is too long to determine the level of no counts.
     """
     check_levels(levels, adc)
-    falls = falls_of(levels, adc)
-    transfer = photon_transfer(falls)
-    steps = transfer.step_v
-    typical = float(np.median(steps))
-    low, high = np.percentile(steps, (16, 84)) / typical
-    error = float(np.median(transfer.step_error_v)) / typical
+    rows, columns = levels[0].readings.shape[1:]
+    shape = rows, columns
+    drops = drops_of(levels, adc)
+    # steps: about, from photon transfer; then from the period of the comb
+    transfer = photon_transfer(drops)
+    typical_v = float(np.median(transfer.step_v))
+    low, high = np.percentile(transfer.step_v, (16, 84)) / typical_v
+    error = float(np.median(transfer.step_error_v)) / typical_v
     scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
-    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(steps.size))
+    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(rows * columns))
     within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
-    is_shallow = falls.mean_v[falls.level, falls.pixel] < _SHALLOW * adc.swing_v
-    step, noise = comb_period(falls.at(is_shallow), np.full(steps.size, typical), within)
+    is_shallow = drops.mean_v[drops.level, drops.pixel] < _SHALLOW * adc.swing_v
+    step_v, noise = comb_period(drops.at(is_shallow), typical_v, within)
     # outputs that the ADC cuts off look like a peak; the variance reveals them
-    louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
-    if np.median(louder) > HIDDEN_AT:
+    noise = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
+    if np.median(noise) > HIDDEN_AT:
         raise ValueError(
-            f"read noise of {np.median(louder):.2g} steps hides single events; lower it to "
+            f"read noise of {np.median(noise):.2g} steps hides single events; lower it to "
             f"{HIDDEN_AT:g} or less, or calibrate from counts"
         )
-    if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
+    if np.median(transfer.offset_error_v / step_v) > _SURE_OFFSET:
         raise ValueError(
             "dark frames: the shortest exposure is too long to find the reading of no counts; add "
             "shorter ones, with few or no counts per frame"
         )
-    fit = fit_comb(falls, step, transfer.offset_v, adc.swing_v)
-    if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(louder):
+    # offset, leak, step and read noise
+    fit = fit_comb(drops, step_v, transfer.offset_v, adc.swing_v)
+    if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(noise):
         raise ValueError(
             "the peaks of the comb cannot be followed through the swing, as if the step changed by "
             "more than a tenth over it; omit the levels with most counts"
         )
-    rows, columns = levels[0].readings.shape[1:]
-    shape = rows, columns
-    errors = _standard_errors(fit.covariance)
+    errors, leak_v_s = _standard_errors(fit.covariance), fit.solution[:, 1]
     # pixels whose peaks were misassigned: too noisy, or with an implausible leak
     failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    leak_v_s = fit.solution[:, 1]
     failed |= leak_v_s < -_SURELY * errors[:, 1]
     # peaks that are off by whole counts at the longest exposure look like leak
-    apart = np.abs(leak_v_s - np.median(leak_v_s))
-    failed |= apart > _FAR_LEAK * np.median(apart)
-    failed |= falls.frames.sum(axis=0) == 0
-    errors[failed], falls.frames[:, failed] = np.nan, 0
-    offset, leak, step_v = _estimates(fit.solution, errors, shape)
-    mean = fit.counts / np.maximum(falls.frames, 1)
-    counts = MeanCounts(mean, falls.frames, falls.exposure_s, falls.light_hz)
-    read = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
-    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1)) / np.maximum(read, 1e-12)
-    saturation = _saturation(counts, shape)
+    distance = np.abs(leak_v_s - np.median(leak_v_s))
+    failed |= distance > _FAR_LEAK * np.median(distance)
+    failed |= drops.frames.sum(axis=0) == 0
+    errors[failed], drops.frames[:, failed] = np.nan, 0
+    offset, leak, step = _estimates(fit.solution, errors, shape)
+    read_v = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
+    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
+    read_noise = Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape)
+    # efficiency and dead time
+    mean = fit.counts / np.maximum(drops.frames, 1)
+    counts = MeanCounts(mean, drops.frames, drops.exposure_s, drops.light_hz)
+    efficiency = dead_time = kind = None
+    ratio = deviation = 0.0
+    if len(np.unique(counts.light_hz)) >= 3:
+        curves, likelihood_ratio = fit_saturation(counts)
+        residual = misfit(counts, curves)
+        if residual.is_clear:
+            deviation = residual.share
+        else:
+            ratio, curve_errors = likelihood_ratio, _standard_errors(curves.covariance)
+            _, efficiency, dead_time = _estimates(curves.solution, curve_errors, shape)
+            # name the kind if there is dead time and the curve determines its kind
+            known = curve_errors[:, 2] > 0
+            z = (curves.solution / curve_errors)[known, 2]
+            is_seen = np.sum(z) / np.sqrt(max(known.sum(), 1)) > 5
+            kind = curves.kind if ratio > _CLEAR_KIND and is_seen else None
+    # dark counts
     is_dark = counts.light_hz == 0
-    live = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
+    live_s = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
     total = fit.counts[is_dark].sum(axis=0)
-    rates = np.stack([total, *garwood_interval(total)]) / np.where(live > 0, live, np.nan)
+    rates = np.stack([total, *garwood_interval(total)]) / np.where(live_s > 0, live_s, np.nan)
     dark = Estimate(*rates.reshape(3, *shape))
-    if saturation["dead_time_kind"]:
+    if kind and dead_time is not None:
         # to first order, both kinds of dead time hide the same counts
-        dark = dark.scaled(1 + dark.value * float(np.nanmedian(saturation["dead_time_s"].value)))
+        dark = dark.scaled(1 + dark.value * float(np.nanmedian(dead_time.value)))
     device = Device(
-        offset_v=offset,
-        leak_v_s=leak,
-        step_v=step_v,
-        read_noise_v=Estimate.normal(read, read_error, shape),
-        dark_counts_hz=dark,
-        hot=hot_pixels(dark.low, dark.value, dark.high, hot_times),
-        counts=counts,
-        falls=falls,
-        curve=fit.curve,
-        slope_error=fit.slope_error,
-        **saturation,
-    )
+        offset_v=offset, leak_v_s=leak, step_v=step, read_noise_v=read_noise, dark_counts_hz=dark,
+        efficiency=efficiency, dead_time_s=dead_time, dead_time_kind=kind, kind_ratio=ratio,
+        misfit=deviation, hot=hot_pixels(dark.low, dark.value, dark.high, hot_times),
+        counts=counts, drops=drops, curve=fit.curve, slope_error=fit.slope_error,
+    )  # fmt: skip
+    # crosstalk and afterpulses
     kernels = []
     for level, frames in zip(levels, counts.frames, strict=True):
         if level.is_dark:
             # pixels with a failed fit have no counts
-            seen = np.nan_to_num(np.rint(device.counts_of(level, adc)))
-            good = (frames.reshape(shape) > 0) & (seen.mean(axis=0) > 0)
+            readings = np.nan_to_num(np.rint(device.counts_of(level, adc)))
+            good = (frames.reshape(shape) > 0) & (readings.mean(axis=0) > 0)
             with suppress(ValueError):  # too few pixels remain at this exposure
-                kernels.append(neighbor_kernel(seen, good))
+                kernels.append(neighbor_kernel(readings, good))
     if not kernels:
         return device
     kernel = mean_kernel(kernels)
@@ -214,7 +224,7 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
 
 def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list[Estimate]:
     """Estimates of the columns of a solution (P, k)."""
-    return [Estimate.normal(*each, shape) for each in zip(solution.T, errors.T, strict=True)]
+    return [Estimate.normal(*column, shape) for column in zip(solution.T, errors.T, strict=True)]
 
 
 def _standard_errors(covariance: Floats) -> Floats:
@@ -228,21 +238,3 @@ def garwood_interval(counts: Floats) -> tuple[Floats, Floats]:
     """
     low = np.where(counts > 0, chi2.ppf(0.025, 2 * np.maximum(counts, 1e-9)) / 2, 0.0)
     return low, np.asarray(chi2.isf(0.025, 2 * (counts + 1)) / 2)
-
-
-def _saturation(counts: MeanCounts, shape: tuple[int, int]) -> Mapping[str, Any]:
-    """Fields of the device that follow from the saturation curve."""
-    names = ("efficiency", "dead_time_s", "dead_time_kind", "kind_ratio")
-    if len(np.unique(counts.light_hz)) < 3:
-        return dict(zip(names, (None, None, None, 0.0), strict=True))
-    fit, ratio = fit_saturation(counts)
-    errors = _standard_errors(fit.covariance)
-    left = misfit(counts, fit)
-    if left.is_clear:
-        return dict(zip(names, (None, None, None, 0.0), strict=True)) | {"misfit": left.share}
-    _, efficiency, dead_time = _estimates(fit.solution, errors, shape)
-    # name the kind if there is dead time and the curve determines its kind
-    known = errors[:, 2] > 0
-    seen = np.sum((fit.solution / errors)[known, 2]) / np.sqrt(max(known.sum(), 1))
-    kind = fit.kind if ratio > _CLEAR_KIND and seen > 5 else None
-    return dict(zip(names, (efficiency, dead_time, kind, ratio), strict=True))

@@ -149,7 +149,7 @@ def emva(
     steps = sorted(steps, key=lambda step: step.photons)
     if len(steps) < FEWEST_STEPS:
         raise ValueError(f"{len(steps)} levels of light; EMVA 1288 needs {FEWEST_STEPS}, better 50")
-    photons, level, noise = np.array([(each.photons, each.level, each.noise) for each in steps]).T
+    photons, level, noise = np.array([(step.photons, step.level, step.noise) for step in steps]).T
     level, noise = level - dark.level, noise - dark.noise
     last = int(np.argmax(noise))
     if level[last] <= 0 or noise[last] <= 0:
@@ -157,7 +157,9 @@ def emva(
     linear = (photons <= _LINEAR * photons[last]) & (np.arange(len(steps)) <= last)
     if linear.sum() < 2:
         raise ValueError("saturated above the dimmest light; add dimmer levels")
-    gain = factors[1] * _slope(level[linear], noise[linear])
+    # slopes of lines through the origin
+    x, y, z = photons[linear], level[linear], noise[linear]
+    responsivity, gain = factors[0] * float(x @ y / (x @ x)), factors[1] * float(y @ z / (y @ y))
     half = min(steps, key=lambda step: abs(step.level - dark.level - 0.5 * level[last]))
     # PRNU, of pixels that are not hot
     ordinary = dark.mean < np.nanmedian(dark.mean) + _HOT * level[last]
@@ -165,35 +167,22 @@ def emva(
     mean_noise = np.nanmean((half.variance / half.frames + dark.variance / dark.frames)[ordinary])
     spread = max(float(np.nanvar(more)) - float(mean_noise), 0.0)
     prnu = float(np.sqrt(spread) / np.nanmean(more))
+    # linearity, by a line that minimizes squares of relative deviations, as the standard does
+    low, high = (share * photons[last] for share in _LINEARITY)
+    within = (low <= photons) & (photons <= high)
+    x = photons[within]
+    design = np.column_stack((np.ones_like(x), x)) / level[within, None]
+    line = np.linalg.lstsq(design, np.ones_like(x), rcond=None)[0]
     return Emva(
-        responsivity=factors[0] * _slope(photons[linear], level[linear]),
+        responsivity=responsivity,
         gain=gain,
         dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK) - quantization)) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
         prnu=prnu,
-        linearity_error=float(np.mean(np.abs(deviations(dark, steps, photons[last])[1]))),
+        linearity_error=float(np.mean(np.abs(level[within] / (line[0] + line[1] * x) - 1))),
         saturation_photons=float(photons[last]),
         quantization=quantization,
     )
-
-
-def _slope(x: Floats, y: Floats) -> float:
-    """Slope of a line through the origin."""
-    return float(x @ y / (x @ x))
-
-
-def deviations(dark: Step, steps: Sequence[Step], saturation: float) -> tuple[Floats, Floats]:
-    """Return light, and deviations from a line over the line, from 5 to 95 % of saturation.
-
-    The line minimizes squares of relative deviations, as the standard does.
-    """
-    low, high = (share * saturation for share in _LINEARITY)
-    within = [step for step in steps if low <= step.photons <= high]
-    photons, level = np.array([(each.photons, each.level - dark.level) for each in within]).T
-    design = np.column_stack((np.ones_like(photons), photons)) / level[:, None]
-    line = np.linalg.lstsq(design, np.ones_like(photons), rcond=None)[0]
-    fitted = line[0] + line[1] * photons
-    return photons, np.asarray(level / fitted - 1)
 
 
 def device_steps(
@@ -229,7 +218,7 @@ def without_dead_time(
     """
     if not sensor.dead_time.is_on:
         return 1.0, 1.0
-    photons = [0.0, *(each.photons for each in steps)]
+    photons = [0.0, *(step.photons for step in steps)]
     dark, *lit = _Device.of(sensor, shape, wavelength_nm).steps_at(photons)
     dead = emva(dark, lit)
     dim = [0.0, _DIM * dead.saturation_photons]
@@ -256,5 +245,4 @@ class _Device(NamedTuple):
     def steps_at(self, photons: Sequence[float] | Floats) -> list[Step]:
         light = np.asarray(photons, np.float64)
         rates = light[:, None, None] / self.sensor.exposure_s * self.efficiency
-        moments = zip(light.tolist(), *reading_moments(rates, self.sensor), strict=True)
-        return [Step(*each) for each in moments]
+        return list(map(Step, light.tolist(), *reading_moments(rates, self.sensor)))

@@ -19,7 +19,7 @@ their standard errors.
 Source: EMVA 1288 release 4, Linear.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -79,10 +79,15 @@ class Level:
 
     def at(self, frames: NDArray[Any]) -> "Level":
         """Keep some frames, (n,) mask or numbers."""
-        names = "readings", "saturated", "times_s", "codes", "unrounded"
-        kept = {name: getattr(self, name) for name in names}
+        times_s = None if self.times_s is None else self.times_s[frames]
+        return replace(self.mapped(lambda values: values[frames]), times_s=times_s)
+
+    def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Level":
+        """Change each array of frames (n, rows, columns) alike."""
+        names = "readings", "saturated", "codes", "unrounded"
+        arrays = {name: getattr(self, name) for name in names}
         return replace(
-            self, **{name: each[frames] for name, each in kept.items() if each is not None}
+            self, **{name: change(each) for name, each in arrays.items() if each is not None}
         )
 
     @property
@@ -148,16 +153,17 @@ class Adc(NamedTuple):
         return (self.top - self.bottom) * self.lsb_v
 
 
-class Falls(NamedTuple):
-    """Voltage drops of outputs by level and pixel, with the number of each (entry) and sums of it.
+class Drops(NamedTuple):
+    """Voltage drops of outputs by level and pixel.
 
-    Entries are (E,), maps (levels, pixels).
+    Entries are (E,), one for each drop that a pixel shows at a level; maps are (levels, pixels).
     """
 
     level: Ints
     pixel: Ints
-    fall_v: Floats
+    drop_v: Floats
     times: Floats
+    """Number of frames with this drop"""
     frames: Floats
     """0 where a pixel came near its bottom and is excluded."""
     mean_v: Floats
@@ -170,39 +176,35 @@ class Falls(NamedTuple):
     """True if any output was above the range of the ADC: noise of readings of no counts is
     clipped."""
 
-    def at(self, chosen: NDArray[np.bool_]) -> "Falls":
-        """Keep the selected entries, (E,)."""
-        return self._replace(
-            level=self.level[chosen],
-            pixel=self.pixel[chosen],
-            fall_v=self.fall_v[chosen],
-            times=self.times[chosen],
-        )
+    def at(self, entries: Mask) -> "Drops":
+        """Keep some entries, (E,)."""
+        names = self._fields[:4]
+        return self._replace(**{name: getattr(self, name)[entries] for name in names})
 
 
-def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
-    """Gather the voltage drops, without levels where a pixel may have reached its bottom."""
+def drops_of(levels: Sequence[Level], adc: Adc) -> Drops:
+    """Return the voltage drops, without pixels near their bottom at a level."""
     pixels = levels[0].readings[0].size
     lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
-    parts, maps = [], []
+    entries, maps = [], []
     for number, level in enumerate(levels):
         codes = level.readings.reshape(len(level.readings), pixels)
         mean, variance = codes.mean(axis=0), codes.var(axis=0, ddof=1)
-        usable = mean - _DEVIATIONS_ABOVE_BOTTOM * np.sqrt(variance) > lowest
-        maps.append((np.where(usable, len(codes), 0), mean, variance))
+        is_usable = mean - _DEVIATIONS_ABOVE_BOTTOM * np.sqrt(variance) > lowest
+        maps.append((np.where(is_usable, len(codes), 0), mean, variance))
         least, size = int(codes.min()), int(np.ptp(codes)) + 1
         keys = (codes.astype(np.int64) - least) + size * np.arange(pixels)
-        seen = np.bincount(keys[:, usable].ravel(), minlength=pixels * size)
-        at = np.flatnonzero(seen)
-        parts.append((np.full(at.size, number), at // size, at % size + least, seen[at]))
-    level_of, pixel, code, times = (np.concatenate(each) for each in zip(*parts, strict=True))
-    frames, mean, variance = (np.array(each, np.float64) for each in zip(*maps, strict=True))
-    fall_v = (adc.top - code) * adc.lsb_v
-    mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
+        times = np.bincount(keys[:, is_usable].ravel(), minlength=pixels * size)
+        key = np.flatnonzero(times)
+        entries.append((np.full(key.size, number), key // size, key % size + least, times[key]))
+    level_of, pixel, code, times = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    frames, mean, variance = np.array(list(zip(*maps, strict=True)), np.float64)
     exposure_s, light_hz = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
-    is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
-    entries = level_of, pixel, fall_v, times.astype(float)
-    return Falls(*entries, frames, mean_v, variance_v2, exposure_s, light_hz, is_cut)
+    return Drops(
+        level_of, pixel, (adc.top - code) * adc.lsb_v, times.astype(float), frames,
+        (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2, exposure_s, light_hz,
+        is_cut=bool(code.max(initial=0) >= np.rint(adc.top)),
+    )  # fmt: skip
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
@@ -230,26 +232,26 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
             f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
             "that leak differs from dark counts"
         )
-    if all(np.median(level.readings) <= adc.bottom for level in levels):
-        raise ValueError("all levels are saturated; expose for less or lower the light")
     lit = [level for level in levels if not level.is_dark]
+    at_bottom = {id(level): np.median(level.readings) <= adc.bottom for level in levels}
+    if all(at_bottom.values()):
+        raise ValueError("all levels are saturated; expose for less or lower the light")
+    if lit and all(at_bottom[id(level)] for level in lit):
+        raise ValueError("flat frames are saturated; expose for less or lower the light")
     if not lit:
         return
-    if all(np.median(level.readings) <= adc.bottom for level in lit):
-        raise ValueError("flat frames are saturated; expose for less or lower the light")
-    rates = {
-        is_dark: max(
+    brightest = min(lit, key=lambda level: float(level.readings.mean()))
+    frame_means = brightest.readings.mean(axis=(1, 2))
+    error = float(frame_means.std(ddof=1)) / np.sqrt(len(frame_means))
+    dark_hz, light_hz = (
+        max(
             (adc.top - float(level.readings.mean())) / level.exposure_s
             for level in levels
-            if level.is_dark == is_dark and np.median(level.readings) > adc.bottom
+            if level.is_dark == is_dark and not at_bottom[id(level)]
         )
         for is_dark in (True, False)
-    }
-    brightest = min(lit, key=lambda level: float(level.readings.mean()))
-    frames = brightest.readings
-    spread = float(frames.mean(axis=(1, 2)).std(ddof=1)) / np.sqrt(len(frames))
-    excess = (rates[False] - rates[True]) * brightest.exposure_s
-    if excess < _DARKEST_Z * spread:
+    )
+    if (light_hz - dark_hz) * brightest.exposure_s < _DARKEST_Z * error:
         raise ValueError(
             f"{brightest}: no brighter than the dark; uncover the sensor or raise the light"
         )
@@ -271,37 +273,54 @@ class PhotonTransfer(NamedTuple):
     offset_error_v: Floats
 
 
-def photon_transfer(falls: Falls) -> PhotonTransfer:
+def photon_transfer(drops: Drops) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark."""
-    light_hz = falls.light_hz
+    light_hz = drops.light_hz
     is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
-    used = (falls.frames > 0) & is_dim[:, None]
-    used &= falls.mean_v >= 0
+    used = (drops.frames > 0) & is_dim[:, None] & (drops.mean_v >= 0)
     # voltage drop at zero exposure in the dark
-    in_dark = used & (light_hz == 0)[:, None]
-    variance = falls.variance_v2 / np.maximum(falls.frames, 1) + 1e-18
-    precision = np.where(in_dark, 1 / variance, 0)
-    times = np.broadcast_to(falls.exposure_s[:, None], falls.mean_v.shape)
-    parts = np.stack([np.ones_like(times), times / times.max()], axis=-1)
-    line, line_covariance = _least_squares(parts, falls.mean_v, precision)
-    offset, offset_error = line[:, 0], np.sqrt(line_covariance[:, 0, 0])
-    columns = np.stack([np.ones_like(falls.mean_v), falls.mean_v - offset], axis=-1)
-    scale = np.abs(columns).max(axis=0, keepdims=True) + 1e-30
-    floor = 1e-3 * float(np.median(falls.variance_v2)) + 1e-18
-    expected = np.maximum(falls.variance_v2, floor)
+    variance = drops.variance_v2 / np.maximum(drops.frames, 1) + 1e-18
+    precision = np.where(used & (light_hz == 0)[:, None], 1 / variance, 0)
+    ones = np.ones_like(drops.mean_v)
+    exposure = ones * (drops.exposure_s / drops.exposure_s.max())[:, None]
+    line, covariance = _weighted_fits([ones, exposure], drops.mean_v, precision)
+    offset, offset_error = line[:, 0], np.sqrt(covariance[:, 0, 0])
+    columns = [ones, drops.mean_v - offset]
+    scale = [np.abs(column).max(axis=0) + 1e-30 for column in columns]
+    columns = [column / size for column, size in zip(columns, scale, strict=True)]
+    floor = 1e-3 * float(np.median(drops.variance_v2)) + 1e-18
+    expected = np.maximum(drops.variance_v2, floor)
     for _ in range(_ROUNDS):
-        weight = np.where(used, (np.maximum(falls.frames, 2) - 1) / (2 * expected**2), 0)
-        solution, covariance = _least_squares(columns / scale, falls.variance_v2, weight)
-        fitted = np.einsum("lpi,pi->lp", columns / scale, solution)
-        expected = np.maximum(fitted, floor)
-    solution = solution / scale[0]
-    error = np.sqrt(covariance[:, 1, 1]) / scale[0, :, 1]
-    return PhotonTransfer(solution[:, 1], error, solution[:, 0].clip(0), offset, offset_error)
+        weight = np.where(used, (np.maximum(drops.frames, 2) - 1) / (2 * expected**2), 0)
+        line, covariance = _weighted_fits(columns, drops.variance_v2, weight)
+        expected = np.maximum(columns[0] * line[:, 0] + columns[1] * line[:, 1], floor)
+    read, step = line.T / scale
+    step_error = np.sqrt(covariance[:, 1, 1]) / scale[1]
+    return PhotonTransfer(step, step_error, read.clip(0), offset, offset_error)
 
 
-def _least_squares(columns: Floats, values: Floats, weight: Floats) -> tuple[Floats, Floats]:
-    """Weighted fits over levels for every pixel: solutions (P, k) and covariances (P, k, k)."""
-    normal = np.einsum("lp,lpi,lpj->pij", weight, columns, columns)
-    right = np.einsum("lp,lpi,lp->pi", weight, columns, values)
+def _weighted_fits(
+    columns: Sequence[Floats], values: Floats, weight: Floats
+) -> tuple[Floats, Floats]:
+    """Fit combinations of columns to values, (levels, P) each; return (P, k) and (P, k, k)."""
+    design = np.stack(columns, axis=-1)
+    normal = np.einsum("lp,lpi,lpj->pij", weight, design, design)
+    right = np.einsum("lp,lpi,lp->pi", weight, design, values)
     covariance = np.linalg.pinv(normal, hermitian=True)
     return np.einsum("pij,pj->pi", covariance, right), covariance
+
+
+def unit_diagonal(matrices: Floats) -> tuple[Floats, Floats]:
+    """Return symmetric matrices (…, k, k) scaled to a unit diagonal, and the divisors (…, k)."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-300))
+    return matrices / scale[..., :, None] / scale[..., None, :], scale
+
+
+def inverses(matrices: Floats, smallest: float = 1e-15) -> Floats:
+    """Return pseudoinverses of symmetric matrices (…, k, k) whose entries have different units.
+
+    Eigenvalues below `smallest` of the largest, at a unit diagonal, are taken as 0.
+    """
+    unit, scale = unit_diagonal(matrices)
+    inverse = np.linalg.pinv(unit, rcond=smallest, hermitian=True)
+    return np.asarray(inverse / scale[..., :, None] / scale[..., None, :])

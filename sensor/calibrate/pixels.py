@@ -93,8 +93,8 @@ def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
     scale = np.where(counted, np.sqrt(variance), np.inf)
     sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
     cubes = np.zeros(good.shape)
-    for each in readings:
-        z = np.clip((each - mean) / scale, -_FARTHEST, _FARTHEST)
+    for frame in readings:
+        z = np.clip((frame - mean) / scale, -_FARTHEST, _FARTHEST)
         cubes += z**3
         for lag, earlier in enumerate(before):
             sums[lag] += z * earlier
@@ -113,13 +113,13 @@ def _normal(deviation: Floats, skewness: Floats) -> Floats:
 
 
 def switching(
-    mean: Floats, variance: Floats, found: Correlation, pixels: Mask
+    mean: Floats, variance: Floats, correlated: Correlation, pixels: Mask
 ) -> tuple[Floats, Floats, float]:
     """Return the mean readings at both levels (rows, columns), and the correlation time in frames.
 
     Of all but the marked pixels both are the mean.
     """
-    covariance = np.where(pixels, found.shares * variance, 0)
+    covariance = np.where(pixels, correlated.shares * variance, 0)
     pooled = covariance.sum(axis=(1, 2))
     kept = float(np.clip(pooled[1:].sum() / max(pooled[:-1].sum(), 1e-300), 0.05, 0.98))
     decay = kept ** np.arange(1, LAGS + 1)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor.calibrate.level import inverses
 from megalopta.sensor.effects.dead_time import LAWS
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
@@ -113,7 +114,7 @@ def fit_saturation(
     if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
         raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
     fits = [_fitted(counts, kind) for kind in KINDS]
-    joint = [_fitted(counts, each.kind, pooled(each)) for each in fits] if pooled else fits
+    joint = [_fitted(counts, fit.kind, pooled(fit)) for fit in fits] if pooled else fits
     totals = [float(np.sum(fit.log_likelihood[np.isfinite(fit.log_likelihood)])) for fit in joint]
     best = int(np.argmax(totals))
     return fits[best], totals[best] - totals[1 - best]
@@ -147,14 +148,14 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None
         gradient, information = _score(counts, solution, kind)
         if known_s is not None:
             gradient[:, 2], information[:, 2], information[:, :, 2] = 0, 0, 0
-        step = np.einsum("pij,pj->pi", _inverse(information), gradient)
+        step = np.einsum("pij,pj->pi", inverses(information, 1e-12), gradient)
         reach = np.maximum(0.5 * solution, [1.0, 0, 1e-9])
-        found = np.maximum(solution + np.clip(step, -reach, reach), [1e-6, 1e-12, 1e-15])
-        solution = np.where(np.isfinite(found), found, solution)
-    covariance = _inverse(_score(counts, solution, kind)[1])
+        moved = np.maximum(solution + np.clip(step, -reach, reach), [1e-6, 1e-12, 1e-15])
+        solution = np.where(np.isfinite(moved), moved, solution)
+    covariance = inverses(_score(counts, solution, kind)[1], 1e-12)
     likelihood = _likelihood(counts, solution, kind)
-    untold = ((counts.frames > 0) & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
-    solution[untold, 1:], covariance[untold] = np.nan, np.nan
+    undetermined = (used & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
+    solution[undetermined, 1:], covariance[undetermined] = np.nan, np.nan
     return SaturationFit(kind, solution, covariance, likelihood)
 
 
@@ -167,28 +168,20 @@ def _moments(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[
 
 def _likelihood(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> Floats:
     mean, variance = _moments(counts, solution, kind)
-    n = counts.frames
-    each = n * (counts.mean - mean) ** 2 / variance + np.log(variance)
-    return np.asarray(-0.5 * np.where(n > 0, each, 0).sum(axis=0))
+    terms = counts.frames * (counts.mean - mean) ** 2 / variance + np.log(variance)
+    return np.asarray(-0.5 * np.where(counts.frames > 0, terms, 0).sum(axis=0))
 
 
 def _score(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[Floats, Floats]:
     """Gradient (P, 3) and Fisher information (P, 3, 3) of the means."""
     mean, variance = _moments(counts, solution, kind)
     slopes = []
-    for at in range(3):
-        step = np.maximum(solution[:, at] * _STEP, [1e-6, 1e-13, 1e-16][at])
+    for parameter, smallest in enumerate((1e-6, 1e-13, 1e-16)):
+        step = np.maximum(solution[:, parameter] * _STEP, smallest)
         moved = solution.copy()
-        moved[:, at] += step
+        moved[:, parameter] += step
         slopes.append((_moments(counts, moved, kind)[0] - mean) / step)
     slope = np.stack(slopes, axis=-1)
     weight = counts.frames / variance
     gradient = np.einsum("lp,lpi->pi", weight * (counts.mean - mean), slope)
     return gradient, np.einsum("lp,lpi,lpj->pij", weight, slope, slope)
-
-
-def _inverse(information: Floats) -> Floats:
-    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
-    scaled = information / scale[:, :, None] / scale[:, None, :]
-    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
-    return np.asarray(inverse / scale[:, :, None] / scale[:, None, :])

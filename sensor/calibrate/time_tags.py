@@ -51,14 +51,14 @@ class Autocorrelation(NamedTuple):
         return np.asarray(rate - rate[:, -far:].mean(axis=1, keepdims=True))
 
 
-def fit_exponential(found: Autocorrelation) -> Afterpulsing:
+def fit_exponential(lags: Autocorrelation) -> Afterpulsing:
     """Return afterpulsing with an exponential delay that fits the mean over the pixels.
 
     The number of carriers includes those released before the shortest lag. Raises ValueError if
     there are no afterpulses.
     """
-    density, start, end = found.afterpulses.mean(axis=0), found.edges_s[:-1], found.edges_s[1:]
-    seen = _seen(found)
+    density, start, end = lags.afterpulses.mean(axis=0), lags.edges_s[:-1], lags.edges_s[1:]
+    seen = _seen(lags)
 
     def mean_density(_: Floats, carriers: float, delay_s: float) -> Floats:
         part = np.exp(-start / delay_s) - np.exp(-end / delay_s)
@@ -71,24 +71,24 @@ def fit_exponential(found: Autocorrelation) -> Afterpulsing:
     return Afterpulsing(mean_carriers=min(carriers, 0.95), delay_s=delay_s)
 
 
-def fit_table(found: Autocorrelation) -> Afterpulsing:
+def fit_table(lags: Autocorrelation) -> Afterpulsing:
     """Return afterpulsing with the delays that are seen. Raises ValueError if there are none."""
-    carriers = _seen(found)
-    share = np.maximum(found.afterpulses.mean(axis=0), 0) * np.diff(found.edges_s)
+    carriers = _seen(lags)
+    share = np.maximum(lags.afterpulses.mean(axis=0), 0) * np.diff(lags.edges_s)
     cumulative = np.concatenate(([0.0], np.cumsum(share) / share.sum()))
     cumulative[-1] = 1.0
     return Afterpulsing(
         mean_carriers=carriers,
-        table_delays_s=tuple(found.edges_s.tolist()),
+        table_delays_s=tuple(lags.edges_s.tolist()),
         table_cumulative=tuple(np.minimum(cumulative, 1.0).tolist()),
     )
 
 
-def _seen(found: Autocorrelation) -> float:
-    seen = float(np.sum(found.afterpulses.mean(axis=0) * np.diff(found.edges_s)))
+def _seen(lags: Autocorrelation) -> float:
+    seen = float(np.sum(lags.afterpulses.mean(axis=0) * np.diff(lags.edges_s)))
     if not 0 < seen < 1:
-        raise ValueError(f"{seen:.2g} afterpulses per event between {found.edges_s[0]:g} and "
-                         f"{found.edges_s[-1]:g} s; give lags at which some are seen")  # fmt: skip
+        raise ValueError(f"{seen:.2g} afterpulses per event between {lags.edges_s[0]:g} and "
+                         f"{lags.edges_s[-1]:g} s; give lags at which some are seen")  # fmt: skip
     return seen
 
 
@@ -134,8 +134,8 @@ def _later(time_s: Floats, longest_s: float) -> Iterator[tuple[Ints, Ints]]:
 def coincidences(tags: TimeTags, window_s: float) -> Coincidences:
     """Return crosstalk of all pairs of channels, from events that are at most a window apart."""
     counts = np.zeros(tags.channels**2, np.int64)
-    for one, other in _later(tags.time_s, window_s + _WITHIN * tags.unit_s):
-        pair = np.sort((tags.channel[one], tags.channel[other]), axis=0)
+    for earlier, later in _later(tags.time_s, window_s + _WITHIN * tags.unit_s):
+        pair = np.sort((tags.channel[earlier], tags.channel[later]), axis=0)
         counts += np.bincount(pair[0] * tags.channels + pair[1], minlength=counts.size)
     first, second = np.triu_indices(tags.channels, 1)
     width_s = 2 * window_s
@@ -144,8 +144,8 @@ def coincidences(tags: TimeTags, window_s: float) -> Coincidences:
     events, seen = events_of(tags), counts[first * tags.channels + second].astype(np.float64)
     by_crosstalk = np.zeros(seen.size)
     for _ in range(_ROUNDS):
-        rest = (events[first] - by_crosstalk) * (events[second] - by_crosstalk)
-        by_crosstalk = seen - rest * width_s / tags.duration_s
+        chances = (events[first] - by_crosstalk) * (events[second] - by_crosstalk)
+        by_crosstalk = seen - chances * width_s / tags.duration_s
     avalanches = np.maximum(events[first] + events[second] - by_crosstalk, 1)
     return Coincidences(
         first, second, by_crosstalk / avalanches, np.sqrt(np.maximum(seen, 1)) / avalanches
@@ -156,8 +156,8 @@ def autocorrelation_of(tags: TimeTags, edges_s: Floats) -> Autocorrelation:
     """Return pairs of events of each channel by lag, between edges (K + 1,)."""
     pairs = np.zeros((tags.channels, edges_s.size - 1))
     for channel in range(tags.channels):
-        own = tags.time_s[tags.channel == channel]
-        for one, other in _later(own, float(edges_s[-1])):
-            lag_s = own[other] - own[one] + _WITHIN * tags.unit_s
+        time_s = tags.time_s[tags.channel == channel]
+        for earlier, later in _later(time_s, float(edges_s[-1])):
+            lag_s = time_s[later] - time_s[earlier] + _WITHIN * tags.unit_s
             pairs[channel] += np.histogram(lag_s, edges_s)[0]
     return Autocorrelation(edges_s, pairs, events_of(tags).astype(np.float64))

@@ -15,7 +15,8 @@ most like them. Each cycle of this order, such as two swapped lines, is judged b
 a large array they hardly change the correlation of the whole.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,17 +72,12 @@ class StuckBit(NamedTuple):
         mask = codes.dtype.type(1 << self.bit)
         return np.asarray(codes | mask if self.is_one else codes & ~mask)
 
-    @property
-    def fault(self) -> Fault:
-        """Description of the fault."""
-        return Fault("stuck bit", f"bit {self.bit} of the ADC is stuck at {int(self.is_one)}")
+    def __str__(self) -> str:
+        return f"bit {self.bit} of the ADC is stuck at {int(self.is_one)}"
 
 
-def stuck_bits(
-    captured: Sequence[NDArray[Any]], expected: Sequence[NDArray[Any]]
-) -> list[StuckBit]:
-    """Find the bits that never change in captured codes (n, rows, columns)."""
-    histograms = _histograms(captured, expected)
+def stuck_bits(histograms: Floats) -> list[StuckBit]:
+    """Find the bits that never change in captured codes, by `code_histograms`."""
     codes, stuck = np.arange(histograms.shape[1]), []
     for bit in range(int(codes[-1]).bit_length()):
         is_one = (codes >> bit) & 1 == 1
@@ -91,26 +87,24 @@ def stuck_bits(
     return stuck
 
 
-def uneven_codes(captured: Sequence[NDArray[Any]], expected: Sequence[NDArray[Any]]) -> list[Fault]:
-    """Find missing and uneven codes."""
-    histograms = _histograms(captured, expected)
+def uneven_codes(histograms: Floats) -> Fault | None:
+    """Find missing and uneven codes, by `code_histograms`."""
     middle, least = histograms[:, 1:-1], np.minimum(histograms[:, :-2], histograms[:, 2:])
     missing = (least[0] > _FREQUENT) & (middle[0] < _MISSING * least[0])
     missing &= middle[1] > 0.3 * least[1]
     if missing.any():
-        text = f"the ADC lacks codes: {listed(np.flatnonzero(missing) + 1)}"
-        return [Fault("missing codes", text)]
+        return Fault("missing codes", f"the ADC lacks codes: {listed(np.flatnonzero(missing) + 1)}")
     (excess, error), (usual, usual_error) = map(_parity, histograms)
     share, error = excess - usual, float(np.hypot(error, usual_error))
     if abs(share) > _UNEVEN_Z * error and abs(share) > _SMALLEST_UNEVENNESS:
         which = "even" if share > 0 else "odd"
         text = f"{which} codes of the ADC are {100 * abs(share):.2g} % wider than others"
-        return [Fault("uneven codes", text)]
-    return []
+        return Fault("uneven codes", text)
+    return None
 
 
-def _histograms(*recordings: Sequence[NDArray[Any]]) -> Floats:
-    """Number of each code in captured and in expected recordings, (2, codes)."""
+def code_histograms(*recordings: Sequence[NDArray[Any]]) -> Floats:
+    """Return the number of each code in captured and in expected recordings, (2, codes)."""
     size = max(int(codes.max(initial=0)) for levels in recordings for codes in levels) + 1
     counts = [
         sum(np.bincount(codes.ravel(), minlength=size) for codes in levels) for levels in recordings
@@ -151,26 +145,13 @@ class Arrangement(NamedTuple):
     """Rank correlation after rearranging."""
     as_it_is: float
     """Rank correlation before rearranging."""
-    is_transposed: bool = False
-    turns: int = 0
-    rows: NDArray[np.intp] | None = None
-    """Row of the captured map at each place, if rows are swapped."""
-    columns: NDArray[np.intp] | None = None
-    """Column at each place, if columns are swapped."""
+    undone: Callable[[NDArray[Any]], NDArray[Any]]
+    """Returns captured frames (n, rows, columns) in the expected order."""
 
     @property
     def is_other(self) -> bool:
         """True if anything is swapped."""
         return self.name != _AS_EXPECTED
-
-    def undone(self, frames: NDArray[Any]) -> NDArray[Any]:
-        """Return captured frames (n, rows, columns) in the expected order."""
-        if self.rows is not None:
-            return frames[:, self.rows]
-        if self.columns is not None:
-            return frames[:, :, self.columns]
-        frames = frames.swapaxes(1, 2) if self.is_transposed else frames
-        return np.rot90(frames, self.turns, axes=(1, 2))
 
     def __str__(self) -> str:
         """Describe it in a phrase."""
@@ -183,27 +164,30 @@ class Arrangement(NamedTuple):
 def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     """Find the rearrangement of a map (rows, columns) relative to the expected one."""
     plain = _correlation(captured, expected)
-    best = Arrangement(_AS_EXPECTED, plain, plain)
+    best = Arrangement(_AS_EXPECTED, plain, plain, lambda frames: frames)
     for name, is_transposed, turns in _SYMMETRIES:
-        turned = np.rot90(captured.T if is_transposed else captured, turns)
-        if turned.shape == expected.shape:
-            found = _correlation(turned, expected)
+
+        def turned(frames: Any, is_transposed: bool = is_transposed, turns: int = turns) -> Any:
+            frames = frames.swapaxes(1, 2) if is_transposed else frames
+            return np.rot90(frames, turns, axes=(1, 2))
+
+        candidate = turned(captured[np.newaxis])[0]
+        if candidate.shape == expected.shape:
+            correlation = _correlation(candidate, expected)
             # Fisher's z test; a map of 256 pixels has a standard error of 0.09
-            one, other = np.arctanh(np.clip([found, best.correlation], -0.999999, 0.999999))
-            if (one - other) * np.sqrt((captured.size - 3) / 2) > _CLEARLY:
-                best = Arrangement(name, found, plain, is_transposed, turns)
+            z = np.arctanh(np.clip([correlation, best.correlation], -0.999999, 0.999999))
+            if (z[0] - z[1]) * np.sqrt((captured.size - 3) / 2) > _CLEARLY:
+                best = Arrangement(name, correlation, plain, turned)
     if best.is_other:
         return best
-    for lines in ("rows", "columns"):
-        maps = (captured, expected) if lines == "rows" else (captured.T, expected.T)
+    for lines, axis in (("rows", 1), ("columns", 2)):
+        maps = (captured, expected) if axis == 1 else (captured.T, expected.T)
         order = _order(*maps)
         moved = int((order != np.arange(len(order))).sum())
         if moved:
             name = f"{moved} of {len(order)} {lines} in another order"
-            swapped = _correlation(maps[0][order], maps[1])
-            best = Arrangement(name, swapped, plain)
-            is_of_rows = lines == "rows"
-            return best._replace(rows=order) if is_of_rows else best._replace(columns=order)
+            correlation = _correlation(maps[0][order], maps[1])
+            return Arrangement(name, correlation, plain, partial(np.take, indices=order, axis=axis))
     return best
 
 
@@ -212,9 +196,9 @@ def _order(captured: Floats, expected: Floats) -> NDArray[np.intp]:
     units = []
     for values in (expected, captured):
         ranks = rankdata(values).reshape(values.shape)
-        apart = ranks - ranks.mean(axis=1, keepdims=True)
-        size = np.sqrt((apart**2).sum(axis=1, keepdims=True))
-        units.append(apart / np.where(size > 0, size, 1))
+        ranks = ranks - ranks.mean(axis=1, keepdims=True)
+        size = np.sqrt((ranks**2).sum(axis=1, keepdims=True))
+        units.append(ranks / np.where(size > 0, size, 1))
     alike = np.arctanh(np.clip(units[0] @ units[1].T, -0.999, 0.999))
     assigned = np.asarray(linear_sum_assignment(-alike)[1])
     number = len(assigned)
@@ -233,7 +217,7 @@ def _order(captured: Floats, expected: Floats) -> NDArray[np.intp]:
     return order
 
 
-def _correlation(one: Floats, other: Floats) -> float:
-    ranks = [rankdata(values) - (values.size + 1) / 2 for values in (one, other)]
+def _correlation(first: Floats, second: Floats) -> float:
+    ranks = [rankdata(values) - (values.size + 1) / 2 for values in (first, second)]
     norm = np.sqrt((ranks[0] ** 2).sum() * (ranks[1] ** 2).sum())
     return float((ranks[0] * ranks[1]).sum() / norm) if norm > 0 else 0.0

@@ -20,7 +20,6 @@ from megalopta.sensor.spad.model import Sensor
 
 _FULL = 0.98
 _TOGETHER = 64
-_SMALL = 0.01
 
 
 def level_of_codes(
@@ -31,8 +30,8 @@ def level_of_codes(
 
     Raises ValueError if its counters are not analog.
     """
-    own, counter = changed(device, exposure_s=exposure_s), device.counter
-    known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
+    counter, shape = device.counter, (codes.shape[1], codes.shape[2])
+    known = draw_fixed_pattern(changed(device, exposure_s=exposure_s), shape).counters
     if not isinstance(counter, AnalogCounter) or known is None:
         raise ValueError(f"counter.kind: {counter.kind!r}; only an analog counter has codes")
     counts, _ = counts_of_codes(codes, counter, known)
@@ -55,10 +54,10 @@ class Varying(Enum):
     def __init__(self, word: str, parameter: str) -> None:
         self.word = word
         self.parameter = parameter
-        """Field of `Unsure` that it makes uncertain"""
+        """Field of `Uncertainty` that it makes uncertain"""
 
 
-class Unsure(NamedTuple):
+class Uncertainty(NamedTuple):
     """Uncertainty of a recording's parameters, by fluctuations or calibration."""
 
     dark_counts: float = 0.0
@@ -71,12 +70,7 @@ class Unsure(NamedTuple):
     variance: float = 0.0
     """Counts²"""
 
-    @property
-    def is_any(self) -> bool:
-        """True if anything is uncertain."""
-        return any(self)
-
-    def more(self, **sizes: float) -> "Unsure":
+    def added(self, **sizes: float) -> "Uncertainty":
         """Return these with further uncertainties of some parameters."""
         sums = {name: float(np.hypot(getattr(self, name), size)) for name, size in sizes.items()}
         return self._replace(**sums)
@@ -124,41 +118,28 @@ class Model:
 
     def drawn(self, like: Sequence[Level], seed: int, stimulus: str = "") -> list[Level]:
         """Draw as many frames of every level as were captured."""
-        found = []
-        for level, rate in zip(like, self.rates_hz, strict=True):
-            own = changed(self.sensor, exposure_s=level.exposure_s)
-            name = f"comparison, {stimulus}{level.exposure_s:g} s, light {level.light_hz:g}"
-            seen = np.broadcast_to(rate, level.readings.shape)
+        levels = []
+        for level, rate_hz in zip(like, self.rates_hz, strict=True):
+            sensor = changed(self.sensor, exposure_s=level.exposure_s)
+            stream = f"comparison, {stimulus}{level.exposure_s:g} s, light {level.light_hz:g}"
+            rates_hz = np.broadcast_to(rate_hz, level.readings.shape)
             if level.codes is not None:
-                codes = expose_adc(seen, own, seed=seed, stream=name, together=_TOGETHER)
-                times = level.times_s
-                drawn = level_of_codes(codes, own, level.exposure_s, level.light_hz, times)
+                codes = expose_adc(rates_hz, sensor, seed=seed, stream=stream, together=_TOGETHER)
+                conditions = level.exposure_s, level.light_hz, level.times_s
+                levels.append(level_of_codes(codes, sensor, *conditions))
             else:
-                exposure = expose_rate(seen, own, seed=seed, stream=name)
+                exposure = expose_rate(rates_hz, sensor, seed=seed, stream=stream)
                 # if a capture has no saturation mask, saturated counts are compared as they are
                 saturated = None if level.saturated is None else exposure.saturated
-                drawn = replace(level, readings=exposure.counts, saturated=saturated)
-            found.append(drawn)
-        return found
+                levels.append(replace(level, readings=exposure.counts, saturated=saturated))
+        return levels
 
-    def parts(self, levels: Sequence[Level]) -> list[Parts]:
-        """Return the expected counts of every level, and their derivatives."""
-        found = []
-        for level, rate in zip(levels, self.rates_hz, strict=True):
-            light = np.asarray(rate, np.float64).mean(axis=0)
-            mean, more, darker = (
-                self.moments(level, light, change)[0]
-                for change in (Change(), Change(efficiency=_SMALL), Change(dark_counts=_SMALL))
-            )
-            found.append(Parts(mean, (more - mean) / _SMALL, (darker - mean) / _SMALL))
-        return found
-
-    def moments(self, level: Level, light_hz: Floats, change: Change) -> tuple[Floats, Floats]:
+    def moments(self, exposure_s: float, light_hz: Floats, change: Change) -> tuple[Floats, Floats]:
         """Return mean and variance of counts, (rows, columns) each, of a changed device.
 
         Of an analog counter, those of events: noise and rounding are the same in both recordings.
         """
-        sensor, fields = self.sensor, dict[str, Any](exposure_s=level.exposure_s)
+        sensor, fields = self.sensor, dict[str, Any](exposure_s=exposure_s)
         if change.dead_time_s:
             seconds = max(sensor.dead_time.dead_time_s + change.dead_time_s, 0.0)
             kind = sensor.dead_time.kind
@@ -170,10 +151,10 @@ class Model:
         if change.neighbors:
             neighbors = max(sensor.crosstalk.mean_fired_neighbors + change.neighbors, 0.0)
             fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
-        own = changed(sensor, **fields)
-        rate = light_hz * (1 + change.efficiency) + change.dark_counts * self._dark_hz(light_hz)
-        moments = event_moments if self.volts_per_count else reading_moments
-        mean, variance = moments(np.maximum(rate, 0)[np.newaxis], own)
+        rate_hz = light_hz * (1 + change.efficiency) + change.dark_counts * self._dark_hz(light_hz)
+        moments_of = event_moments if self.volts_per_count else reading_moments
+        rates_hz = np.maximum(rate_hz, 0)[np.newaxis]
+        mean, variance = moments_of(rates_hz, changed(sensor, **fields))
         return mean[0], variance[0]
 
     def dark_hz(self, pixels: Mask) -> float:

@@ -24,10 +24,10 @@ from typing import NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance, robust_sigma
-from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
 from megalopta.sensor.compare.model import Parts, Varying
+from megalopta.sensor.compare.residual import Residual
 
 _OF_LINE = 0.75
 """Share of a line's pixels above which the fault is the line's."""
@@ -43,6 +43,7 @@ _ROUNDS = 8
 _CHI2 = 60.0
 """Limit of the chi-squared of five coefficients; chance exceeds it once in 1e11."""
 _FEWEST = 50
+_SIDES = "captured", "expected"
 _SMALLEST = 0.03
 """Smallest range of uneven light over the array, relative."""
 
@@ -56,15 +57,17 @@ class Deviations(NamedTuple):
     good: Mask
     parts: Parts
     """Expected counts of the level"""
+    is_dark: bool
 
 
-def unresponsive(captured: Sequence[Level], expected: Sequence[Level]) -> tuple[Mask, list[Fault]]:
+def unresponsive(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     """Find dead and stuck pixels (rows, columns), and their lines."""
+    captured, expected = ([getattr(level, side) for level in levels] for side in _SIDES)
     frozen = constant_pixels([level.recorded for level in captured])
     frozen &= ~constant_pixels([level.recorded for level in expected])
     counts, reference = (
-        np.sum([level.signal.sum(axis=0, dtype=np.float64) for level in levels], axis=0)
-        for levels in (captured, expected)
+        np.sum([level.signal.sum(axis=0, dtype=np.float64) for level in recordings], axis=0)
+        for recordings in (captured, expected)
     )
     dead = dead_pixels(counts, reference)
     stuck = frozen & ~dead
@@ -87,17 +90,16 @@ def unresponsive(captured: Sequence[Level], expected: Sequence[Level]) -> tuple[
     return dead | stuck, faults
 
 
-def deviations(
-    captured: Level, expected: Level, good: Mask, error: Floats, parts: Parts
-) -> Deviations:
-    """Return the deviations of pixels at a level; `error` is that of the calibration, in counts."""
-    means, squares = [], np.square(np.broadcast_to(error, good.shape)).astype(float)
-    for level in (captured, expected):
-        mean, variance = mean_and_variance(level.signal)
-        frames = len(level.signal)
+def deviations(level: Residual) -> Deviations:
+    """Return the deviations of the pixels of a level."""
+    good = level.good
+    means, squares = [], np.square(np.broadcast_to(level.error, good.shape)).astype(float)
+    for recording in (level.captured, level.expected):
+        mean, variance = mean_and_variance(recording.signal)
+        frames = len(recording.signal)
         squares += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
         means.append(mean)
-    apart, sigma = means[0] - means[1], np.sqrt(squares)
+    difference, sigma = means[0] - means[1], np.sqrt(squares)
     scale = max(float(np.abs(means[1]).max()), 1e-12)
     # the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border
     wide = np.pad(means[1], 1)
@@ -105,13 +107,13 @@ def deviations(
     columns = np.stack(
         [*((means[1] / scale) ** power for power in range(3)), neighbors / scale], axis=-1
     )
-    trend = columns @ _robust_fit(columns[good], apart[good], sigma[good])
+    trend = columns @ _robust_fit(columns[good], difference[good], sigma[good])
     # pixels that counted nothing may have counted as much as the trend
-    sigma = np.sqrt(squares + np.abs(trend) / len(captured.readings))
-    counts = np.where(good, apart - trend, 0)
+    sigma = np.sqrt(squares + np.abs(trend) / len(level.captured.readings))
+    counts = np.where(good, difference - trend, 0)
     z = counts[good] / sigma[good]
     scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
-    return Deviations(counts, scatter * sigma, good, parts)
+    return Deviations(counts, scatter * sigma, good, level.parts, level.captured.is_dark)
 
 
 def _robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
@@ -126,20 +128,21 @@ def _robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     return solution
 
 
-def uneven_light(
-    levels: Sequence[Level], apart: Sequence[Deviations]
-) -> tuple[Floats, Fault] | None:
+def uneven_light(deviating: Sequence[Deviations]) -> tuple[Floats, Fault] | None:
     """Return light relative to its mean, less 1, (rows, columns), if it is uneven."""
-    lit = [each for level, each in zip(levels, apart, strict=True) if not level.is_dark]
+    lit = [level for level in deviating if not level.is_dark]
     if not lit:
         return None
     y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in lit[0].good.shape), indexing="ij")
     shapes = np.stack((x, y, x * y, x**2, y**2), axis=-1)
     shapes -= shapes.mean(axis=(0, 1))
-    columns = np.concatenate([shapes[e.good] * e.parts.light[e.good][:, None] for e in lit])
-    values, sigma = (
-        np.concatenate([values[e.good] for values, e in zip(maps, lit, strict=True)])
-        for maps in ([e.counts for e in lit], [e.error for e in lit])
+    columns, values, sigma = (
+        np.concatenate([part[level.good] for part, level in zip(maps, lit, strict=True)])
+        for maps in (
+            [shapes * level.parts.light[:, :, None] for level in lit],
+            [level.counts for level in lit],
+            [level.error for level in lit],
+        )
     )
     if len(values) < _FEWEST:
         return None
@@ -161,16 +164,16 @@ _NAMES = {
 
 
 def odd_lines(
-    apart: Sequence[Deviations], volts_per_count: float
+    deviating: Sequence[Deviations], volts_per_count: float
 ) -> tuple[list[Floats], Mask, list[Fault]]:
     """Find rows and columns that differ.
 
     Returns the counts (rows, columns) of each offset, other odd lines' pixels, and faults.
     """
-    shape = apart[0].good.shape
+    shape = deviating[0].good.shape
     offsets, masked, faults = [], np.zeros(shape, np.bool_), []
     for axis, name in ((0, "row"), (1, "column")):
-        z = np.array([_line_z(each, axis) for each in apart])
+        z = np.array([_line_z(level, axis) for level in deviating])
         for index in np.flatnonzero((np.abs(z) > _LINE_Z).any(axis=0)):
             line = np.zeros(shape, np.bool_)
             line[(index,) if axis == 0 else (slice(None), index)] = True
@@ -178,10 +181,10 @@ def odd_lines(
             cause_and_size, smallest = (Varying.OFFSET, 0.0), np.inf
             for cause in (Varying.OFFSET, Varying.LIGHT, Varying.DARK_COUNTS, Varying.GAIN):
                 products = squares = total = 0.0
-                for deviations in apart:
-                    use = line & deviations.good
-                    x, y = deviations.parts.shape_of(cause)[use], deviations.counts[use]
-                    w = 1 / deviations.error[use] ** 2
+                for level in deviating:
+                    use = line & level.good
+                    x, y = level.parts.shape_of(cause)[use], level.counts[use]
+                    w = 1 / level.error[use] ** 2
                     products += float((w * x * y).sum())
                     squares += float((w * x * x).sum())
                     total += float((w * y * y).sum())
@@ -202,9 +205,9 @@ def odd_lines(
     return offsets, masked, faults
 
 
-def _line_z(apart: Deviations, axis: int) -> Floats:
+def _line_z(level: Deviations, axis: int) -> Floats:
     """Median of z over the good pixels of each line, in its standard errors."""
-    lines = np.where(apart.good, apart.counts / apart.error, np.nan)
+    lines = np.where(level.good, level.counts / level.error, np.nan)
     lines = lines if axis == 0 else lines.T
     number = np.isfinite(lines).sum(axis=1)
     medians = np.zeros(len(lines))
@@ -217,19 +220,17 @@ def _line_z(apart: Deviations, axis: int) -> Floats:
     return np.asarray(medians / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
 
 
-def odd_pixels(
-    captured: Sequence[Level], expected: Sequence[Level], apart: Sequence[Deviations]
-) -> tuple[Mask, list[Fault]]:
+def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     """Mark and describe single pixels that deviate."""
-    hot = np.zeros(apart[0].good.shape, np.bool_)
-    odd = np.zeros_like(hot)
-    for level, other, each in zip(captured, expected, apart, strict=True):
-        reference = np.asarray(other.signal.mean(axis=0, dtype=np.float64))
-        far = each.good & (np.abs(each.counts) > _PIXEL_Z * each.error)
-        far &= np.abs(each.counts) > _LARGE * np.maximum(reference, 0)
+    hot, odd = np.zeros((2, *levels[0].masked.shape), np.bool_)
+    for level in levels:
+        deviating = deviations(level)
+        reference = level.expected.signal.mean(axis=0, dtype=np.float64)
+        far = deviating.good & (np.abs(deviating.counts) > _PIXEL_Z * deviating.error)
+        far &= np.abs(deviating.counts) > _LARGE * np.maximum(reference, 0)
         odd |= far
-        if level.is_dark:
-            hot |= far & (each.counts > (_HOT - 1) * each.parts.dark)
+        if deviating.is_dark:
+            hot |= far & (deviating.counts > (_HOT - 1) * deviating.parts.dark)
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))

@@ -15,25 +15,17 @@ Steps, each of which leaves to the next what it cannot explain:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
-from megalopta.sensor.compare import in_time, pattern, two_sample
+from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
 from megalopta.sensor.compare.causes import Causes, find_causes
-from megalopta.sensor.compare.faults import (
-    Arrangement,
-    Fault,
-    arrangement,
-    pixels_of,
-    stuck_bits,
-    uneven_codes,
-)
-from megalopta.sensor.compare.model import Model, Unsure, level_of_codes
+from megalopta.sensor.compare.model import Model, Uncertainty, level_of_codes
+from megalopta.sensor.compare.residual import Residual
 
 FALSE_ALARMS = 0.01
 """Largest share of comparisons of a device with itself that raise an alarm."""
@@ -47,9 +39,9 @@ _FEWEST_FRAMES = 3 * two_sample.BLOCKS
 class Comparison:
     """Differences of two recordings."""
 
-    arrangement: Arrangement
+    arrangement: readout.Arrangement
     """Order of the captured pixels"""
-    faults: tuple[Fault, ...]
+    faults: tuple[readout.Fault, ...]
     """Faults found before anything was fitted"""
     explained: Causes
     """Parameters of the device that explain the rest"""
@@ -62,7 +54,7 @@ class Comparison:
     @property
     def causes(self) -> tuple[two_sample.Difference, ...]:
         """Quantities that explain the difference and exceed the margin, largest first."""
-        real = [each for each in self.significant if not each.is_equivalent]
+        real = [cause for cause in self.significant if not cause.is_equivalent]
         return tuple(sorted(real, key=lambda each: -each.size))
 
     @property
@@ -78,17 +70,17 @@ class Comparison:
     @property
     def alarms(self) -> tuple[str, ...]:
         """Sentences on every significant difference."""
-        found = [str(self.arrangement)] if self.arrangement.is_other else []
-        found += map(str, self.faults)
-        found += map(str, self.significant)
+        sentences = [str(self.arrangement)] if self.arrangement.is_other else []
+        sentences += map(str, self.faults)
+        sentences += map(str, self.significant)
         if self.explained.is_unexplained:
-            found.append(_NONE)
+            sentences.append(_NONE)
         for name, test in self.tests.items():
             if test.differs.any():
                 many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
-                where = pixels_of(np.asarray(test.differs.any(axis=0)))
-                found.append(f"the {name} differs in {many} tests, of {where}")
-        return tuple(found)
+                where = readout.pixels_of(np.asarray(test.differs.any(axis=0)))
+                sentences.append(f"the {name} differs in {many} tests, of {where}")
+        return tuple(sentences)
 
     @property
     def sentence(self) -> str:
@@ -96,8 +88,8 @@ class Comparison:
         named = [str(self.arrangement)] if self.arrangement.is_other else []
         named += map(str, self.faults)
         if self.causes:
-            others = self.explained.accepted[1:]
-            or_else = "".join(f", or else {' and '.join(each.names)}" for each in others)
+            alternatives = self.explained.accepted[1:]
+            or_else = "".join(f", or else {' and '.join(each.names)}" for each in alternatives)
             named.append("; ".join(map(str, self.causes)) + or_else)
         if self.explained.is_unexplained:
             named.append(_NONE if not named else _NONE_OF_REST)
@@ -119,203 +111,6 @@ def beyond_chance(tested: Sequence[two_sample.Difference]) -> list[two_sample.Di
     """Return the significant differences of one family of tests."""
     limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
     return [each for each in tested if each.p < limit]
-
-
-@dataclass
-class _Cleaned:
-    """Recordings in the course of the comparison: what is found is taken out."""
-
-    captured: list[Level]
-    expected: list[Level]
-    model: Model
-    errors: Sequence[Floats]
-    masked: Mask
-    unsure: list[Unsure]
-    faults: list[Fault] = field(default_factory=list)
-    is_uneven: bool = False
-    """True if codes of the ADC are missing or uneven."""
-    are_dependent: bool = False
-    """True if frames depend on those before."""
-
-    @property
-    def pairs(self) -> list[tuple[Level, Level]]:
-        """Captured and expected recording of every level."""
-        return list(zip(self.captured, self.expected, strict=True))
-
-    @property
-    def good(self) -> list[Mask]:
-        """Usable pixels of every level."""
-        return [one.usable & other.usable & ~self.masked for one, other in self.pairs]
-
-    def check_frames(self) -> None:
-        """Repeated and missing frames."""
-        by_level = []
-        for at, (one, other) in enumerate(self.pairs):
-            gaps = in_time.missing_frames(one)
-            self.captured[at], repeated = in_time.without_repeats(one, other)
-            by_level.append([*repeated, *gaps])
-        self.faults += _merged(by_level, self.captured)
-
-    def check_codes(self) -> None:
-        """Bits and codes of the ADC."""
-        seen, known = (
-            [level.codes for level in levels if level.codes is not None]
-            for levels in (self.captured, self.expected)
-        )
-        if not seen or not known:
-            return
-        stuck = stuck_bits(seen, known)
-        for bit in stuck:
-            self.faults.append(bit.fault)
-            for at, level in enumerate(self.expected):
-                if level.codes is not None:
-                    spoilt = bit.on(level.codes)
-                    self.expected[at] = level_of_codes(
-                        spoilt, self.model.sensor, level.exposure_s, level.light_hz, level.times_s
-                    )
-        uneven = [] if stuck else uneven_codes(seen, known)
-        self.faults += uneven
-        self.is_uneven = bool(uneven)
-
-    def reorder(self) -> Arrangement:
-        """Find another order of the pixels, and undo it."""
-        # the dark level of the most counts shows the pattern best
-        one, other = max(
-            self.pairs, key=lambda pair: float(pair[1].readings.sum()) * pair[1].is_dark
-        )
-        order = arrangement(one.readings.mean(axis=0), other.readings.mean(axis=0))
-        names = "readings", "saturated", "codes", "unrounded"
-        for at, level in enumerate(self.captured if order.is_other else ()):
-            kept = {name: getattr(level, name) for name in names}
-            turned: dict[str, Any] = {
-                name: order.undone(each) for name, each in kept.items() if each is not None
-            }
-            self.captured[at] = replace(level, **turned)
-        return order
-
-    def mask_unresponsive(self) -> None:
-        """Dead and stuck pixels and lines."""
-        masked, faults = pattern.unresponsive(self.captured, self.expected)
-        self.masked = self.masked | masked
-        self.faults += faults
-
-    def steady(self) -> None:
-        """Frames that depend on those before, or drift, flicker, banding and common noise."""
-        levels = zip(self.captured, self.expected, self.good, strict=True)
-        dependent = [in_time.dependent_frames(*each) for each in levels]
-        self.are_dependent = any(dependent)
-        if self.are_dependent:
-            self.faults += _merged(dependent, self.captured)
-            return
-        found = in_time.steadied(self.captured, self.good, self.model.parts(self.expected))
-        self.captured = [each.level for each in found]
-        self.unsure = [each.unsure for each in found]
-        if self.is_uneven:  # as noise of some codes would
-            noise = self.model.counts_per_code**2
-            self.unsure = [each._replace(read_noise=noise) for each in self.unsure]
-        self.faults += _merged([each.faults for each in found], self.captured)
-
-    def check_light(self) -> None:
-        """Light that is uneven over the array."""
-        apart = self._deviations()
-        uneven = pattern.uneven_light(self.captured, apart)
-        if uneven is not None:
-            self.faults.append(uneven[1])
-            for at, each in enumerate(apart):
-                self._subtract(at, uneven[0] * each.parts.light)
-
-    def check_pattern(self) -> None:
-        """Telegraph noise, lines and single pixels."""
-        flickering, known = np.zeros((2, *self.masked.shape), np.bool_)
-        if not self.are_dependent:
-            for (one, other), good in zip(self.pairs, self.good, strict=True):
-                flickering |= correlation(one.signal, good).is_telegraph
-                known |= correlation(other.signal, good).is_telegraph
-        self.masked = self.masked | flickering | known
-        has_codes = self.captured[0].codes is not None
-        volts = self.model.volts_per_count if has_codes else 0.0
-        offsets, odd, faults = pattern.odd_lines(self._deviations(), volts)
-        for counts in offsets:
-            for at in range(len(self.captured)):
-                self._subtract(at, counts)
-        self.masked = self.masked | odd
-        alone, more = pattern.odd_pixels(self.captured, self.expected, self._deviations())
-        self.masked = self.masked | alone
-        self.faults += faults
-        if (flickering & ~known).any():
-            text = f"telegraph noise in {pixels_of(flickering & ~known)}"
-            self.faults.append(Fault("telegraph noise", text))
-        self.faults += more
-
-    def _deviations(self) -> list[pattern.Deviations]:
-        parts = self.model.parts(self.expected)
-        levels = zip(self.captured, self.expected, self.good, self.errors, parts, strict=True)
-        return [pattern.deviations(*each) for each in levels]
-
-    def _subtract(self, at: int, counts: Floats) -> None:
-        """Subtract counts (rows, columns) from all frames of a level."""
-        level, take = self.captured[at], counts != 0
-        signal = np.array(level.signal, np.float32)
-        signal[:, take] -= counts[take].astype(np.float32)
-        if level.unrounded is None:
-            self.captured[at] = replace(level, readings=signal)
-        else:
-            readings = np.array(level.readings)
-            readings[:, take] = np.rint(signal[:, take].clip(0)).astype(readings.dtype)
-            self.captured[at] = replace(level, unrounded=signal, readings=readings)
-
-    def causes(self, margin: float) -> Causes:
-        """Parameters that explain what is left."""
-        # errors of the calibration, relative ones of the array's dark counts and efficiency
-        maps = Unsure()
-        parts = self.model.parts(self.expected)
-        for part, error, good, level in zip(
-            parts, self.errors, self.good, self.expected, strict=True
-        ):
-            total = max(float(part.mean[good].sum()), 1e-300)
-            share = float(np.sqrt(np.square(error[good]).sum())) / total
-            if level.is_dark:
-                maps = maps._replace(dark_counts=max(maps.dark_counts, share))
-            else:
-                maps = maps._replace(efficiency=max(maps.efficiency, share))
-        return find_causes(
-            self.captured, self.expected, self.good, self.model,
-            margin=margin, unsure=self.unsure, maps=maps,
-        )  # fmt: skip
-
-    def pixel_tests(self) -> dict[str, two_sample.PixelTest]:
-        """Tests of mean, variance and histogram of every pixel."""
-        p_values = []
-        for (one, other), good, error in zip(self.pairs, self.good, self.errors, strict=True):
-            samples = two_sample.Sample.of(one.readings), two_sample.Sample.of(other.readings)
-            tests = (
-                two_sample.mean_test(*samples, error),
-                two_sample.variance_test(*samples),
-                two_sample.histogram_test(one.readings, other.readings),
-            )
-            is_tested = good & (not self.are_dependent)
-            p_values.append([np.where(is_tested, p, np.nan) for p in tests])
-        families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
-        rate = FALSE_ALARMS / _FAMILIES
-        return {name: two_sample.discoveries(np.array(p), rate) for name, p in families}
-
-
-def _merged(by_level: Sequence[Sequence[Fault]], levels: Sequence[Level]) -> list[Fault]:
-    """One fault of each kind, with the recordings in which it is seen."""
-    kinds: dict[str, list[tuple[int, Fault]]] = {}
-    for at, faults in enumerate(by_level):
-        for each in faults:
-            kinds.setdefault(each.kind, []).append((at, each))
-    found = []
-    for kind, seen in kinds.items():
-        places = sorted({at for at, _ in seen})
-        where = f"at {levels[places[0]]}" if len(places) == 1 else (
-            f"in {len(places)} of {len(levels)} recordings"
-        )  # fmt: skip
-        # of the last recording the first, which is the strongest
-        text = next(each for at, each in seen if at == places[-1])
-        found.append(Fault(kind, f"{text}, {where}"))
-    return found
 
 
 def compare_recordings(
@@ -349,29 +144,156 @@ def compare_recordings(
         raise ValueError(
             f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
         )
-    for one, other in zip(captured, expected, strict=True):
-        shapes = one.readings.shape[1:], other.readings.shape[1:]
+    for pair in zip(captured, expected, strict=True):
+        shapes = [level.readings.shape[1:] for level in pair]
         if shapes[0] != shapes[1]:
             raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
-        fewest = min(len(one.readings), len(other.readings))
+        fewest = min(len(level.readings) for level in pair)
         if fewest < _FEWEST_FRAMES:
             raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
     shape = captured[0].readings.shape[1:]
     errors = errors or [np.zeros(shape)] * len(captured)
-    known = np.isfinite(np.sum(errors, axis=0))
-    cleaned = _Cleaned(
-        list(captured), list(expected), model, errors,
-        masked=~known, unsure=[Unsure()] * len(captured),
-    )  # fmt: skip
-    cleaned.check_frames()
-    cleaned.check_codes()
-    order = cleaned.reorder()
-    cleaned.mask_unresponsive()
-    causes = Causes()
+    unknown = ~np.isfinite(np.sum(errors, axis=0))
+    levels = [
+        Residual(first, second, model, rate_hz, error, unknown)
+        for first, second, rate_hz, error in zip(
+            captured, expected, model.rates_hz, errors, strict=True
+        )
+    ]
+    # 1. frames and codes
+    for level in levels:
+        in_time.check_frames(level)
+    faults = _merged(levels)
+    of_codes, is_uneven = _check_codes(levels)
+    faults += of_codes
+    # 2. order of the pixels; the dark level of the most counts shows the pattern best
+    clearest = max(
+        levels, key=lambda level: float(level.expected.readings.sum()) * level.expected.is_dark
+    )
+    order = readout.arrangement(
+        clearest.captured.readings.mean(axis=0), clearest.expected.readings.mean(axis=0)
+    )
+    for level in levels if order.is_other else ():
+        level.captured = level.captured.mapped(order.undone)
+    # 3. dead and stuck pixels
+    masked, unresponsive = pattern.unresponsive(levels)
+    _mask(levels, masked)
+    faults += unresponsive
+    causes, are_dependent = Causes(), False
     if not is_scene:
-        cleaned.steady()
-        cleaned.check_light()
-        cleaned.check_pattern()
-        causes = causes if cleaned.are_dependent else cleaned.causes(margin)
-    tests = cleaned.pixel_tests()
-    return Comparison(order, tuple(cleaned.faults), causes, causes.alone, tests, margin)
+        # 4. steadiness
+        dependences = [in_time.check_dependence(level) for level in levels]
+        are_dependent = any(dependences)
+        if not are_dependent:
+            in_time.steady(levels)
+            for level in levels if is_uneven else ():  # as noise of some codes would
+                noise = model.counts_per_code**2
+                level.uncertainty = level.uncertainty._replace(read_noise=noise)
+        faults += _merged(levels)
+        # 5. uneven light
+        uneven = pattern.uneven_light([pattern.deviations(level) for level in levels])
+        if uneven is not None:
+            faults.append(uneven[1])
+            for level in levels:
+                level.subtract((uneven[0] * level.parts.light).astype(np.float32))
+        # 6. lines and single pixels
+        faults += _check_pixels(levels, are_dependent)
+        # 7. parameters of the device, beside errors of the calibration
+        if not are_dependent:
+            causes = find_causes(levels, margin=margin, calibration=_calibration_errors(levels))
+    # 8. tests of every pixel
+    p_values = []
+    for level in levels:
+        first, second = level.captured.readings, level.expected.readings
+        samples = two_sample.Sample.of(first), two_sample.Sample.of(second)
+        tests = (
+            two_sample.mean_test(*samples, level.error),
+            two_sample.variance_test(*samples),
+            two_sample.histogram_test(first, second),
+        )
+        is_tested = level.good & (not are_dependent)
+        p_values.append([np.where(is_tested, p, np.nan) for p in tests])
+    families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
+    rate = FALSE_ALARMS / _FAMILIES
+    pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in families}
+    return Comparison(order, tuple(faults), causes, causes.alone, pixel_tests, margin)
+
+
+def _mask(levels: Sequence[Residual], pixels: Mask) -> None:
+    for level in levels:
+        level.masked = level.masked | pixels
+
+
+def _check_codes(levels: Sequence[Residual]) -> tuple[list[readout.Fault], bool]:
+    """Faults of bits and codes of the ADC, and whether codes are missing or uneven.
+
+    Stuck bits are put into expected codes.
+    """
+    captured, expected = (
+        [recording.codes for recording in recordings if recording.codes is not None]
+        for recordings in zip(*((level.captured, level.expected) for level in levels), strict=True)
+    )
+    if not captured or not expected:
+        return [], False
+    histograms = readout.code_histograms(captured, expected)
+    stuck = readout.stuck_bits(histograms)
+    for bit in stuck:
+        for level in levels:
+            known = level.expected
+            if known.codes is not None:
+                conditions = known.exposure_s, known.light_hz, known.times_s
+                level.expected = level_of_codes(
+                    bit.on(known.codes), level.model.sensor, *conditions
+                )
+    uneven = None if stuck else readout.uneven_codes(histograms)
+    faults = [readout.Fault("stuck bit", str(bit)) for bit in stuck]
+    return faults + ([uneven] if uneven else []), uneven is not None
+
+
+def _check_pixels(levels: Sequence[Residual], are_dependent: bool) -> list[readout.Fault]:
+    """Telegraph noise, lines and single pixels, which are masked, or subtracted."""
+    flickering, known = np.zeros((2, *levels[0].masked.shape), np.bool_)
+    for level in levels if not are_dependent else ():
+        flickering |= correlation(level.captured.signal, level.good).is_telegraph
+        known |= correlation(level.expected.signal, level.good).is_telegraph
+    _mask(levels, flickering | known)
+    has_codes = levels[0].captured.codes is not None
+    volts = levels[0].model.volts_per_count if has_codes else 0.0
+    offsets, odd, faults = pattern.odd_lines([pattern.deviations(level) for level in levels], volts)
+    for counts in offsets:
+        for level in levels:
+            level.subtract(counts.astype(np.float32))
+    _mask(levels, odd)
+    alone, of_pixels = pattern.odd_pixels(levels)
+    _mask(levels, alone)
+    if (flickering & ~known).any():
+        text = f"telegraph noise in {readout.pixels_of(flickering & ~known)}"
+        faults.append(readout.Fault("telegraph noise", text))
+    return faults + of_pixels
+
+
+def _calibration_errors(levels: Sequence[Residual]) -> Uncertainty:
+    """Relative errors of the array's dark counts and efficiency, of the calibration."""
+    shares = {True: 0.0, False: 0.0}
+    for level in levels:
+        good, is_dark = level.good, level.expected.is_dark
+        total = max(float(level.parts.mean[good].sum()), 1e-300)
+        share = float(np.sqrt(np.square(level.error[good]).sum())) / total
+        shares[is_dark] = max(shares[is_dark], share)
+    return Uncertainty(dark_counts=shares[True], efficiency=shares[False])
+
+
+def _merged(levels: Sequence[Residual]) -> list[readout.Fault]:
+    """One fault of each kind, with the recordings in which it is seen, of those noted so far."""
+    merged = []
+    for kind in dict.fromkeys(fault.kind for level in levels for fault in level.faults):
+        seen = [level for level in levels if kind in {fault.kind for fault in level.faults}]
+        where = f"at {seen[0].captured}" if len(seen) == 1 else (
+            f"in {len(seen)} of {len(levels)} recordings"
+        )  # fmt: skip
+        # of the last recording the first, which is the strongest
+        text = next(fault.text for fault in seen[-1].faults if fault.kind == kind)
+        merged.append(readout.Fault(kind, f"{text}, {where}"))
+    for level in levels:
+        level.faults.clear()
+    return merged

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
-from megalopta.core.compiling import compiled
 from megalopta.sensor.calibrate.level import Level
 
 BLOCKS = 20
@@ -69,82 +68,74 @@ class Sample(NamedTuple):
         return cls(*mean_and_variance(counts), len(counts))
 
 
-def _welch(one: Sample, other: Sample, error: Floats | float) -> tuple[Floats, Floats]:
+def _welch(captured: Sample, expected: Sample, error: Floats | float) -> tuple[Floats, Floats]:
     """Standard error of the difference of means, and its degrees of freedom.
 
     `error` is a standard error of the expected mean that more frames do not reduce.
     """
-    parts = [sample.variance / sample.frames for sample in (one, other)]
+    parts = [sample.variance / sample.frames for sample in (captured, expected)]
     total = parts[0] + parts[1] + np.square(error)
-    squares = parts[0] ** 2 / (one.frames - 1) + parts[1] ** 2 / (other.frames - 1)
+    squares = parts[0] ** 2 / (captured.frames - 1) + parts[1] ** 2 / (expected.frames - 1)
     return np.sqrt(total), np.maximum(total**2 / np.maximum(squares, 1e-300), 1)
 
 
-def mean_test(one: Sample, other: Sample, error: Floats | float = 0.0) -> Floats:
+def mean_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -> Floats:
     """Return p-values (rows, columns) of equal means.
 
-    `error` is the standard error of the second sample's expected mean, if it comes from a
-    calibration.
+    `error` is the standard error of the expected mean, if it comes from a calibration.
     """
-    spread, freedom = _welch(one, other, error)
-    apart = one.mean - other.mean
-    p = 2 * t.sf(np.abs(apart) / np.where(spread > 0, spread, 1), freedom)
-    first, second = (np.rint(sample.frames * sample.mean).clip(0) for sample in (one, other))
-    both, share = first + second, one.frames / (one.frames + other.frames)
-    few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
+    sigma, freedom = _welch(captured, expected, error)
+    change = captured.mean - expected.mean
+    p = 2 * t.sf(np.abs(change) / np.where(sigma > 0, sigma, 1), freedom)
+    first, second = (
+        np.rint(sample.frames * sample.mean).clip(0) for sample in (captured, expected)
+    )
+    total, share = first + second, captured.frames / (captured.frames + expected.frames)
+    few = (total < _FEW_COUNTS) & (np.asarray(error) == 0)
     # two-sided, of a binomial number: twice the smaller tail
-    tails = np.minimum(binom.cdf(first, both, share), binom.sf(first - 1, both, share))
+    tails = np.minimum(binom.cdf(first, total, share), binom.sf(first - 1, total, share))
     p = np.where(few, np.minimum(2 * tails, 1), p)
-    return np.where((spread == 0) & ~few, np.where(apart == 0, 1.0, 0.0), p)
+    return np.where((sigma == 0) & ~few, np.where(change == 0, 1.0, 0.0), p)
 
 
-def variance_test(one: Sample, other: Sample) -> Floats:
+def variance_test(captured: Sample, expected: Sample) -> Floats:
     """Return p-values (rows, columns) of equal variances; NaN where counts are too few."""
-    error = np.zeros(one.mean.shape)
-    logs, known = [], np.ones(error.shape, np.bool_)
-    for mean, variance, frames in (one, other):
-        known &= (mean > _LEAST_MEAN) & (variance > 0)
-        error += 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
+    squares, logs, known = 0.0, [], True
+    for mean, variance, frames in (captured, expected):
+        known = known & (mean > _LEAST_MEAN) & (variance > 0)
+        squares = squares + 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
-    return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
+    return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(squares)), np.nan)
 
 
-def histogram_test(one: NDArray[Any], other: NDArray[Any]) -> Floats:
+def histogram_test(captured: NDArray[Any], expected: NDArray[Any]) -> Floats:
     """Return p-values (rows, columns) of equal distributions of counts (n, rows, columns).
 
     NaN where bins are too few.
     """
     samples = [
-        (np.rint(counts) if counts.dtype.kind == "f" else counts)
-        .astype(np.int32)
-        .reshape(len(counts), -1)
-        for counts in (one, other)
+        np.rint(counts).astype(np.int64).reshape(len(counts), -1) for counts in (captured, expected)
     ]
     least = min(int(sample.min()) for sample in samples)
     size = max(int(sample.max()) for sample in samples) - least + 1
-    at_once = max(_ENTRIES_AT_ONCE // size, 1)
-    totals = np.array([len(one), len(other)], np.float64)
+    at_once = max(_ENTRIES_AT_ONCE // max(size, len(captured), len(expected)), 1)
+    totals = np.array([len(captured), len(expected)], np.float64)
     p = []
     for first in range(0, samples[0].shape[1], at_once):
-        some = [sample[:, first : first + at_once] for sample in samples]
-        seen = np.zeros((2, some[0].shape[1], size))
-        for histograms, readings in zip(seen, some, strict=True):
-            _count(readings, least, histograms)
-        p.append(_chi_square_p(seen, totals))
-    return np.concatenate(p).reshape(one.shape[1:])
+        histograms = []
+        for sample in samples:
+            readings = sample[:, first : first + at_once] - least
+            pixels = readings.shape[1]
+            keys = readings + size * np.arange(pixels)
+            counted = np.bincount(keys.ravel(), minlength=pixels * size)
+            histograms.append(counted.reshape(pixels, size))
+        p.append(_chi_square_p(np.array(histograms, np.float64), totals))
+    return np.concatenate(p).reshape(captured.shape[1:])
 
 
-@compiled
-def _count(readings: NDArray[np.int32], least: int, histograms: Floats) -> None:
-    """Add readings (n, P) to histograms (P, values)."""
-    for frame in range(readings.shape[0]):
-        for pixel in range(readings.shape[1]):
-            histograms[pixel, readings[frame, pixel] - least] += 1
-
-
-def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
+def _chi_square_p(histograms: Floats, totals: Floats) -> Floats:
     """P-values of histograms (2, P, values) of so many readings each, without their trend."""
-    both = seen.sum(axis=0)
+    both = histograms.sum(axis=0)
     pixels, size = both.shape
     expected = both * totals.min() / totals.sum()
     most = np.maximum(expected.sum(axis=1, keepdims=True) // _FEWEST - 1, 0)
@@ -156,7 +147,7 @@ def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
         sums = np.bincount(key, values.ravel(), pixels * groups).astype(np.float64)
         return sums.reshape(pixels, groups)
 
-    first, all_ = merged(seen[0]), merged(both)
+    first, all_ = merged(histograms[0]), merged(both)
     place = merged(both * np.arange(size)) / np.maximum(all_, 1)
     excess = first - all_ * totals[0] / totals.sum()
     scale = totals.prod() / totals.sum() ** 2
@@ -204,7 +195,7 @@ class Difference(NamedTuple):
             values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
             return f"{values} (95 %: {low:.2g} to {high:.2g})"
         way = "higher" if self.relative > 0 else "lower"
-        size, low, high = (_percent(each) for each in (abs(self.relative), self.low, self.high))
+        size, low, high = (_percent(share) for share in (abs(self.relative), self.low, self.high))
         return f"{self.name} {size} % {way} (95 %: {low:+} to {high:+} %)"
 
 
@@ -216,22 +207,22 @@ def _percent(share: float) -> float | int:
 
 def difference(
     name: str, unit: str, captured: Floats, expected: Floats, margin: float,
-    unsure: float = 0.0, least: float = 0.0,
+    standard_error: float = 0.0, least: float = 0.0,
 ) -> Difference:  # fmt: skip
     """Compare the values of blocks, (blocks,) each.
 
-    `margin` is the negligible relative difference; `unsure` the standard error of the expected
+    `margin` is the negligible relative difference; `standard_error` that of the expected
     values, for example from a calibration, which further blocks do not reduce. Differences are
     relative to the expected value, or to `least` if larger.
     """
     samples = Sample.of(captured), Sample.of(expected)
-    error, freedom = (float(each) for each in _welch(*samples, unsure))
+    error, freedom = (float(value) for value in _welch(*samples, standard_error))
     means = float(samples[0].mean), float(samples[1].mean)
     scale = max(abs(means[1]), least, 1e-300)
-    apart = means[0] - means[1]
-    p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
+    change = means[0] - means[1]
+    p = float(2 * t.sf(abs(change) / error, freedom)) if error > 0 else float(change == 0)
     wide, narrow = (float(t.ppf(level, freedom)) * error / scale for level in (0.975, 0.95))
-    relative = apart / scale
+    relative = change / scale
     interval = relative, relative - wide, relative + wide
     return Difference(name, *means, unit, *interval, p, abs(relative) + narrow < margin, scale)
 
@@ -253,23 +244,25 @@ def scene_differences(
     blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
     light = light_hz[:, good]
     errors = np.broadcast_to(errors_hz, good.shape)[good]
-    unsure = float(np.sqrt(np.square(errors).sum())) / max(errors.size, 1)
+    standard_error = float(np.sqrt(np.square(errors).sum())) / max(errors.size, 1)
 
     def slope(counts: Floats, light: Floats) -> float:
         """Slope of counts over light, by least squares."""
-        apart = light - light.mean()
-        return float((apart * counts).sum() / max((apart**2).sum(), 1e-300))
+        light = light - light.mean()
+        return float((light * counts).sum() / max((light**2).sum(), 1e-300))
 
     def compared(name: str, unit: str, measure: Any, error: float) -> Difference:
-        one, other = (
+        first, second = (
             np.array([measure(level.readings[at][:, good], light[at]) for at in blocks])
             / level.exposure_s
             for level in (captured, expected)
         )
-        typical = np.full(BLOCKS, other.mean())
-        return difference(name, unit, one - other + typical, typical, margin, error)
+        typical = np.full(BLOCKS, second.mean())
+        return difference(name, unit, first - second + typical, typical, margin, error)
 
-    bright = compared("brightness", "counts per second", lambda counts, _: counts.mean(), unsure)
+    bright = compared(
+        "brightness", "counts per second", lambda counts, _: counts.mean(), standard_error
+    )
     if light.std() <= 1e-6 * light.mean():
         return (bright,)
     return bright, compared("contrast", "counts per photon detected", slope, 0.0)

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.sensor import Afterpulsing, AnalogCounter, changed, expose_adc, preset
+from megalopta.sensor import Afterpulsing, changed
 from megalopta.sensor.calibrate.comb import Curve
 from megalopta.sensor.calibrate.crosstalk import neighbor_kernel
 from megalopta.sensor.calibrate.device import calibrate_device
-from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-from .devices import DARK_EXPOSURES_S, NANOMETERS, SHAPE, adc_of, device, levels_of
+from .devices import DARK_EXPOSURES_S, SHAPE, adc_of, device, efficiency_of, levels_of
 
 NAMES = ("dark_counts_hz", "efficiency", "step_v", "leak_v_s", "dead_time_s")
 
@@ -21,11 +20,9 @@ def covered(sensor):
     """Share of pixels whose stated 95 % interval holds the truth, by quantity."""
     found = calibrate_device(levels_of(sensor), adc_of(sensor))
     pattern = draw_fixed_pattern(sensor, SHAPE)
-    curve = sensor.efficiency
     truth = {
         "dark_counts_hz": pattern.dark_counts_hz,
-        "efficiency": pattern.efficiency_factor
-        * np.interp(NANOMETERS, curve.wavelengths_nm, curve.values),
+        "efficiency": efficiency_of(sensor),
         "step_v": pattern.counters.step_v,
         "leak_v_s": pattern.counters.leaked_v / sensor.exposure_s,
         "dead_time_s": np.full(SHAPE, sensor.dead_time.dead_time_s),
@@ -104,25 +101,16 @@ def noisy(level):
     ("change", "words"),
     [
         (lambda levels: [noisy(level) for level in levels], "hides single events"),
+        (lambda levels: [level.at(slice(0, 20)) for level in levels], "20 frames"),
+        (lambda levels: levels[len(dark(levels)) :], "dark frames of 0 exposures"),
         (
-            lambda levels: [replace(level, readings=level.readings[:20]) for level in levels],
-            "20 frames",
-        ),
-        (
-            lambda levels: [level for level in levels if not level.is_dark],
-            "dark frames of 0 exposures",
-        ),
-        (
-            lambda levels: [replace(level, readings=0 * level.readings + 80) for level in levels],
+            lambda levels: [level.mapped(lambda codes: 0 * codes + 80) for level in levels],
             "saturated",
         ),
-        (
-            lambda levels: [*dark(levels), replace(levels[0], light_hz=1e7)],
-            "no brighter than the dark",
-        ),
+        (lambda levels: [*dark(levels), replace(levels[0], light_hz=1e7)], "no brighter"),
         (lambda levels: [drifting(levels[0]), *levels[1:]], "drifts"),
         (
-            lambda levels: [*dark(levels), replace(levels[0], readings=levels[0].readings[:, :3])],
+            lambda levels: [*dark(levels), levels[0].mapped(lambda codes: codes[:, :3])],
             "pixels",
         ),
     ],
@@ -136,27 +124,13 @@ def test_refusals(recordings, change, words):
 SMALL = (8, 8)
 
 
-def exposed(sensor, lights_hz=(2e8, 1e9), frames=120):
-    """What the ADC reads, by the sensor model itself; light in photons per second on a pixel."""
-    found = []
-    flat = [(2e-4, light) for light in lights_hz]
-    for exposure_s, light_hz in [*((each, 0.0) for each in DARK_EXPOSURES_S[::2]), *flat]:
-        own = changed(sensor, exposure_s=exposure_s)
-        share = sensor.photon_detection_efficiency(np.array(NANOMETERS))
-        rate = light_hz * share * draw_fixed_pattern(own, SMALL).efficiency_factor
-        rates = np.broadcast_to(rate, (frames, *SMALL))
-        name = f"{exposure_s} {light_hz}"
-        codes = expose_adc(rates, own, seed=1, stream=name)
-        found.append(Level(codes, exposure_s, light_hz))
-    return found
+def exposed(sensor):
+    return levels_of(sensor, 120, SMALL, DARK_EXPOSURES_S[::2], lights_hz=(2e8, 1e9))
 
 
 def counting(**fields):
-    """A SPADCAM whose steps and offsets scatter, and what else is given of its counters."""
-    spadcam = preset("spadcam")
-    scatter = {"step_sigma_v": 3e-4, "offset_sigma_v": 1e-3}
-    counter = AnalogCounter(**{**spadcam.counter.model_dump(), **scatter, **fields})
-    return changed(spadcam, device_seed=4, counter=counter)
+    """A SPADCAM of long dead time whose steps and offsets scatter."""
+    return device(4, **fields)
 
 
 def test_the_curve_is_the_sum_of_its_steps():

@@ -67,11 +67,6 @@ def test_independent_dark_counts_show_no_crosstalk():
     assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
 
 
-def test_small_maps_are_refused():
-    with pytest.raises(ValueError, match="48 pixels; crosstalk of hot pixels needs 4096"):
-        crosstalk_of_hot_pixels(np.ones((4, 12)))
-
-
 @pytest.mark.parametrize("probability", [0.0, 0.1])
 def test_crosstalk_kernel(probability):
     rng = np.random.default_rng(3)
@@ -100,7 +95,9 @@ def test_pairs_return_the_crosstalk_that_made_them():
         assert getattr(found, name) == pytest.approx(getattr(PAIRS, name), rel=1e-12)
 
 
-def test_pairs_without_neighbors_are_refused():
+def test_what_shows_no_crosstalk_is_refused():
+    with pytest.raises(ValueError, match="48 pixels; crosstalk of hot pixels needs 4096"):
+        crosstalk_of_hot_pixels(np.ones((4, 12)))
     pair = PairCrosstalk(*(np.array([2]),) * 2, *(np.array([1.0]),) * 3)
     with pytest.raises(ValueError, match="give pairs at a distance of 1"):
         fit_crosstalk(pair)

@@ -131,11 +131,6 @@ def compared(seed, camera=CAMERAS["codes"], **fault):
     return compare_recordings(levels, model.drawn(levels, seed + 10_000), model)
 
 
-def growing(times, shape, rng):
-    """Light that grows by a tenth."""
-    return np.linspace(1, 1.1, times.size)[:, None, None]
-
-
 def sine(by_row_s):
     """Light that flickers at 60 Hz, later by some time from the first row to the last."""
 
@@ -147,31 +142,10 @@ def sine(by_row_s):
     return factors
 
 
-def tilted(times, shape, rng):
-    """Light that is 10 % brighter at the right than at the left border."""
-    return 1 + 0.05 * np.linspace(-1, 1, shape[1])[None, None, :]
-
-
 def vignetted(times, shape, rng):
-    """Light that falls by 20 % to the corners."""
     y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
-    fall = 1 - 0.1 * (x**2 + y**2)
-    return (fall / fall.mean())[None]
-
-
-def noisy(times, shape, rng):
-    """Light that fluctuates by 5 % from frame to frame."""
-    return 1 + 0.05 * rng.standard_normal((times.size, 1, 1))
-
-
-def noisy_rows(times, shape, rng):
-    """Light on rows that fluctuates by 10 %, without a period."""
-    return 1 + 0.1 * rng.standard_normal((times.size, shape[0], 1))
-
-
-def brighter(times, shape, rng):
-    """Light that is a fifth brighter than the known efficiency makes it."""
-    return np.full((1, 1, 1), 1.2)
+    relative = 1 - 0.1 * (x**2 + y**2)
+    return (relative / relative.mean())[None]
 
 
 def switching(hertz):
@@ -212,34 +186,23 @@ def written(place, value):
     return of_readings(change)
 
 
-def swapped(readings, _):
-    """Swap two columns."""
-    readings[:, :, [0, 1]] = readings[:, :, [1, 0]]
-    return readings
+def fallen(change):
+    """Change the fall of the output below its top, in codes."""
+    return of_readings(
+        lambda codes, _: np.rint(TOP - change(TOP - codes.astype(float))).clip(0, TOP)
+    )
 
 
-def gain_drift(codes, number):
-    """Step that grows by a tenth."""
-    factor = np.linspace(1, 1.1, number.size)[:, None, None]
-    return np.rint(TOP - (TOP - codes.astype(float)) * factor).clip(0, TOP)
-
-
-def narrow_odd_codes(codes, number):
+def narrow_odd_codes(codes, _):
     """Odd codes a fifth narrower: a fifth of their readings become even."""
     rng = np.random.default_rng(5)
     return codes - ((codes % 2 == 1) & (rng.random(codes.shape) < 0.2))
 
 
-def row_noise(codes, number):
+def row_noise(codes, _):
     """Rows that fluctuate by up to 5 codes, without a period."""
-    rows = codes.shape[1]
-    return codes - np.random.default_rng(1).integers(-3, 3, (number.size, rows, 1))
-
-
-def bent(codes, number):
-    """Output that sags in proportion to the square of its fall, by an unknown effect."""
-    fall = TOP - codes.astype(float)
-    return np.rint(TOP - fall * (1 - fall / 8000)).clip(0, TOP)
+    shape = len(codes), codes.shape[1], 1
+    return codes - np.random.default_rng(1).integers(-3, 3, shape)
 
 
 def twice(readings, times):
@@ -255,12 +218,21 @@ def lossy(readings, times):
 
 def _common(camera):
     return {
-        "light +10 %": ("drift of light", {"light": growing}),
-        "light +10 % to the right": ("uneven light", {"light": tilted}),
+        "light +10 %": (
+            "drift of light",
+            {"light": lambda times, _, rng: np.linspace(1, 1.1, times.size)[:, None, None]},
+        ),
+        "light +10 % to the right": (
+            "uneven light",
+            {"light": lambda _, shape, rng: 1 + 0.05 * np.linspace(-1, 1, shape[1])[None, None]},
+        ),
         "light -20 % in the corners": ("uneven light", {"light": vignetted}),
         "flicker 60 Hz": ("flicker", {"light": sine(0.0)}),
         "banding 60 Hz": ("row banding", {"light": sine(8e-3)}),
-        "noisy light": ("common noise", {"light": noisy}),
+        "noisy light": (
+            "common noise",
+            {"light": lambda times, _, rng: 1 + 0.05 * rng.standard_normal((times.size, 1, 1))},
+        ),
         "frames twice": ("repeated frames", {"spoil": twice}),
         "frames lost": ("missing frames", {"spoil": lossy}),
         "dead row": ("dead row", {"spoil": written(np.s_[:, 5], camera.dead)}),
@@ -270,9 +242,12 @@ def _common(camera):
         "telegraph noise": ("telegraph noise", {"extra": switching(camera.telegraph_hz)}),
         "hot pixel": ("hot pixel", {"extra": hot}),
         "mirrored columns": ("order", {"spoil": of_readings(lambda r, _: r[:, :, ::-1])}),
-        "swapped columns": ("order", {"spoil": of_readings(swapped)}),
+        "swapped columns": (
+            "order",
+            {"spoil": of_readings(lambda r, _: r[:, :, [1, 0, *range(2, r.shape[2])]])},
+        ),
         "row stuck": ("dead row", {"spoil": written(np.s_[:, 5], camera.stuck)}),
-        "efficiency": ("efficiency", {"light": brighter}),
+        "efficiency": ("efficiency", {"light": lambda *_: np.full((1, 1, 1), 1.2)}),
     }
 
 
@@ -281,7 +256,10 @@ def _counter(**fields):
 
 
 _OF_COUNTS = {
-    "row noise": ("row noise", {"light": noisy_rows}),
+    "row noise": (
+        "row noise",
+        {"light": lambda times, s, rng: 1 + 0.1 * rng.standard_normal((times.size, s[0], 1))},
+    ),
     "dark counts": ("dark counts", {"sensor": {"dark_counts": {"bulk_mean_hz_um2": 0.3}}}),
 }
 _OF_AVALANCHES = {
@@ -290,7 +268,10 @@ _OF_AVALANCHES = {
 _OF_CODES = {
     "read noise ×2": ("read noise", _counter(read_noise_v=2e-3)),
     "read noise ×4": ("read noise", _counter(read_noise_v=4e-3)),
-    "gain +10 %": ("drift of gain", {"spoil": of_readings(gain_drift)}),
+    "gain +10 %": (
+        "drift of gain",
+        {"spoil": fallen(lambda fall: fall * np.linspace(1, 1.1, len(fall))[:, None, None])},
+    ),
     "row noise": ("row noise", {"spoil": of_readings(row_noise)}),
     "row offset 8 mV": ("row offset", {"spoil": written(np.s_[:, 5], lambda c: c - 10)}),
     "column offset 8 mV": ("column offset", {"spoil": written(np.s_[:, :, 5], lambda c: c - 10)}),
@@ -305,7 +286,7 @@ _OF_CODES = {
     "dead time ×2": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 2e-6}}}),
     "step": ("step", _counter(step_v=0.011)),
     "offset 8 mV": ("offset", {"spoil": written(np.s_[:], lambda c: c - 10)}),
-    "bent output": ("none", {"spoil": of_readings(bent)}),
+    "bent output": ("none", {"spoil": fallen(lambda fall: fall * (1 - fall / 8000))}),
     **_OF_AVALANCHES,
 }
 FAULTS = {

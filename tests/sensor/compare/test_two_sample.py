@@ -57,16 +57,13 @@ def test_histograms_tell_shapes_and_leave_means_to_their_test():
 def test_what_a_calibration_does_not_know_widens_the_interval():
     rng = np.random.default_rng(6)
     one, other = rng.normal(1.1, 1e-6, 20), rng.normal(1.0, 1e-6, 20)
-    found = difference("rate", "", one, other, margin=0.05, unsure=0.05)
+    found = difference("rate", "", one, other, margin=0.05, standard_error=0.05)
     # blocks that hardly scatter: all of the error is the calibration's, and normal but for t
     assert found.p == pytest.approx(2 * norm.sf(2), rel=0.3)
     assert found.high - found.low == pytest.approx(2 * 1.96 * 0.05, rel=0.05)
     assert difference("rate", "", one, other, margin=0.05).p < 1e-12
-
-
-def test_blocks_that_do_not_scatter_at_all_have_a_p_value():
-    none = np.zeros(20)  # of a dark array without dark counts
-    found = difference("dark counts", "Hz", none, none, margin=0.05, unsure=0.01, least=1.0)
+    none = np.zeros(20)  # of a dark array without dark counts, which do not scatter at all
+    found = difference("dark", "Hz", none, none, margin=0.05, standard_error=0.01, least=1.0)
     assert found.p == 1
 
 
