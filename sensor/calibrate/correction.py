@@ -168,19 +168,14 @@ class Calibration:
     dark_variance: Floats
     """Variance of this estimate"""
     gain: Floats
-    """Efficiency relative to the sensor's curve, or to the mean of the good pixels"""
+    """Efficiency relative to the mean of the good pixels, or, if simulated, to the nominal one"""
     gain_variance: Floats
     bad: Mask
     """Hot or dead pixels"""
 
 
 def calibrate(
-    dark_frames: Any,
-    flat_frames: Any,
-    sensor: Sensor,
-    *,
-    flat_detections: float | None = None,
-    hot_times: float = 10.0,
+    dark_frames: Any, flat_frames: Any, sensor: Sensor, *, hot_times: float = 10.0
 ) -> Calibration:
     """Estimate a device's calibration from dark and flat frames.
 
@@ -194,9 +189,6 @@ def calibrate(
         memory or on disk.
     sensor : Sensor
         Dead time, afterpulses, counter and so on.
-    flat_detections : float, optional
-        Photons per exposure that a pixel of nominal efficiency detects in the flat frames. Default:
-        gains are relative to the mean of the good pixels.
     hot_times : float
         Pixels with surely more dark counts than this many times the median are hot.
     """
@@ -218,7 +210,7 @@ def calibrate(
 
     curve = response_curve(sensor)
     dark, flat = (_mean(chunks(frames), curve) for frames in (dark_frames, flat_frames))
-    return _of_means(curve, dark, flat, flat_detections, hot_times)
+    return _of_means(curve, dark, flat, None, hot_times)
 
 
 def simulated_calibration(

@@ -192,17 +192,15 @@ class CountingDevice:
 
 
 class _Recorded(NamedTuple):
-    """Recordings as all estimators use them, (levels, …)."""
+    """Recordings as all estimators use them, (levels,) or maps (levels, rows, columns)."""
 
     mean: Floats
-    """(levels, rows, columns), as the next two"""
     total: Floats
-    used: Mask
-    """Pixels whose readings determine rates"""
     frames: Floats
-    """(levels,), as the next three"""
     exposure_s: Floats
     light_hz: Floats
+    used: Mask
+    """Pixels whose readings determine rates"""
     spread: Floats
     """Variance over that of independent events"""
     is_binary: bool
@@ -213,14 +211,14 @@ class _NotDeterminedError(Exception):
 
 
 def calibrate_counts(
-    levels: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None,
+    recordings: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None,
     *, hot_times: float = 10.0,
 ) -> CountingDevice:  # fmt: skip
     """Estimate what the recordings determine, with 95 % CI.
 
     Parameters
     ----------
-    levels : sequence of Summed
+    recordings : sequence of Summed
         Recordings of one camera.
     known : (seconds, kind), optional
         Dead time that corrects counts if recordings do not determine it.
@@ -229,49 +227,39 @@ def calibrate_counts(
 
     Raises ValueError if recordings are of different arrays, or light has no effect.
     """
-    _check(levels)
-    is_binary = levels[0].is_binary
+    _check(recordings)
+    is_binary = recordings[0].is_binary
+
+    def stacked(name: str) -> Floats:
+        return np.array([getattr(recording, name) for recording in recordings], np.float64)
+
+    total, largest, light_hz = stacked("total"), stacked("largest"), stacked("light_hz")
+    frames = stacked("frames")[:, None, None]
+    # share of frames at the largest reading of the pixel
+    share = stacked("at_largest") / frames
     # pixels that show no light
-    lit = [level for level in levels if level.light_hz] or list(levels)
-    counts = np.sum([level.total for level in lit], axis=0)
+    counts = total[light_hz > 0 if light_hz.any() else light_hz == 0].sum(axis=0)
     typical = float(np.median(counts))
-    frozen = np.logical_and.reduce(
-        [
-            (level.at_largest == level.frames) & (level.largest == levels[0].largest)
-            for level in levels
-        ]
-    )
+    frozen = ((share == 1) & (largest == largest[0])).all(axis=0)
     dead = pixels.dead_pixels(counts, np.full(counts.shape, typical))
     dead |= frozen & (counts == 0) & (typical > _FEWEST_ZEROS)
     stuck = frozen & ~dead & (counts > 0)
     # the counter's capacity: the largest reading, if pixels pile up there while readings vary
     capacity: int | None = 1
+    within = frames - total >= _FEWEST_ZEROS
     if not is_binary:
-        top = max(float(level.largest.max()) for level in levels)
-        piled = [
-            ((level.largest == top) & (level.at_largest > _PILED * level.frames)).mean()
-            for level in levels
-        ]
-        several = sum(share > 0 for share in piled) > 1 or max(piled) > 2 / levels[0].total.size
+        top = largest.max()
+        piled = ((largest == top) & (share > _PILED)).mean(axis=(1, 2))
+        several = (piled > 0).sum() > 1 or piled.max() > 2 / counts.size
         capacity = int(top) if top > 1 and several else None
-    # pixels of each level whose readings the counter does not limit
-    used, spread = [], []
-    for level in levels:
-        within = level.largest < (np.inf if capacity is None else capacity)
-        if is_binary:
-            within = level.frames - level.total >= _FEWEST_ZEROS
-        used.append(within & ~dead & ~stuck)
-        spread.append(_excess(level, used[-1]))
+        within = largest < (np.inf if capacity is None else capacity)
+    used = within & ~dead & ~stuck
     recorded = _Recorded(
-        *(np.array([getattr(level, name) for level in levels]) for name in ("mean", "total")),
-        np.array(used),
-        *(
-            np.array([getattr(level, name) for level in levels], np.float64)
-            for name in ("frames", "exposure_s", "light_hz")
-        ),
-        np.array(spread), is_binary,
+        *map(stacked, ("mean", "total", "frames", "exposure_s", "light_hz")), used=used,
+        spread=np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)]),
+        is_binary=is_binary,
     )  # fmt: skip
-    kernels = [level.kernel for level in levels if level.kernel is not None]
+    kernels = [recording.kernel for recording in recordings if recording.kernel is not None]
     kernel = crosstalk.mean_kernel(kernels) if kernels else None
     # dead time, dark counts, efficiency
     refused: dict[str, str] = {}
@@ -293,7 +281,7 @@ def calibrate_counts(
         hot |= np.isnan(dark.value)  # saturated in the dark
     except _NotDeterminedError as reason:
         refused["dark counts"] = str(reason)
-    telegraph = _telegraph(levels, recorded, applied)
+    telegraph = _telegraph(recordings, recorded, applied)
     try:
         efficiency = _efficiency(recorded, applied)
     except _NotDeterminedError as reason:
@@ -304,39 +292,41 @@ def calibrate_counts(
     return CountingDevice(
         dark_counts_hz=dark, efficiency=efficiency, dead_time=dead_time, capacity=capacity,
         dead=dead, stuck=stuck, telegraph=telegraph, kernel=kernel,
-        reading=np.where(stuck, levels[0].largest, np.where(dead, 0.0, -1.0)),
-        saturated=~recorded.used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
+        reading=np.where(stuck, largest[0], np.where(dead, 0.0, -1.0)),
+        saturated=~used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
         refused=refused,
     )  # fmt: skip
 
 
-def _check(levels: Sequence[Summed]) -> None:
-    shapes = sorted({level.total.shape for level in levels})
+def _check(recordings: Sequence[Summed]) -> None:
+    shapes = sorted({recording.total.shape for recording in recordings})
     if len(shapes) != 1:
         raise ValueError(f"recordings of {shapes} pixels; give frames of one device")
-    if len({level.is_binary for level in levels}) > 1:
+    if len({recording.is_binary for recording in recordings}) > 1:
         raise ValueError("recordings of counts and of bits; give frames of one kind")
-    dark = [level for level in levels if not level.light_hz]
+    dark = [recording for recording in recordings if not recording.light_hz]
     if not dark:
         return
-    longest = max(dark, key=lambda level: level.exposure_s)
+    longest = max(dark, key=lambda recording: recording.exposure_s)
     dark_hz = float(np.median(longest.mean)) / longest.exposure_s
-    for level in levels:
-        is_full = level.is_binary and dark_hz * longest.exposure_s > 0.9
-        excess = float(np.median(level.mean)) - dark_hz * level.exposure_s
-        error = float(np.sqrt(level.variance.mean() / level.frames / level.total.size))
-        if level.light_hz and not is_full and excess < _BRIGHTER_Z * error:
+    for recording in recordings:
+        is_full = recording.is_binary and dark_hz * longest.exposure_s > 0.9
+        excess = float(np.median(recording.mean)) - dark_hz * recording.exposure_s
+        error = float(np.sqrt(recording.variance.mean() / recording.frames / recording.total.size))
+        if recording.light_hz and not is_full and excess < _BRIGHTER_Z * error:
             raise ValueError(
-                f"{level}: no brighter than the dark; uncover the sensor or raise the light"
+                f"{recording}: no brighter than the dark; uncover the sensor or raise the light"
             )
 
 
-def _excess(level: Summed, used: Mask) -> float:
+def _excess(recording: Summed, used: Mask) -> float:
     """Variance over that of independent events, by the mean of the array; at least 1."""
-    if level.is_binary or not used.any():
+    if recording.is_binary or not used.any():
         return 1.0
-    ratio = float(level.variance[used].sum() / max(level.mean[used].sum(), 1e-300))
-    error = float(np.sqrt(2 / level.frames / used.sum() + 1 / max(level.total[used].sum(), 1)))
+    ratio = float(recording.variance[used].sum() / max(recording.mean[used].sum(), 1e-300))
+    error = float(
+        np.sqrt(2 / recording.frames / used.sum() + 1 / max(recording.total[used].sum(), 1))
+    )
     return ratio if ratio > 1 + 3 * error else 1.0
 
 
@@ -525,21 +515,23 @@ def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Est
 
 
 def _telegraph(
-    levels: Sequence[Summed], recorded: _Recorded, dead_time: DeadTimeEstimate | None
+    recordings: Sequence[Summed], recorded: _Recorded, dead_time: DeadTimeEstimate | None
 ) -> Switching | None:
     """Switching pixels, from the recording in the dark with the most counts."""
     dark = np.flatnonzero(recorded.light_hz == 0).tolist()
     marked = np.zeros(recorded.used.shape[1:], np.bool_)
     for number in dark:
-        marked |= levels[number].correlation.is_telegraph & recorded.used[number]
+        marked |= recordings[number].correlation.is_telegraph & recorded.used[number]
     if not marked.any():
         return None
-    best = max(dark, key=lambda number: float(levels[number].total[marked].sum()))
-    level = levels[best]
-    *means, frames = pixels.switching(level.mean, level.variance, level.correlation, marked)
+    best = max(dark, key=lambda number: float(recordings[number].total[marked].sum()))
+    recording = recordings[best]
+    *means, frames = pixels.switching(
+        recording.mean, recording.variance, recording.correlation, marked
+    )
     low_hz, high_hz = (_rates(recorded, best, mean, dead_time) for mean in means)
     low_hz = np.maximum(low_hz, high_hz / _LARGEST_STEP)
-    return Switching(marked, low_hz, high_hz, frames * level.exposure_s)
+    return Switching(marked, low_hz, high_hz, frames * recording.exposure_s)
 
 
 def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:

@@ -6,17 +6,17 @@ With µ_p photons on a pixel in an exposure, µ_y the mean and σ_y² the tempor
     R, K      slopes of µ_y over µ_p, and of σ_y² over µ_y, both less their dark values, from 0 to
               70 % of saturation
     η = R/K   quantum efficiency; one event is one electron
-    σ_d       √(σ²_y.dark − 1/12)/K, temporal dark noise, with σ²_y.dark of 0.24 DN² or more:
-              rounding hides what is less
-    µ_p.min   (√(σ_d² + 1/(12·K²)) + ½)/η, absolute sensitivity threshold: about where the SNR is
-              1, which is at (√(σ_d² + 1/(12·K²) + ¼) + ½)/η
+    σ_d       σ_y.dark/K, temporal dark noise, with σ²_y.dark of 0.24 DN² or more: rounding hides
+              what is less
+    µ_p.min   (σ_d + ½)/η, absolute sensitivity threshold: about where the SNR is 1, which is at
+              (√(σ_d² + ¼) + ½)/η
     µ_p.sat   light at which σ_y² is largest; µ_e.sat = η·µ_p.sat, SNR_max = √µ_e.sat
     DR        µ_p.sat/µ_p.min
     DSNU      s_y.dark/K
     PRNU      standard deviation over pixels of y_50 − y_dark over its mean, at half of saturation
     LE        mean of |deviation from a line| over the line, from 5 to 95 % of saturation
 
-Events are whole numbers, so that rounding adds no noise to counts: `quantization` is 0 for them.
+Events are whole numbers, so that rounding adds no noise, 1/12 DN² in the standard, to counts.
 The standard has s²_y.50 − s²_y.dark in place of the variance of differences; the two agree where
 sensitivity and dark counts are independent, and differ where hot pixels saturate. Pixels whose dark
 signal exceeds a tenth of saturation are not part of PRNU. With dead time the response is no line,
@@ -104,8 +104,6 @@ class Emva(NamedTuple):
     """LE, share"""
     saturation_photons: float
     """µ_p.sat"""
-    quantization: float
-    """Variance of rounding, DN²"""
 
     @property
     def efficiency(self) -> float:
@@ -115,8 +113,7 @@ class Emva(NamedTuple):
     @property
     def threshold_photons(self) -> float:
         """Absolute sensitivity threshold µ_p.min."""
-        noise = np.sqrt(self.dark_noise**2 + self.quantization / self.gain**2)
-        return float((noise + 0.5) / self.efficiency)
+        return float((self.dark_noise + 0.5) / self.efficiency)
 
     @property
     def saturation_electrons(self) -> float:
@@ -134,12 +131,7 @@ class Emva(NamedTuple):
         return float(20 * np.log10(self.saturation_photons / self.threshold_photons))
 
 
-def emva(
-    dark: Step,
-    steps: Sequence[Step],
-    quantization: float = 0.0,
-    factors: tuple[float, float] = (1.0, 1.0),
-) -> Emva:
+def emva(dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1.0, 1.0)) -> Emva:
     """Return the figures of a camera from a dark step and steps of increasing light.
 
     `factors` multiply R and K (`without_dead_time`).
@@ -176,12 +168,11 @@ def emva(
     return Emva(
         responsivity=responsivity,
         gain=gain,
-        dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK) - quantization)) / gain,
+        dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK))) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
         prnu=prnu,
         linearity_error=float(np.mean(np.abs(level[within] / (line[0] + line[1] * x) - 1))),
         saturation_photons=float(photons[last]),
-        quantization=quantization,
     )
 
 

@@ -85,10 +85,11 @@ class Level:
     def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Level":
         """Change each array of frames (n, rows, columns) alike."""
         names = "readings", "saturated", "codes", "unrounded"
-        arrays = {name: getattr(self, name) for name in names}
-        return replace(
-            self, **{name: change(each) for name, each in arrays.items() if each is not None}
-        )
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
+        known: dict[str, Any] = {
+            name: change(array) for name, array in arrays.items() if array is not None
+        }
+        return replace(self, **known)
 
     @property
     def usable(self) -> Mask:

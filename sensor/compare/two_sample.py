@@ -100,10 +100,11 @@ def mean_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -
 
 def variance_test(captured: Sample, expected: Sample) -> Floats:
     """Return p-values (rows, columns) of equal variances; NaN where counts are too few."""
-    squares, logs, known = 0.0, [], True
+    squares, known = np.zeros(captured.mean.shape), np.ones(captured.mean.shape, np.bool_)
+    logs = []
     for mean, variance, frames in (captured, expected):
-        known = known & (mean > _LEAST_MEAN) & (variance > 0)
-        squares = squares + 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
+        known &= (mean > _LEAST_MEAN) & (variance > 0)
+        squares += 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(squares)), np.nan)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from megalopta.sensor import AnalogCounter, DeadTime, changed, expose_adc, preset
+from megalopta.sensor import AnalogCounter, DeadTime, DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.level import Adc, Level
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
@@ -32,25 +32,27 @@ def adc_of(sensor):
     return Adc(counter.lsb_v, top, (counter.supply_v - counter.swing_v) / counter.lsb_v)
 
 
-def efficiency_of(sensor, shape=SHAPE):
-    """Events per photon of every pixel."""
-    mean = sensor.photon_detection_efficiency(np.array(NANOMETERS))
-    return mean * draw_fixed_pattern(sensor, shape).efficiency_factor
+def recorded(sensor, exposure_s, light_hz, frames, seed=1, shape=SHAPE):
+    """Codes of frames under even light of so many photons per second on a pixel."""
+    counter = sensor.counter
+    sensor = changed(sensor, exposure_s=exposure_s)
+    pattern = draw_fixed_pattern(sensor, shape)
+    efficiency = np.interp(NANOMETERS, sensor.efficiency.wavelengths_nm, sensor.efficiency.values)
+    rate = np.broadcast_to(light_hz * efficiency * pattern.efficiency_factor, (frames, *shape))
+    name = f"{sensor.device_seed} {exposure_s} {light_hz}"
+    events = changed(sensor, counter=DigitalCounter())
+    counts = expose_rate(rate, events, seed=seed, stream=name).counts
+    pixels = pattern.counters
+    fall = np.minimum(counts * pixels.step_v + pixels.leaked_v, counter.swing_v)
+    rng = np.random.default_rng([seed, sensor.device_seed, round(1e6 * exposure_s), int(light_hz)])
+    volts = counter.supply_v + pixels.offset_v - fall
+    volts = volts + counter.read_noise_v * rng.standard_normal(volts.shape)
+    codes = np.rint(volts / counter.lsb_v).clip(0, 2**counter.adc_bits - 1)
+    return Level(codes.astype(np.uint16), exposure_s, light_hz)
 
 
-def levels_of(
-    sensor,
-    frames=400,
-    shape=SHAPE,
-    dark_s=DARK_EXPOSURES_S,
-    flat_s=FLAT_EXPOSURE_S,
-    lights_hz=LIGHTS_HZ,
-):
-    """Codes of dark frames, and of flats whose light is in photons per second on a pixel."""
-    levels = []
-    for exposure_s, light_hz in [*((s, 0.0) for s in dark_s), *((flat_s, hz) for hz in lights_hz)]:
-        own = changed(sensor, exposure_s=exposure_s)
-        rates = np.broadcast_to(light_hz * efficiency_of(sensor, shape), (frames, *shape))
-        stream = f"{sensor.device_seed} {exposure_s} {light_hz}"
-        levels.append(Level(expose_adc(rates, own, seed=1, stream=stream), exposure_s, light_hz))
-    return levels
+def levels_of(sensor, frames=400, seed=1, shape=SHAPE):
+    """Dark frames of nine exposures, flats of six lights."""
+    dark = [(exposure, 0.0) for exposure in DARK_EXPOSURES_S]
+    flat = [(FLAT_EXPOSURE_S, light) for light in LIGHTS_HZ]
+    return [recorded(sensor, *each, frames, seed, shape) for each in (*dark, *flat)]

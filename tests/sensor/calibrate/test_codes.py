@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.sensor import Afterpulsing, changed
+from megalopta.sensor import Afterpulsing, AnalogCounter, changed, expose_adc, preset
 from megalopta.sensor.calibrate.comb import Curve
 from megalopta.sensor.calibrate.crosstalk import neighbor_kernel
 from megalopta.sensor.calibrate.device import calibrate_device
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-from .devices import DARK_EXPOSURES_S, SHAPE, adc_of, device, efficiency_of, levels_of
+from .devices import DARK_EXPOSURES_S, NANOMETERS, SHAPE, adc_of, device, levels_of
 
 NAMES = ("dark_counts_hz", "efficiency", "step_v", "leak_v_s", "dead_time_s")
 
@@ -20,9 +21,11 @@ def covered(sensor):
     """Share of pixels whose stated 95 % interval holds the truth, by quantity."""
     found = calibrate_device(levels_of(sensor), adc_of(sensor))
     pattern = draw_fixed_pattern(sensor, SHAPE)
+    curve = sensor.efficiency
     truth = {
         "dark_counts_hz": pattern.dark_counts_hz,
-        "efficiency": efficiency_of(sensor),
+        "efficiency": pattern.efficiency_factor
+        * np.interp(NANOMETERS, curve.wavelengths_nm, curve.values),
         "step_v": pattern.counters.step_v,
         "leak_v_s": pattern.counters.leaked_v / sensor.exposure_s,
         "dead_time_s": np.full(SHAPE, sensor.dead_time.dead_time_s),
@@ -124,13 +127,27 @@ def test_refusals(recordings, change, words):
 SMALL = (8, 8)
 
 
-def exposed(sensor):
-    return levels_of(sensor, 120, SMALL, DARK_EXPOSURES_S[::2], lights_hz=(2e8, 1e9))
+def exposed(sensor, lights_hz=(2e8, 1e9), frames=120):
+    """What the ADC reads, by the sensor model itself; light in photons per second on a pixel."""
+    found = []
+    flat = [(2e-4, light) for light in lights_hz]
+    for exposure_s, light_hz in [*((each, 0.0) for each in DARK_EXPOSURES_S[::2]), *flat]:
+        own = changed(sensor, exposure_s=exposure_s)
+        share = sensor.photon_detection_efficiency(np.array(NANOMETERS))
+        rate = light_hz * share * draw_fixed_pattern(own, SMALL).efficiency_factor
+        rates = np.broadcast_to(rate, (frames, *SMALL))
+        name = f"{exposure_s} {light_hz}"
+        codes = expose_adc(rates, own, seed=1, stream=name)
+        found.append(Level(codes, exposure_s, light_hz))
+    return found
 
 
 def counting(**fields):
-    """A SPADCAM of long dead time whose steps and offsets scatter."""
-    return device(4, **fields)
+    """A SPADCAM whose steps and offsets scatter, and what else is given of its counters."""
+    spadcam = preset("spadcam")
+    scatter = {"step_sigma_v": 3e-4, "offset_sigma_v": 1e-3}
+    counter = AnalogCounter(**{**spadcam.counter.model_dump(), **scatter, **fields})
+    return changed(spadcam, device_seed=4, counter=counter)
 
 
 def test_the_curve_is_the_sum_of_its_steps():

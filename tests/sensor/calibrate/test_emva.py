@@ -48,9 +48,6 @@ def test_dark_noise_below_a_reading_is_that_of_the_standards_lower_limit():
     found = emva(dark, steps)
     assert dark.noise == 0
     assert found.threshold_photons == pytest.approx((np.sqrt(0.24) + 0.5) / EFFICIENCY, rel=1e-6)
-    coded = emva(dark, steps, quantization=1 / 12)
-    assert coded.dark_noise == pytest.approx(np.sqrt(0.24 - 1 / 12), rel=1e-6)
-    assert coded.threshold_photons == pytest.approx(found.threshold_photons, rel=1e-6)
 
 
 def _recorded(device, dark, steps, frames):
