@@ -255,7 +255,8 @@ def calibrate_counts(
         within = largest < (np.inf if capacity is None else capacity)
     used = within & ~dead & ~stuck
     recorded = _Recorded(
-        *map(stacked, ("mean", "total", "frames", "exposure_s", "light_hz")), used=used,
+        mean=stacked("mean"), total=total, frames=stacked("frames"),
+        exposure_s=stacked("exposure_s"), light_hz=light_hz, used=used,
         spread=np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)]),
         is_binary=is_binary,
     )  # fmt: skip

@@ -100,7 +100,7 @@ class Residual:
     @cached_property
     def light_hz(self) -> Floats:
         """Mean detection rates (rows, columns)."""
-        return np.asarray(self.rate_hz, np.float64).mean(axis=0)
+        return np.asarray(np.mean(self.rate_hz, axis=0, dtype=np.float64))
 
     @cached_property
     def parts(self) -> Parts:
