@@ -22,7 +22,7 @@ import serial
 
 from megalopta.camera.capture import capture
 from megalopta.camera.emulator import EmulatedCamera, flat
-from megalopta.camera.link import Link, find_port, open_port, port_lines
+from megalopta.camera.link import find_port, open_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
@@ -110,12 +110,12 @@ def test_a_capture_goes_on_when_the_camera_is_back(tmp_path):
     link = tmp_path / "cam"
     before = []
 
-    def show(state):
-        if state.frames > 20:
+    def show(recorder, state):
+        if recorder.frames > 20:
             first.set()
         if again.is_set():
-            before.append(state.frames)
-            if state.frames > before[0] + 60:
+            before.append(recorder.frames)
+            if recorder.frames > before[0] + 60:
                 stop.set()
 
     def record():
@@ -228,19 +228,6 @@ def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
-def test_a_command_to_a_port_that_is_being_closed_is_sent_again(emulated, tmp_path, monkeypatch):
-    write, closing = serial.Serial.write, [TypeError("'NoneType' object")]
-
-    def failing_once(port, data):
-        if closing:
-            raise closing.pop()
-        return write(port, data)
-
-    monkeypatch.setattr(serial.Serial, "write", failing_once)
-    with emulated() as camera, Link(camera.find) as link:
-        assert link.identity().serial_number == "EMULATED"
-
-
 @pytest.mark.slow
 def test_killed_at_any_moment_whole_frames_are_kept(tmp_path):
     """15 kills; what was killed before the camera was set has recorded nothing."""
@@ -302,16 +289,16 @@ def saying(kind, **fields):
 
 
 @pytest.mark.parametrize(
-    ("kind", "field", "value"),
+    ("kind", "field", "value", "told"),
     [
-        (Kind.SETTINGS, "exposure_us", 2**32 - 1),
-        (Kind.IDENTITY, "rows", 255),
-        (Kind.IDENTITY, "adc_bits", 40),
-        (Kind.IDENTITY, "supply_mv", 0),
+        (Kind.SETTINGS, "exposure_us", 2**32 - 1, "camera reports .*exposure_us=4294967295.*flash"),
+        (Kind.IDENTITY, "rows", 255, "camera reports 255 × 16 pixels.*flash"),
+        (Kind.IDENTITY, "adc_bits", 40, "counter.adc_bits: "),
+        (Kind.IDENTITY, "supply_mv", 0, "counter.supply_v: "),
     ],
 )
-def test_what_no_camera_can_be_is_refused(tmp_path, kind, field, value):
-    refused = pytest.raises(UserError, match=f"the camera reports {field} {value}.*; flash")
+def test_what_no_camera_can_be_is_refused(tmp_path, kind, field, value, told):
+    refused = pytest.raises(UserError, match=told)
     with acting(frames, saying(kind, **{field: value})) as port, refused:
         capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     assert not (tmp_path / "a").exists()
@@ -349,12 +336,6 @@ def test_control_codes_of_a_usb_device_are_escaped(monkeypatch):
     assert str(refused.value).isprintable()
 
 
-@pytest.mark.parametrize("kind", ["", "a/../../b", "\x1b[31m", "\udcff", "x" * 101])
-def test_a_kind_is_a_short_name(kind, tmp_path):
-    with pytest.raises(UserError, match="--kind: .*; give 1 to 100 letters"):
-        capture(lambda: "/none", tmp_path / "a", wanted(kind=kind), threading.Event())
-
-
 GARBAGE = np.random.default_rng(0).integers(0, 256, 4096, np.uint8).tobytes()
 PATIENCE_S = 0.5
 
@@ -372,11 +353,6 @@ def half_packets(camera):
         yield encode(camera.next_frame())[:300]
 
 
-def the_same_frame(camera):
-    line = [*islice(frames(camera), 20)][-1]
-    yield from repeat(line)
-
-
 def frames_then(what):
     def then(camera):
         yield from islice(frames(camera), 20)
@@ -390,22 +366,15 @@ def impatient(monkeypatch):
     monkeypatch.setattr("megalopta.camera.capture.PATIENCE_S", PATIENCE_S)
 
 
-@pytest.mark.parametrize(
-    ("then", "limit", "told"),
-    [
-        (nothing, {"seconds": 8}, "nothing came"),
-        (garbage, {"frames": 9}, r"\d+ bytes came"),
-        (half_packets, {}, r"\d+ bytes came"),
-    ],
-)
-def test_a_capture_without_a_frame_ends_and_leaves_nothing(impatient, tmp_path, then, limit, told):
-    refused = pytest.raises(UserError, match=rf"no new frame in 0\.5 s, {told} instead; unplug")
+@pytest.mark.parametrize("then", [nothing, garbage, half_packets])
+def test_a_capture_without_a_frame_ends_and_leaves_nothing(impatient, tmp_path, then):
+    refused = pytest.raises(UserError, match=r"no new frame in 0\.5 s; unplug")
     with acting(then) as port, refused:
-        capture(lambda: port, tmp_path / "a", wanted(**limit), threading.Event())
+        capture(lambda: port, tmp_path / "a", wanted(seconds=8), threading.Event())
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.parametrize("what", [nothing, garbage, the_same_frame])
+@pytest.mark.parametrize("what", [nothing, garbage])
 def test_a_capture_that_frames_leave_ends_and_keeps_them(impatient, tmp_path, what):
     out = tmp_path / "a"
     with (
