@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 _RECORDINGS = (
     option(
-        "recordings RECORDING[#FIRST-END][@LIGHT]",
-        "folders of recordings, optionally some frames, such as steps#0-100@1e7; LIGHT in "
-        "photons per second and pixel; without LIGHT: dark",
+        "recordings RECORDING[@LIGHT]",
+        "folders of recordings, with LIGHT in photons per second and pixel; without LIGHT: dark; "
+        "or a .yaml list of them",
         nargs="+",
     ),
     option(
@@ -146,9 +146,9 @@ def _calibrate(options: Namespace) -> Iterator[object]:
 )
 def _compare(options: Namespace) -> tuple[str, Path]:
     from megalopta.camera.comparison import CompareSettings, compare_captured
-    from megalopta.camera.sources import Beam, Source
+    from megalopta.camera.sources import Beam, named_sources
 
-    sources = [Source.parse(text, options.format) for text in options.recordings]
+    sources = named_sources(options.recordings, options.format)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
     asked = CompareSettings(options.scene, beam, options.margin, options.seed)
     return compare_captured(sources, options.device, options.out, asked), options.out
@@ -168,10 +168,10 @@ def _compare(options: Namespace) -> tuple[str, Path]:
     out("out/plate"),
 )
 def _figures(options: Namespace) -> Iterator[Path]:
-    from megalopta.camera.sources import Source
+    from megalopta.camera.sources import named_sources
     from megalopta.reproduction.captured_edge import reproduce_captured
 
-    sources = [Source.parse(text) for text in options.recordings]
+    sources = named_sources(options.recordings)
     return reproduce_captured(sources, options.out, options.device)
 
 
