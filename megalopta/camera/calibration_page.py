@@ -53,7 +53,7 @@ _NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two
 _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
-    "computed from the calibration at 50 steps of light and an exposure of {:g} s. Saturation is "
+    "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
     "where the temporal variance is largest. With dead time the response is not linear, and R and "
     "K would be too small. They are corrected for the calibrated dead time (the device's by "
     "factors of {:.3g} and {:.3g}), and hold for dim light. The linearity error is not corrected."
@@ -293,4 +293,4 @@ def emva_section(
         (symbol, title, *(number(of(each)) for each in figures), *("",) * (2 - len(figures)))
         for symbol, title, of in _ROWS
     )
-    return Section(_TITLE, _TEXT.format(exposure_s, *factors), _HEAD, rows)
+    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), _HEAD, rows)

@@ -12,7 +12,7 @@ from megalopta.core.arrays import Floats
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned
 from megalopta.report.style import BLACK, BLUE, VERMILION
-from megalopta.report.text import number
+from megalopta.report.text import number, with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
 from megalopta.sensor.compare.two_sample import SEGMENT, Difference, segment_spectra
@@ -100,8 +100,12 @@ def levels_page(name: str, compared: Compared) -> Page:
         "95 %).",
         found,
     )
+    lights = [
+        "Dark" if level.is_dark else f"{number(level.light_hz)} photons/s per pixel"
+        for level in compared.captured
+    ]
     title = f"{name}: captured and simulated"
-    return Page(title, found.sentence, [faults, device, *_pixels(compared)])
+    return Page(title, found.sentence, [faults, device, *_pixels(compared, lights)])
 
 
 def scene_page(name: str, compared: Compared) -> Page:
@@ -119,7 +123,7 @@ def scene_page(name: str, compared: Compared) -> Page:
         f"differences below {100 * found.margin:g} % are ignored.",
         found,
     )
-    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared)]
+    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
     return Page(f"{name}: captured and simulated", found.sentence, sections)
 
 
@@ -155,10 +159,10 @@ def _differences(title: str, text: str, found: Comparison) -> Section:
 
 def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
     verdicts = {"differs": differs, "equivalent": each.is_equivalent}
+    sizes = each.captured, each.expected
     return (
-        f"{each.name} ({each.unit})",
-        number(each.captured),
-        number(each.expected),
+        each.name if each.unit == "s" else f"{each.name} ({each.unit})",
+        *(with_error(size, 0, "s") if each.unit == "s" else number(size) for size in sizes),
         f"{100 * each.relative:+.2g} %{each.base}",
         f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
         f"{each.p:.2g}",
@@ -166,8 +170,8 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
     )
 
 
-def _pixels(compared: Compared) -> Iterator[Section]:
-    """Yield sections on the differences of pixels, level by level."""
+def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
+    """Yield sections on the differences of pixels, level by level, titled by their lights."""
     captured, simulated, found = compared.captured, compared.simulated, compared.found
     yield Section("Distributions", charts=tuple(_curves(captured, simulated)))
     counted = tuple(
@@ -180,7 +184,7 @@ def _pixels(compared: Compared) -> Iterator[Section]:
         means, variances = (found.tests[name] for name in ("mean", "variance"))
         maps = [each.readings.mean(axis=0) for each in (one, other)]
         yield Section(
-            f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
+            f"{lights[at]}, {with_error(one.exposure_s, 0, 's')}",
             f"Of {np.isfinite(means.p[at]).sum()} pixels {means.differs[at].sum()} differ in the "
             f"mean, {variances.differs[at].sum()} in the variance.",
             charts=tuple(_maps(at, maps, means.p[at])),

@@ -93,14 +93,14 @@ class FramesByCode:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A recording; frames are read when sliced."""
+    """A recording; frames are read when sliced: `recording.counts[:]`."""
 
     path: Path
     settings: RecordingSettings
     counts: FramesByCode
     saturated: FramesByCode
     adc: NDArray[np.uint16]
-    """(T, 16, 16); slice it: `recording.counts[:]`."""
+    """(T, 16, 16): codes of the ADC."""
     times_s: NDArray[np.float64]
     """(T,) float64: end of each exposure, s from the start."""
     sequence_number: NDArray[np.uint32]

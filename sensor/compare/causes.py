@@ -282,7 +282,7 @@ def _causes_of(seen: _Expected) -> tuple[Cause, ...]:
     dead_s, carriers = sensor.dead_time.dead_time_s, sensor.afterpulsing.mean_carriers
     neighbors = sensor.crosstalk.mean_fired_neighbors
     # frames do not show the delay, which is assumed
-    of_carriers = f"carriers per event at a delay of {1e9 * model.delay_s:.3g} ns"
+    of_carriers = f"carriers per event at a delay of {1e6 * model.delay_s:.3g} µs"
     causes: list[Cause] = [
         _OfEvents(
             name="dark counts", field="dark_counts", unit="Hz", is_relative=True, seen=seen,
