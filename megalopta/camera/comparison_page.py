@@ -79,14 +79,14 @@ def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     found, explained, order = compared.found, compared.found.explained, compared.found.arrangement
     if not explained.alone:
-        told = "Frames are not independent, or no pixel is left: none is tested."
+        explanation = "Frames are not independent, or no pixel is left: none is tested."
     elif not explained.is_different:
-        told = "Means, variances and coincidences do not differ significantly."
+        explanation = "Means, variances and coincidences do not differ significantly."
     elif not explained.accepted:
-        told = "No one or two of them explain the difference."
+        explanation = "No one or two of them explain the difference."
     else:
         sets = (f"{' and '.join(each.names)} (p = {each.p:.2g})" for each in explained.accepted)
-        told = f"The difference is explained by {', or else by '.join(sets)}."
+        explanation = f"The difference is explained by {', or else by '.join(sets)}."
     faults = Section(
         "Faults",
         f"{_FAULTS} The image is {order.name}: rank correlation of the two patterns "
@@ -94,10 +94,10 @@ def levels_page(name: str, compared: Compared) -> Page:
     )
     device = _differences(
         "The device",
-        f"Parameters that explain the rest, each fitted together with those that differ. {told} "
-        f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself raise a false "
-        f"alarm. “Equivalent”: a difference below {100 * found.margin:g} % (two one-sided tests at "
-        "95 %).",
+        "Parameters that explain the rest, each fitted together with those that differ. "
+        f"{explanation} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
+        f"raise a false alarm. “Equivalent”: a difference below {100 * found.margin:g} % (two "
+        "one-sided tests at 95 %).",
         found,
     )
     lights = [

@@ -64,8 +64,8 @@ def validated(
     try:
         return checked(model, changed, {"folder": folder, "allows_code": allows_code})
     except MisfitError as problem:
-        whole = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
-        places = [path.split(".") for path in whole]
+        paths = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
+        places = [path.split(".") for path in paths]
         is_typed = any(all(map(eq, place, problem.place)) for place in places)
         raise UserError(f"{'command line' if is_typed else source}: {problem}") from problem
 
@@ -109,8 +109,8 @@ def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     if last == "kind" and values.get("kind", default) != value:
         values.clear()
     if last == "preset":
-        for other in values.keys() - {"kind"}:
-            del values[other]
+        for name in values.keys() - {"kind"}:
+            del values[name]
     inner = [each for each in _inner(types, last) if each is not NoneType]
     is_list = inner and all(get_origin(each) is tuple for each in inner)
     values[last] = [value] if is_list and not isinstance(value, list) else value
@@ -143,13 +143,13 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     if model is None:
         return {}
     if values.get("preset") and _has(model, "preset"):
-        found = getattr(checked(model, values), step)
+        default = getattr(checked(model, values), step)
     else:
-        found = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
-    if isinstance(found, BaseModel):
-        kinds = {"kind": found.kind} if _has(type(found), "kind") else {}  # type: ignore[attr-defined]
-        return kinds | found.model_dump(mode="json", exclude_unset=True)
-    return {} if found in (None, PydanticUndefined) else to_jsonable_python(found)
+        default = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
+    if isinstance(default, BaseModel):
+        kinds = {"kind": default.kind} if _has(type(default), "kind") else {}  # type: ignore[attr-defined]
+        return kinds | default.model_dump(mode="json", exclude_unset=True)
+    return {} if default in (None, PydanticUndefined) else to_jsonable_python(default)
 
 
 def _inner(types: list[Any], step: str) -> list[Any]:

@@ -82,13 +82,13 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
 
 
 def _exposures(record: SequenceRecord) -> Iterator[dict[str, Any]]:
-    for each in record.exposures:
-        values = each.model_dump(exclude={"name"})
-        values["level"] = str(each.level)
+    for exposure in record.exposures:
+        values = exposure.model_dump(exclude={"name"})
+        values["level"] = str(exposure.level)
         yield {
             **values,
-            "exposure": each.name,
-            "counts": f"counts/{record.sequence}/{each.name}.zarr",
+            "exposure": exposure.name,
+            "counts": f"counts/{record.sequence}/{exposure.name}.zarr",
         }
 
 
@@ -159,8 +159,8 @@ def table_path(root: Path, name: str) -> Path:
         parts = bounded.read_json(described)["distribution"]
         hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
     with bounded.undamaged(path, again):
-        found = _sha256(path)
-    if found != hashes.get(f"index/{name}.parquet"):
+        digest = _sha256(path)
+    if digest != hashes.get(f"index/{name}.parquet"):
         raise UserError(f"{path} differs from its description; {again}")
     with bounded.undamaged(path, again):
         stated = pq.read_metadata(path)
@@ -240,10 +240,10 @@ def _link(link: Path, target: Path) -> None:
 
 def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:
     """Return the names of the sequences of every split; unknown ones are refused."""
-    found, known, again = {}, set(known), f"rewrite it: {Tree(root).make_again}"
+    lists, known, again = {}, set(known), f"rewrite it: {Tree(root).make_again}"
     for path in sorted((root / "splits").glob("*.txt")):
         with bounded.undamaged(path, again):
-            found[path.stem] = tuple(bounded.read_text(path).split())
-        if strangers := [name for name in found[path.stem] if name not in known]:
+            lists[path.stem] = tuple(bounded.read_text(path).split())
+        if strangers := [name for name in lists[path.stem] if name not in known]:
             raise UserError(f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {again}")
-    return found
+    return lists

@@ -36,8 +36,8 @@ class FlowPairs:
     ) -> None:
         if step < 1:
             raise UserError(f"step {step}: give a whole number, 1 or more")
-        for each in sequences:
-            each.dataset.require_truth()
+        for sequence in sequences:
+            sequence.dataset.require_truth()
         self._sequences, self._exposure, self._step = list(sequences), exposure, step
         self._form = form
         counts = (max(len(sequence) - step, 0) for sequence in self._sequences)

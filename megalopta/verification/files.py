@@ -104,11 +104,10 @@ def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
             path = root / name
             if fault := file_difference(path, size, digest) or wrong_shape(dataset, path):
                 store = whole_of(path, root)
-                damaged, verb, out = store if store.exists() else None, STAGES[stage].command, ()
+                damaged, verb = store if store.exists() else None, STAGES[stage].command
                 if plan:
                     damaged, verb = dataset.record_path, "dataset make"
-                if plan or stage == "render":
-                    out = "--out", root
+                out = ("--out", root) if plan or stage == "render" else ()
                 remove = f"remove {shlex.quote(str(damaged))} and " if damaged else ""
                 again = f"{remove}run: {shell_command(*verb.split(), root, *out)}"
                 faults[store] = FileFault(path, fault, again)
@@ -122,9 +121,9 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
     try:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
-        whole = whole_of(path, dataset.root)
-        if path.name.startswith(".z") or (path.name == METADATA and path.parent == whole):
-            counts = open_store(whole).arrays.get("counts")
+        store = whole_of(path, dataset.root)
+        if path.name.startswith(".z") or (path.name == METADATA and path.parent == store):
+            counts = open_store(store).arrays.get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
             if counts is not None and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
@@ -138,8 +137,8 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
     root, again = tree.root, f"run: {tree.make_again}"
     if (missing := plan.sequences - len(names)) > 0:
         first = next(n for n in map(sequence_name, range(plan.sequences)) if n not in names)
-        what = f"{missing} sequences of the plan are missing, this is the first"
-        yield FileFault(tree.record_path(first), what, again)
+        fault = f"{missing} sequences of the plan are missing, this is the first"
+        yield FileFault(tree.record_path(first), fault, again)
     for table in index.TABLES:
         path = root / "index" / f"{table}.parquet"
         try:
