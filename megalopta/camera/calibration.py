@@ -6,8 +6,8 @@ file is YAML, with maps as .npy files in a folder next to it; `sensors: [DEVICE.
 maps are without events that crosstalk and afterpulses add, which the simulation adds again.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.report.sections import Section
-from megalopta.report.text import number, with_error
+from megalopta.report.text import number
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import crosstalk as estimates
 from megalopta.sensor.calibrate.counts import CountingDevice, calibrate_counts, summed, summed_bits
@@ -45,15 +45,15 @@ class Calibration:
 
     source: str
     """Method and data behind it"""
-    fields: Mapping[str, Any]
+    fields: dict[str, Any]
     """Fields of the device file, without maps"""
-    maps: Mapping[str, Estimate]
+    maps: dict[str, Estimate] = field(default_factory=dict)
     """Maps with intervals, by their names in `measured`"""
-    masks: Mapping[str, NDArray[Any]]
+    masks: dict[str, NDArray[Any]] = field(default_factory=dict)
     """Further maps (rows, columns)"""
-    summary: str
-    quantities: Sequence[pages.Quantity] = ()
-    sections: Sequence[Section | None] = field(default=())
+    quantities: list[pages.Quantity] = field(default_factory=list)
+    summary: str = ""
+    sections: Sequence[Section | None] = ()
     """Parts of the page, between the table of pixels and their maps"""
 
 
@@ -69,22 +69,15 @@ def calibrate_recordings(
     kinds = {is_recording(source.path) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
-    if True in kinds and any(source.sums for source in sources):
-        raise UserError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
     with refused_as("calibrate"):
         sensor = preset(base)
         calibrate = _calibrate_codes if True in kinds else _calibrate_counts
-        calibration, steps = calibrate(sources, beam, sensor)
+        calibration, shape, steps = calibrate(sources, beam, sensor)
     write_device(out, calibration, base)
-    shape = next(iter(calibration.masks.values())).shape
-    standard = pages.emva_section(out, (shape[0], shape[1]), beam.wavelength_nm, steps)
-    pages.write_page(
-        out.with_suffix(".html"),
-        calibration.summary,
-        calibration.quantities,
-        [*calibration.sections, standard],
-    )
-    return calibration.summary
+    standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
+    summary, sections = calibration.summary, [*calibration.sections, standard]
+    pages.write_page(out.with_suffix(".html"), summary, calibration.quantities, sections)
+    return summary
 
 
 def write_device(path: Path, calibration: Calibration, base: str) -> None:
@@ -125,31 +118,26 @@ def _filled(values: Floats) -> Floats:
     return np.where(np.isfinite(values), values, np.nanmedian(values))
 
 
-def _efficiencies(
-    efficiency: Estimate, sensor: Sensor, wavelength_nm: float | None
-) -> tuple[float, pages.Quantity]:
-    """Efficiency that a map is relative to, the mean at an unknown color; and as it is told."""
-    if wavelength_nm is None:
-        shown = pages.Quantity("efficiency", "of the median", efficiency, 1 / efficiency.median)
-        return float(np.nanmean(efficiency.value)), shown
-    nominal = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
-    return nominal, pages.Quantity("efficiency", "%", efficiency, 100.0)
-
-
-def primary(estimate: Estimate, kernel: estimates.Kernel | None) -> Estimate:
+def primary(
+    estimate: Estimate, kernel: estimates.Kernel | None, talk: Crosstalk | None = None
+) -> Estimate:
     """Return rates without events of neighbors and traps, which the simulation adds again.
 
-    Its interval includes the error of what is subtracted, which all pixels share.
+    The crosstalk is `talk`, exact, or that of the kernel, with its afterpulses. The interval
+    includes the error of what is subtracted, which all pixels share.
     """
     fired, error = np.zeros_like(estimate.value), np.zeros_like(estimate.value)
-    if kernel is not None and kernel.are_afterpulses_seen:
-        fired += kernel.afterpulses * estimate.value
-        error = np.hypot(error, kernel.afterpulses_error * estimate.value)
-    if kernel is not None and kernel.is_seen:
-        light = _crosstalk_of(kernel)
-        by_light = crosstalk.fired_mean(_filled(estimate.value), light)
-        fired += by_light
-        error = np.hypot(error, by_light * kernel.total_error / light.mean_fired_neighbors)
+    if talk is not None:
+        fired += crosstalk.fired_mean(_filled(estimate.value), talk)
+    elif kernel is not None:
+        if kernel.are_afterpulses_seen:
+            fired += kernel.afterpulses * estimate.value
+            error = np.hypot(error, kernel.afterpulses_error * estimate.value)
+        if kernel.is_seen:
+            talk = _crosstalk_of(kernel)
+            by_light = crosstalk.fired_mean(_filled(estimate.value), talk)
+            fired += by_light
+            error = np.hypot(error, by_light * kernel.total_error / talk.mean_fired_neighbors)
     value = estimate.value - fired
     below = np.hypot(estimate.value - estimate.low, _95 * error)
     above = np.hypot(estimate.high - estimate.value, _95 * error)
@@ -167,23 +155,54 @@ def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
     )
 
 
-def _coincident_fields(
-    kernel: estimates.Kernel | None, dead_time_s: float | None, base: Sensor
-) -> dict[str, Any]:
-    """Fields of the crosstalk and of the trapped carriers that reproduce what was observed."""
-    fields: dict[str, Any] = {}
-    if kernel is not None and kernel.is_seen:
-        fields["crosstalk"] = _crosstalk_of(kernel).model_dump(exclude_defaults=True)
-    if kernel is not None and kernel.are_afterpulses_seen:
-        dead_s = base.dead_time.dead_time_s if dead_time_s is None else dead_time_s
-        delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_s)
-        carriers = kernel.afterpulses * float(np.exp(dead_s / delay_s))
-        fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
-    return fields
+def _of_events(
+    device: Device | CountingDevice,
+    source: str,
+    base: Sensor,
+    wavelength_nm: float | None,
+    dead_time: tuple[str, float] | None,
+    talk: Crosstalk | None = None,
+) -> Calibration:
+    """Return what codes and counts tell alike: dark counts, efficiency, dead time, neighbors.
+
+    The dead time (kind, s) and crosstalk of hot pixels are given where they are known.
+    """
+    calibration = Calibration(source, {"counter": {}})
+    fields, maps, quantities = calibration.fields, calibration.maps, calibration.quantities
+    kernel, dead_s = device.kernel, base.dead_time.dead_time_s
+    if dead_time is not None:
+        kind, dead_s = dead_time
+        fields["dead_time"] = {"kind": kind, "dead_time_s": dead_s}
+    if device.dark_counts_hz is not None:
+        quantities.append(pages.Quantity("dark counts", "Hz", device.dark_counts_hz, 1.0))
+        maps["dark_counts"] = primary(device.dark_counts_hz, kernel, talk)
+    if (efficiency := device.efficiency) is not None:
+        if wavelength_nm is None:  # relative
+            nominal, unit, scale = (
+                float(np.nanmean(efficiency.value)),
+                *("of the median", 1 / efficiency.median),
+            )
+        else:
+            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
+            unit, scale = "%", 100.0
+        quantities.append(pages.Quantity("efficiency", unit, efficiency, scale))
+        maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
+    if talk is not None:
+        calibration.masks["crosstalk"] = np.array(talk.kernel)
+        fields["crosstalk"] = {"mean_fired_neighbors": talk.mean_fired_neighbors}
+    elif kernel is not None:
+        if kernel.is_seen:
+            fields["crosstalk"] = _crosstalk_of(kernel).model_dump(exclude_defaults=True)
+        if kernel.are_afterpulses_seen:
+            delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_s)
+            carriers = kernel.afterpulses * float(np.exp(dead_s / delay_s))
+            fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
+    return calibration
 
 
-Steps = list[tuple[float, Step]]
-"""Exposure (s) and readings of each recording, for EMVA 1288"""
+Calibrated = tuple[Calibration, tuple[int, int], list[tuple[float, Step]]]
+"""What is written, rows and columns, and for EMVA 1288 exposure (s) and readings of each recording.
+"""
 
 
 def adc_of(sensor: Sensor) -> Adc:
@@ -195,18 +214,21 @@ def adc_of(sensor: Sensor) -> Adc:
     return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
 
 
-def _calibrate_codes(
-    sources: Sequence[Source], beam: Beam, sensor: Sensor
-) -> tuple[Calibration, Steps]:
+def _calibrate_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
     levels = []
     for source in sources:
+        if source.sums:
+            raise ValueError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
         recording, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
         assert recording.codes is not None
         levels.append(Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz))
     device = calibrate_device(levels, adc_of(sensor))
-    steps = [(each.exposure_s, Step.of(each.light_hz * each.exposure_s, each.signal))
-             for each in levels]  # fmt: skip
-    return calibration_of_codes(device, sensor, beam.wavelength_nm), steps
+    steps = [
+        (level.exposure_s, Step.of(level.light_hz * level.exposure_s, level.signal))
+        for level in levels
+    ]
+    rows, columns = device.hot.shape
+    return calibration_of_codes(device, sensor, beam.wavelength_nm), (rows, columns), steps
 
 
 def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | None) -> Calibration:
@@ -214,93 +236,66 @@ def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | No
 
     Without wavelength, efficiency is relative.
     """
-    fall = device.offset_v
-    maps = {
-        "dark_counts": primary(device.dark_counts_hz, device.kernel),
-        "step": device.step_v,
-        "leak": device.leak_v_s,
-        "offset": Estimate(-fall.value, -fall.high, -fall.low),  # a voltage drop as a rise
-    }
-    quantities = [
-        pages.Quantity("dark counts", "Hz", device.dark_counts_hz, 1.0),
-        pages.Quantity("step", "mV", device.step_v, 1e3),
-        pages.Quantity("offset", "mV", device.offset_v, 1e3),
-        pages.Quantity("leak", "mV/s", device.leak_v_s, 1e3),
-        pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
-    ]
-    if device.efficiency is not None and device.dead_time_s is not None:
-        nominal, shown = _efficiencies(device.efficiency, base, wavelength_nm)
-        maps["efficiency"] = primary(device.efficiency, device.kernel).scaled(1 / nominal)
-        quantities += [shown, pages.Quantity("dead time", "µs", device.dead_time_s, 1e6)]
-    counter: dict[str, Any] = {"step_v": device.step_v.median, "step_sigma_v": 0.0}
-    if np.isfinite(device.leak_v_s.value).any():
-        counter |= {"leak_v_s": max(device.leak_v_s.median, 0.0), "leak_sigma_v_s": 0.0}
+    kind, dead_time = device.dead_time_kind, None
+    if device.dead_time_s is not None and kind is not None:
+        dead_time = kind, device.dead_time_s.median
+    source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
+    calibration = _of_events(device, source, base, wavelength_nm, dead_time)
+    fall, leak, step = device.offset_v, device.leak_v_s, device.step_v
+    offset = Estimate(-fall.value, -fall.high, -fall.low)  # a voltage drop as a rise
+    calibration.maps.update(step=step, leak=leak, offset=offset)
+    calibration.masks["hot"] = device.hot
+    counter = calibration.fields["counter"]
+    counter |= {"step_v": step.median, "step_sigma_v": 0.0}
+    if np.isfinite(leak.value).any():
+        counter |= {"leak_v_s": max(leak.median, 0.0), "leak_sigma_v_s": 0.0}
     counter["read_noise_v"] = device.read_noise_v.median
     if device.is_slope_seen:
         counter["step_slope"] = device.curve.slope
-    fields: dict[str, Any] = {"counter": counter}
-    dead_s = None
-    if device.dead_time_s is not None and device.dead_time_kind is not None:
-        dead_s = device.dead_time_s.median
-        fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": dead_s}
-    fields |= _coincident_fields(device.kernel, dead_s, base)
-    known, kind = int(np.isfinite(device.step_v.value).sum()), device.dead_time_kind
-    medians = ", ".join(f"{each.name} {number(each.median)} {each.unit}" for each in quantities)
+    quantities = calibration.quantities
+    quantities += [
+        pages.Quantity("step", "mV", step, 1e3),
+        pages.Quantity("offset", "mV", fall, 1e3),
+        pages.Quantity("leak", "mV/s", leak, 1e3),
+        pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
+    ]
+    if device.dead_time_s is not None:
+        quantities.append(pages.Quantity("dead time", "µs", device.dead_time_s, 1e6))
+    known, hot = int(np.isfinite(step.value).sum()), int(device.hot.sum())
     summary = (
-        f"{known} of {device.hot.size} pixels, {int(device.hot.sum())} hot; medians: {medians}; "
+        f"{known} of {device.hot.size} pixels, {hot} hot; medians: {pages.medians(quantities)}; "
         f"dead time: {kind or f'kind {pages.UNKNOWN}'}."
     )
-    slope, error = 100 * device.curve.slope, 196 * device.slope_error
-    is_known = bool(np.isfinite(device.slope_error))
-    seen = "changes" if device.is_slope_seen else "no change seen"
-    likely = f"likelihood ratio e^{device.kind_ratio:.0f}" if kind else ""
-    if device.misfit:
-        likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
-    rows = (
-        (
-            "decrease of the step from top to bottom of the swing",
-            f"{with_error(slope, error, '%')} (95 %)" if is_known else pages.UNKNOWN,
-            seen if is_known else "",
-        ),
-        ("kind of dead time", kind or pages.UNKNOWN, likely),
-    )
-    head = ("", "estimate", "confidence")
-    charts = tuple(pages.code_charts(device))
-    curves = Section("Photon transfer and saturation", pages.CURVES, head, rows, charts)
-    sections = curves, pages.neighbors_section(device.kernel)
-    source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
-    return Calibration(source, fields, maps, {"hot": device.hot}, summary, quantities, sections)
+    sections = pages.curves_section(device), pages.neighbors_section(device.kernel)
+    return replace(calibration, summary=summary, sections=sections)
 
 
-def _calibrate_counts(
-    sources: Sequence[Source], beam: Beam, sensor: Sensor
-) -> tuple[Calibration, Steps]:
+def _calibrate_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
     levels = []
     for source in sources:
         recorded, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
-        given = recorded.exposure_s, light_hz
-        if source.sums and recorded.is_binary:
-            raise ValueError(
-                f"{source.path}: sums: {source.sums}, but its frames are bits; omit sums"
-            )
+        at = recorded.exposure_s, light_hz
         with refused_as(str(source.path)):
+            if source.sums and recorded.is_binary:
+                raise ValueError(f"sums: {source.sums}, but its frames are bits; omit sums")
             levels.append(
-                summed_bits(recorded.counts, source.sums, *given)
+                summed_bits(recorded.counts, source.sums, *at)
                 if source.sums
-                else summed(recorded.counts, *given, is_binary=recorded.is_binary)
+                else summed(recorded.counts, *at, is_binary=recorded.is_binary)
             )
     dead = sensor.dead_time
     device = calibrate_counts(
         levels, None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
     )
     if device.dark_counts_hz is None and device.efficiency is None:
-        raise ValueError(_reasons(device))
-    steps = [
-        (each.exposure_s, Step(each.light_hz * each.exposure_s, each.mean, each.variance,
-                               each.frames))
-        for each in levels
-    ]  # fmt: skip
-    return calibration_of_counts(device, sensor, beam.wavelength_nm), steps
+        raise ValueError(pages.reasons(device))
+    steps = []
+    for level in levels:
+        photons = level.light_hz * level.exposure_s
+        step = Step(photons, level.mean, level.variance, level.frames)
+        steps.append((level.exposure_s, step))
+    rows, columns = device.bad.shape
+    return calibration_of_counts(device, sensor, beam.wavelength_nm), (rows, columns), steps
 
 
 def calibration_of_counts(
@@ -310,93 +305,48 @@ def calibration_of_counts(
 
     Without wavelength, efficiency is relative.
     """
-    talk, kernel, dead = _crosstalk_of_hot_pixels(device), device.kernel, device.dead_time
-
-    def mapped(estimate: Estimate) -> Estimate:
-        """Dead pixels count nothing, other bad ones are unknown."""
-        if talk.is_on:
-            fired = crosstalk.fired_mean(_filled(estimate.value), talk)
-            estimate = Estimate(
-                *(each - fired for each in (estimate.value, estimate.low, estimate.high))
-            )
-        else:
-            estimate = primary(estimate, kernel)
-        return estimate.where(~device.stuck & ~device.saturated).where(~device.dead, 0.0)
-
-    maps, quantities = {}, []
-    masks: dict[str, NDArray[Any]] = {"bad": device.bad, "hot": device.hot}
-    fields: dict[str, Any] = {"counter": {"kind": "digital"}}
+    talk, dead = _crosstalk_of_hot_pixels(device), device.dead_time
+    source, dead_time = "calibrated from recordings of counts or bits", None
+    if dead is not None:
+        dead_time = dead.kind, dead.seconds
+    calibration = _of_events(device, source, base, wavelength_nm, dead_time, talk)
+    fields, maps, masks = calibration.fields, calibration.maps, calibration.masks
+    fields["counter"]["kind"] = "digital"
     if device.capacity is not None:
         fields["counter"]["capacity"] = device.capacity
-    if dead is not None:
-        fields["dead_time"] = {"kind": dead.kind, "dead_time_s": dead.seconds}
-    if device.dark_counts_hz is not None:
-        quantities.append(pages.Quantity("dark counts", "Hz", device.dark_counts_hz, 1.0))
-        maps["dark_counts"] = mapped(device.dark_counts_hz)
-    if device.efficiency is not None:
-        nominal, shown = _efficiencies(device.efficiency, base, wavelength_nm)
-        quantities.append(shown)
-        maps["efficiency"] = mapped(device.efficiency).scaled(1 / nominal)
-    switching, many = device.telegraph, 0
-    if switching is not None:  # its traps add the rest of the dark counts
-        at, dark, many = switching.pixels, maps["dark_counts"], int(switching.pixels.sum())
-        value = np.where(at, switching.low_hz, dark.value)
-        maps["dark_counts"] = Estimate(value, dark.where(~at).low, dark.where(~at).high)
+    for name, rates in maps.items():  # dead pixels count nothing, other bad ones are unknown
+        maps[name] = rates.where(~device.stuck & ~device.saturated).where(~device.dead, 0.0)
+    masks |= {"bad": device.bad, "hot": device.hot}
+    if (switching := device.telegraph) is not None:  # its traps add the rest of the dark counts
+        at, dark = switching.pixels, maps["dark_counts"]
+        low_hz = np.where(at, switching.low_hz, dark.value)
+        maps["dark_counts"] = replace(dark.where(~at), value=low_hz)
         steps = np.zeros(at.shape)
         steps[at] = switching.high_hz[at] / switching.low_hz[at] - 1
         step = float(np.median(steps[at]))
         masks["telegraph"] = steps / step
         times = dict.fromkeys(("fastest_s", "slowest_s"), switching.time_s)
         fields["telegraph"] = {"share": float(at.mean()), "step": step, **times}
-    if talk.is_on:
-        masks["crosstalk"] = np.array(talk.kernel)
-        fields["crosstalk"] = {"mean_fired_neighbors": talk.mean_fired_neighbors}
-    else:
-        fields |= _coincident_fields(kernel, dead.seconds if dead else None, base)
     if (device.reading >= 0).any():
         masks["stuck"] = device.reading
-    medians = [f"{each.name} {number(each.median)} {each.unit}" for each in quantities]
-    rows: tuple[tuple[str, str], ...] = ()
-    if dead is not None:
-        taken = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
-        told = with_error(dead.seconds, 1.96 * dead.error, "s")
-        medians.append(f"dead time {told} ({taken})")
-        rows = ("dead time (95 % CI)", told), ("its kind", taken)
-    noisy = f", {many} with telegraph noise" if many else ""
-    missing = f" Not known: {_reasons(device)}." if device.refused else ""
-    summary = (
-        f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot"
-        f"{noisy}; medians: {', '.join(medians)}.{missing}"
-    )
-    kinds = ("dead", "stuck", "saturated", "hot")
-    bad = [(kind, str(int(getattr(device, kind).sum()))) for kind in kinds]
-    sections = (
-        Section("Dead time", pages.CURVES, ("", "estimate"), rows) if rows else None,
-        Section("Not known", f"{_reasons(device)}.") if device.refused else None,
-        Section("Bad and hot pixels", pages.BAD, ("", "pixels"), (*bad, ("telegraph", str(many)))),
-        pages.neighbors_section(kernel, 100 * talk.mean_fired_neighbors),
-    )
-    source = "calibrated from recordings of counts or bits"
-    return Calibration(source, fields, maps, masks, summary, quantities, sections)
+    summary, sections = pages.counting_parts(device, calibration.quantities, talk)
+    return replace(calibration, summary=summary, sections=sections)
 
 
-def _reasons(device: CountingDevice) -> str:
-    return "; ".join(f"{name}: {reason}" for name, reason in device.refused.items())
-
-
-def _crosstalk_of_hot_pixels(device: CountingDevice) -> Crosstalk:
-    """Crosstalk as the dark counts of hot pixels and their neighbors show it, or none.
+def _crosstalk_of_hot_pixels(device: CountingDevice) -> Crosstalk | None:
+    """Crosstalk as the dark counts of hot pixels and their neighbors show it.
 
     None for bits, which the sensor draws without crosstalk.
     """
     dark = device.dark_counts_hz
     if dark is None or device.capacity == 1 or dark.value.size < estimates.FEWEST_PIXELS:
-        return Crosstalk()
+        return None
     rates = np.where(device.bad, np.nan, dark.value)
     try:
-        return estimates.kernel_of(estimates.crosstalk_of_hot_pixels(rates))
+        talk = estimates.kernel_of(estimates.crosstalk_of_hot_pixels(rates))
     except ValueError:  # too many bad pixels
-        return Crosstalk()
+        return None
+    return talk if talk.is_on else None
 
 
 def write_array_device(path: Path, tables: Sequence[Measurement], base: str, source: str) -> str:
@@ -404,18 +354,14 @@ def write_array_device(path: Path, tables: Sequence[Measurement], base: str, sou
 
     Raises ValueError if a table does not suffice, or two are of one kind.
     """
-    kinds: tuple[Any, ...] = (np.ndarray, estimates.PairCrosstalk, Autocorrelation)
-    by_kind: list[list[Any]] = [
-        [table for table in tables if isinstance(table, kind)] for kind in kinds
-    ]
-    if max(len(some) for some in by_kind) > 1:
+    by_kind: dict[Any, Any] = {type(table): table for table in tables}
+    if len(by_kind) < len(tables):
         raise ValueError("2 tables of one kind; give those of one array")
-    maps, pairs, lags = by_kind
-    if not maps:
+    if (rates := by_kind.get(np.ndarray)) is None:
         raise ValueError("no map of dark counts; give a table of them")
-    rates = maps[0]
-    talk = estimates.fit_crosstalk(pairs[0]) if pairs else Crosstalk()
-    pulses = fit_table(lags[0].of(slice(None), _UP_TO_S)) if lags else Afterpulsing()
+    pairs, lags = by_kind.get(estimates.PairCrosstalk), by_kind.get(Autocorrelation)
+    talk = estimates.fit_crosstalk(pairs) if pairs else Crosstalk()
+    pulses = fit_table(lags.of(slice(None), _UP_TO_S)) if lags else Afterpulsing()
     counted = _filled(rates)
     dark = np.maximum(counted - crosstalk.fired_mean(counted, talk), 0)
     fields = {}
@@ -429,5 +375,5 @@ def write_array_device(path: Path, tables: Sequence[Measurement], base: str, sou
         f"{number(100 * pulses.mean_carriers)} %"
     )
     masks = {"dark_counts": dark * (1 - pulses.mean_carriers)}
-    write_device(path, Calibration(source, fields, {}, masks, summary), base)
+    write_device(path, Calibration(source, fields, masks=masks), base)
     return summary

@@ -4,7 +4,7 @@ The figures are those of the calibrated device, from exact moments at 50 steps o
 recordings have a dark and eight levels of light at one exposure, theirs are shown, too.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +16,9 @@ from megalopta.report import style
 from megalopta.report.sections import Section, captioned, write_sections
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.report.text import number, with_error
-from megalopta.sensor import changed, load_sensor
+from megalopta.sensor import Crosstalk, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
+from megalopta.sensor.calibrate.counts import CountingDevice
 from megalopta.sensor.calibrate.device import Device, Estimate
 from megalopta.sensor.calibrate.emva import Emva, Step
 
@@ -52,7 +53,7 @@ _NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two
 _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
-    "computed from the calibration at 50 steps of light and an exposure of {:g} s. Saturation is "
+    "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
     "where the temporal variance is largest. With dead time the response is not linear, and R and "
     "K would be too small. They are corrected for the calibrated dead time (the device's by "
     "factors of {:.3g} and {:.3g}), and hold for dim light. The linearity error is not corrected."
@@ -149,19 +150,78 @@ def neighbors_section(
     return Section("Crosstalk and afterpulses", _NEIGHBORS, head, (*texts, hot))
 
 
-def code_charts(device: Device) -> Iterator[Markup]:
-    """Draw photon transfer and, under light, the saturation curve."""
-    yield captioned(
-        _drops_chart(device),
-        "A point per pixel and level. On the line, noise is that of single events; points of "
-        "bright light lie below it where dead time regularizes events.",
+def medians(quantities: Sequence[Quantity]) -> str:
+    """Tell the medians in a line."""
+    return ", ".join(f"{each.name} {number(each.median)} {each.unit}" for each in quantities)
+
+
+def reasons(device: CountingDevice) -> str:
+    """Tell what the recordings do not show, and why."""
+    return "; ".join(f"{name}: {reason}" for name, reason in device.refused.items())
+
+
+def counting_parts(
+    device: CountingDevice, quantities: Sequence[Quantity], talk: Crosstalk | None
+) -> tuple[str, list[Section | None]]:
+    """Return the summary and the sections of a camera of counts or bits."""
+    dead, hidden = device.dead_time, None
+    dead_time, told = "", medians(quantities)
+    if dead is not None:
+        kind = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
+        dead_time = with_error(dead.seconds, 1.96 * dead.error, "s")
+        told += f", dead time {dead_time} ({kind})"
+        rows = ("dead time (95 % CI)", dead_time), ("its kind", kind)
+        hidden = Section("Dead time", CURVES, ("", "estimate"), rows)
+    switching = int(device.telegraph.pixels.sum()) if device.telegraph else 0
+    noisy = f", {switching} with telegraph noise" if switching else ""
+    unknown = f" Not known: {reasons(device)}." if device.refused else ""
+    summary = (
+        f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot"
+        f"{noisy}; medians: {told}.{unknown}"
     )
-    if device.efficiency is not None and device.dead_time_s is not None:
-        yield captioned(
-            _saturation_chart(device, device.efficiency, device.dead_time_s),
-            "Counts of the median pixel. Their distance below the line without dead time gives the "
-            "dead time; its kind shows where the two models diverge.",
+    kinds = ("dead", "stuck", "saturated", "hot")
+    bad = [(kind, str(int(getattr(device, kind).sum()))) for kind in kinds]
+    return summary, [
+        hidden,
+        Section("Not known", f"{reasons(device)}.") if device.refused else None,
+        Section("Bad and hot pixels", BAD, ("", "pixels"), (*bad, ("telegraph", str(switching)))),
+        neighbors_section(device.kernel, 100 * talk.mean_fired_neighbors if talk else 0.0),
+    ]
+
+
+def curves_section(device: Device) -> Section:
+    """Return photon transfer, and under light the saturation curve, with what they determine."""
+    kind, is_known = device.dead_time_kind, bool(np.isfinite(device.slope_error))
+    slope, error = 100 * device.curve.slope, 196 * device.slope_error
+    seen = "changes" if device.is_slope_seen else "no change seen"
+    likely = f"likelihood ratio e^{device.kind_ratio:.0f}" if kind else ""
+    if device.misfit:
+        likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
+    rows = (
+        (
+            "decrease of the step from top to bottom of the swing",
+            f"{with_error(slope, error, '%')} (95 %)" if is_known else UNKNOWN,
+            seen if is_known else "",
+        ),
+        ("kind of dead time", kind or UNKNOWN, likely),
+    )
+    charts = [
+        captioned(
+            _drops_chart(device),
+            "A point per pixel and level. On the line, noise is that of single events; points of "
+            "bright light lie below it where dead time regularizes events.",
         )
+    ]
+    if device.efficiency is not None and device.dead_time_s is not None:
+        charts.append(
+            captioned(
+                _saturation_chart(device, device.efficiency, device.dead_time_s),
+                "Counts of the median pixel. Their distance below the line without dead time gives "
+                "the dead time; its kind shows where the two models diverge.",
+            )
+        )
+    head = ("", "estimate", "confidence")
+    return Section("Photon transfer and saturation", CURVES, head, rows, tuple(charts))
 
 
 @style.in_style
@@ -233,4 +293,4 @@ def emva_section(
         (symbol, title, *(number(of(each)) for each in figures), *("",) * (2 - len(figures)))
         for symbol, title, of in _ROWS
     )
-    return Section(_TITLE, _TEXT.format(exposure_s, *factors), _HEAD, rows)
+    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), _HEAD, rows)

@@ -8,17 +8,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.camera import link as links
 from megalopta.camera.recording import Recorder, Recording, open_recording
-from megalopta.core.bounded import printable, quoted
 from megalopta.core.errors import UserError, machine_problem, refused_as
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
@@ -26,19 +23,11 @@ from megalopta.core.progress import say, speaking
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats import protocol
 
-_POSSIBLE = {
-    "rows": (protocol.ROWS, protocol.ROWS),
-    "columns": (protocol.COLUMNS, protocol.COLUMNS),
-    "adc_bits": (1, 16),
-    "supply_mv": (1000, 6000),
-}
-"""Possible values of the camera's identity."""
-_MOST_LETTERS = 100
-_RATE_OVER_S = 1.0
 _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
+"""The reader releases the GIL several times per 4 KiB, and waits this long for it while a record is
+written: with the default of 5 ms, 1000 frames/s are too fast."""
 _LOOK_AGAIN_S = 0.1
-_LONGEST_WAIT_S = 604_800.0
 PATIENCE_S = 8.0
 """Longest wait for frames of a connected camera, beyond three frame periods."""
 
@@ -49,20 +38,24 @@ def named_sensor(name: str) -> Sensor:
         return load_sensor(name) if name.endswith((".yaml", ".yml")) else preset(name)
 
 
-def sensor_as_set(sensor: Sensor, settings: protocol.Settings) -> Sensor:
+def sensor_as_set(
+    sensor: Sensor, settings: protocol.Settings, identity: protocol.Identity | None = None
+) -> Sensor:
     """Return a sensor with the camera's exposure, and a step proportional to the bias (assumed).
 
-    Raises UserError if the sensor does not allow these values, or its counters have no ADC.
+    ADC and supply are those that the camera reports, if given. Raises UserError if the sensor does
+    not allow these values, or its counters have no ADC.
     """
     counter = sensor.counter
-    if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
+    if not isinstance(counter, AnalogCounter) or not counter.adc_bits:
         raise UserError(
-            f"sensor {sensor.name}: its counters have no ADC of 1 to 16 bits; "
-            "choose another, such as spadcam"
+            f"sensor {sensor.name}: its counters have no ADC; choose another, such as spadcam"
         )
-    step_v = counter.step_v * settings.step_bias / protocol.NOMINAL_STEP_BIAS
+    fields = {"step_v": counter.step_v * settings.step_bias / protocol.NOMINAL_STEP_BIAS}
+    if identity is not None:
+        fields |= {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
     with refused_as(f"sensor {sensor.name}"):
-        return changed(sensor, exposure_s=settings.exposure_us / 1e6, counter={"step_v": step_v})
+        return changed(sensor, exposure_s=settings.exposure_us / 1e6, counter=fields)
 
 
 @dataclass(frozen=True)
@@ -83,66 +76,28 @@ class CaptureSettings:
     seconds: float | None = None
     """Duration, from the first frame on."""
 
-    def check(self) -> None:
-        """Check that the camera supports the settings. Raises UserError."""
-        kind = self.kind
-        if not 0 < len(kind) <= _MOST_LETTERS or kind != printable(kind) or "/" in kind:
+    @property
+    def of_camera(self) -> protocol.Settings:
+        """Settings in the camera's format. Raises UserError if it does not support them."""
+        rate_hz = self.frame_rate_hz
+        times = round(self.exposure_s * 1e6), round(rate_hz * 1e3)
+        settings = protocol.Settings(*times, self.step_bias, *self.row_window)
+        if settings.exposure_us > settings.period_us:
             raise UserError(
-                f"--kind: {quoted(kind)!r}; give 1 to {_MOST_LETTERS} letters without a slash"
+                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate {rate_hz:g}; "
+                f"lower the rate to {1 / self.exposure_s:g} or less"
             )
-        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
-            if limit is not None and not 0 < limit < math.inf:
-                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or omit it")
-        for name, value, least in (
-            ("exposure", self.exposure_s, 1e-6),
-            ("rate", self.frame_rate_hz, 1e-3),
-        ):
-            if not least <= value <= 4000:
-                raise UserError(f"--{name}: {value:g}; give a value between {least:g} and 4000")
-        wanted = self.wanted()
-        if wanted.exposure_us > wanted.period_us:
-            raise UserError(
-                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
-                f"{self.frame_rate_hz:g}; lower the rate to {1 / self.exposure_s:g} or less"
-            )
-        if not wanted.are_possible:
+        if not settings.are_possible:
             first, end = self.row_window
             raise UserError(
                 f"--step-bias {self.step_bias}, --rows {first} {end}: give a bias of 0 to "
                 "4095, and rows 0 <= first < end <= 16"
             )
-
-    def wanted(self) -> protocol.Settings:
-        """Settings in the camera's format."""
-        times = round(self.exposure_s * 1e6), round(self.frame_rate_hz * 1e3)
-        return protocol.Settings(*times, self.step_bias, *self.row_window)
+        return settings
 
 
-class State(NamedTuple):
-    """State of a capture, for display."""
-
-    frames: int
-    gaps: int
-    missing_frames: int
-    damaged_packets: int
-    rate_hz: float
-    is_plugged: bool
-    counts: NDArray[np.uint16] | None
-    saturated: NDArray[np.bool_] | None
-
-    def __str__(self) -> str:
-        """Describe it on one line."""
-        parts = [
-            f"{self.frames} frames",
-            f"{self.rate_hz:.1f} frames/s",
-            f"{self.gaps} gaps ({self.missing_frames} frames missing)",
-            f"{self.damaged_packets} packets damaged",
-        ]
-        if self.saturated is not None:
-            parts.append(f"{int(self.saturated.sum())} pixels saturated")
-        if not self.is_plugged:
-            parts.append("unplugged, waiting")
-        return ", ".join(parts)
+Show = Callable[[Recorder, str], None]
+"""Shows the state of a capture: what is recorded, and that in a line."""
 
 
 def capture(
@@ -150,211 +105,146 @@ def capture(
     out: Path,
     settings: CaptureSettings,
     stop: threading.Event,
-    show: Callable[[State], None] = lambda state: None,
+    show: Show = lambda recorder, state: None,
     wait_s: float = 0.0,
 ) -> Recording:
     """Record into a new folder until frames or seconds are complete, or `stop` is set.
 
     It waits up to `wait_s`, with a message, for a port that does not exist yet. Raises UserError if
     a setting is impossible, the folder exists, or the camera is absent, does not answer, refuses,
-    sends no frames, or has not answered when it is stopped; earlier frames are kept.
+    or sends no frames; earlier frames are kept.
     """
-    settings.check()
+    wanted = settings.of_camera
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
-    begun: _Capture | None = None
-    problem: OSError | UserError | None = None
-    # The reader releases the GIL several times per 4 KiB, and waits this long for it while a chunk
-    # is written: with the default 5 ms, 1000 frames/s are too fast.
+    recorder = None
     switching_s = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCHING_S)
     try:
         with locked(out):
             try:
                 with _linked(find, wait_s, stop) as link:
-                    begun = _Capture(link, out, settings, show)
-                    begun.run(stop)
-            except (OSError, UserError) as error:
-                problem = error
-            try:
-                if begun:
-                    begun.finish()
-            except OSError as error:
-                problem = error
-            recorder = begun.recorder if begun else None
-            if recorder is None or (problem and not recorder.frames):
-                remove(out)
+                    identity, start_s = _identity(link), time.monotonic()
+                    sensor = sensor_as_set(settings.sensor, wanted, identity)
+                    valid_us = _configure(link, wanted)
+                    recorder = Recorder(out, sensor, settings.kind, identity, wanted, start_s)
+                    try:
+                        _record(link, recorder, settings, valid_us, stop, show)
+                    finally:
+                        recorder.finish(link.damaged)
+            except (OSError, UserError) as problem:
+                if recorder is None or not recorder.frames:
+                    remove(out)
+                    raise
+                reason = str(problem)
+                if isinstance(problem, OSError):
+                    reason = (machine_problem(problem) or reason).partition(";")[0]
+                kept = f"the {recorder.frames} earlier frames are kept in {out}"
+                raise UserError(f"{reason}; {kept}") from problem
     finally:
         sys.setswitchinterval(switching_s)
-    if problem is not None and recorder is not None and recorder.frames:
-        reason = str(problem)
-        if isinstance(problem, OSError):
-            reason = (machine_problem(problem) or reason).partition(";")[0]
-        kept = f"the {recorder.frames} earlier frames are kept in {out}"
-        raise UserError(f"{reason}; {kept}") from problem
-    if problem is not None:
-        raise problem
-    if recorder is None:
-        raise UserError(f"{out}: no recording, stopped before the camera answered; try again")
     return open_recording(out)
 
 
 def _linked(find: Callable[[], str], wait_s: float, stop: threading.Event) -> links.Link:
-    if not 0 <= wait_s <= _LONGEST_WAIT_S:
-        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
-    end_s, has_told = time.monotonic() + wait_s, False
+    end_s, is_told = time.monotonic() + wait_s, False
     while True:
         try:
             return links.Link(find)
         except links.NoPortError as problem:
             if time.monotonic() >= end_s or stop.is_set():
                 raise
-            if not has_told:
+            if not is_told:
                 say(f"capture: waiting up to {wait_s:g} s: {problem}")
-                has_told = True
+                is_told = True
             stop.wait(_LOOK_AGAIN_S)
 
 
-class _Capture:
-    def __init__(
-        self, link: links.Link, out: Path, settings: CaptureSettings, show: Callable[[State], None]
-    ) -> None:
-        self._link, self._out, self._settings, self._show = link, out, settings, show
-        self._start_s = time.monotonic()
-        self._first_s: float | None = None
-        self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
-        self._frame_s, self._came_before = self._start_s, 0
-        self._valid_us = 0
-        self._is_plugged = False
-        self._shown_s = 0.0
-        self._rate_from = (self._start_s, 0)
-        self._rate_hz = 0.0
-        self.recorder: Recorder | None = None
-
-    def run(self, stop: threading.Event) -> None:
-        """Record frames as they arrive."""
-        while not stop.is_set() and not self._is_enough():
-            self._take(self._link.next(_SHOW_EVERY_S))
-            now_s = time.monotonic()
-            if self._is_plugged and now_s - self._frame_s > self._patience_s:
-                size = self._link.read_bytes - self._came_before
-                arrived = f"{size} bytes came" if size else "nothing came"
-                raise UserError(
-                    f"{self._link.path}: no new frame in {self._patience_s:.1f} s, {arrived} "
-                    "instead; unplug the camera and plug it in again, or choose another --port"
-                )
-            if self.recorder is not None:
-                self._show_state(self.recorder, now_s)
-
-    def finish(self) -> None:
-        """Record what a closed link has read, and complete the files.
-
-        Raises OSError if they cannot be written.
-        """
-        if self.recorder is None:
-            return
-        while (event := self._link.read_already()) and not self._is_enough():
-            if isinstance(event, links.Arrived):
-                self._take(event)
-        self.recorder.finish(self._link.damaged)
-
-    def _is_enough(self) -> bool:
-        wanted, frames = self._settings, self.recorder.frames if self.recorder else 0
-        if wanted.frames is not None and frames >= wanted.frames:
-            return True
-        if wanted.seconds is None or self._first_s is None:
-            return False
-        return time.monotonic() - self._first_s >= wanted.seconds
-
-    def _take(self, event: links.Event | None) -> None:
-        if isinstance(event, links.Plugged):
-            try:
-                self._begin()
-            except links.LinkLostError:
-                self._is_plugged = False
-        elif isinstance(event, links.Unplugged):
-            self._is_plugged = False
-        elif event is not None and self.recorder is not None and self._is_plugged:
-            packet = event.packet
-            if packet.kind == protocol.Kind.FRAME and packet.device_us >= self._valid_us:
-                before = self.recorder.frames
-                self.recorder.take(*event)
-                if self.recorder.frames > before:
-                    self._be_patient()
-                self._first_s = self._first_s or event.host_s
-
-    def _begin(self) -> None:
-        """Identify and configure a camera that was plugged in."""
-        identity = self._link.identity()
-        settings = self._configure()
-        if self.recorder is None:
-            sensor = sensor_as_set(self._as_identified(identity), settings)
-            kind = self._settings.kind
-            self.recorder = Recorder(self._out, sensor, kind, identity, settings, self._start_s)
-        elif identity.serial_number != self.recorder.header.serial_number:
-            raise UserError(
-                f"{self._link.path}: camera {identity.serial_number} was plugged in instead of "
-                f"{self.recorder.header.serial_number}; record it separately"
-            )
-        self.recorder.plugged()
-        self._is_plugged = True
-        self._be_patient()
-
-    def _be_patient(self) -> None:
-        self._frame_s, self._came_before = time.monotonic(), self._link.read_bytes
-
-    def _as_identified(self, identity: protocol.Identity) -> Sensor:
-        """Nominal sensor with the ADC and supply that the camera reports."""
-        for name, (least, most) in _POSSIBLE.items():
-            if not least <= (value := getattr(identity, name)) <= most:
-                raise UserError(
-                    f"the camera reports {name} {value}, but SPADCAM has {least} to {most}; flash "
-                    "this release's firmware"
-                )
-        adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
-        sensor = self._settings.sensor
-        with refused_as(f"sensor {sensor.name}: does not fit the camera"):
-            return changed(sensor, counter=adc)
-
-    def _configure(self) -> protocol.Settings:
-        """Configure the camera; frames whose exposure began earlier are skipped."""
-        wanted, kinds = self._settings.wanted(), protocol.Kind
-        commands: tuple[tuple[protocol.Kind, tuple[int, ...]], ...] = (
-            # The shortest exposure allows every frame rate.
-            (kinds.SET_EXPOSURE, (1,)),
-            (kinds.SET_FRAME_RATE, (wanted.frame_rate_mhz,)),
-            (kinds.SET_EXPOSURE, (wanted.exposure_us,)),
-            (kinds.SET_STEP_BIAS, (wanted.step_bias,)),
-            (kinds.SET_ROW_WINDOW, (wanted.first_row, wanted.end_row)),
+def _identity(link: links.Link) -> protocol.Identity:
+    """Ask the camera who it is. Raises UserError if it is no SPADCAM."""
+    identity = protocol.Identity.of(link.request(protocol.Kind.IDENTIFY).payload)
+    if (identity.rows, identity.columns) != (protocol.ROWS, protocol.COLUMNS):
+        raise UserError(
+            f"the camera reports {identity.rows} × {identity.columns} pixels, but SPADCAM has "
+            "16 × 16; flash this release's firmware"
         )
-        for kind, values in commands:
-            reply = self._link.request(*protocol.command(kind, *values))
-            said = protocol.Settings.of(reply.payload)
-            if said.refused:
-                raise UserError(
-                    f"{self._link.path}: the camera refused {kind.name.lower()}; choose "
-                    "another --exposure, --rate, --step-bias or --rows"
-                )
-        for name in wanted._fields:
-            asked, claimed = getattr(wanted, name), getattr(said, name)
-            if asked != claimed:
-                raise UserError(
-                    f"{self._link.path}: the camera reports {name} {claimed} after it was set to "
-                    f"{asked}; flash this release's firmware, or unplug it and plug it in again"
-                )
-        self._valid_us = reply.device_us + wanted.exposure_us
-        return said
+    return identity
 
-    def _show_state(self, taken: Recorder, now_s: float) -> None:
-        if now_s - self._shown_s >= _SHOW_EVERY_S:
-            self._shown_s = now_s
-            counted = taken.frames, taken.gaps, taken.missing_frames, self._link.damaged
-            shown = taken.last() or (None, None)
-            self._show(State(*counted, self._rate_hz, self._is_plugged, *shown))
-        since_s, frames = self._rate_from
-        if now_s - since_s >= _RATE_OVER_S:
-            self._rate_hz = (taken.frames - frames) / (now_s - since_s)
-            self._rate_from = (now_s, taken.frames)
+
+def _configure(link: links.Link, wanted: protocol.Settings) -> int:
+    """Configure the camera; return its time when the first exposure ends, µs."""
+    kinds = protocol.Kind
+    commands: tuple[tuple[protocol.Kind, tuple[int, ...]], ...] = (
+        # The shortest exposure allows every frame rate.
+        (kinds.SET_EXPOSURE, (1,)),
+        (kinds.SET_FRAME_RATE, (wanted.frame_rate_mhz,)),
+        (kinds.SET_EXPOSURE, (wanted.exposure_us,)),
+        (kinds.SET_STEP_BIAS, (wanted.step_bias,)),
+        (kinds.SET_ROW_WINDOW, (wanted.first_row, wanted.end_row)),
+    )
+    for kind, values in commands:
+        reply = link.request(*protocol.command(kind, *values))
+        if (reported := protocol.Settings.of(reply.payload)).refused:
+            raise UserError(
+                f"{link.path}: the camera refused {kind.name.lower()}; choose another --exposure, "
+                "--rate, --step-bias or --rows"
+            )
+    if reported != wanted:
+        raise UserError(
+            f"{link.path}: the camera reports {reported} after it was set to {wanted}; flash this "
+            "release's firmware, or unplug it and plug it in again"
+        )
+    return reply.device_us + wanted.exposure_us
+
+
+def _record(
+    link: links.Link,
+    recorder: Recorder,
+    settings: CaptureSettings,
+    valid_us: float,
+    stop: threading.Event,
+    show: Show,
+) -> None:
+    """Record frames as they arrive; after unplugging, configure the camera again."""
+    wanted, serial_number = settings.of_camera, recorder.header.serial_number
+    patience_s = PATIENCE_S + 3e-6 * wanted.period_us
+    connection, first_s, shown_s = link.connection, math.inf, 0.0
+    frame_s = time.monotonic()
+    while not stop.is_set() and recorder.frames != settings.frames:
+        arrival, now_s = link.next(_SHOW_EVERY_S), time.monotonic()
+        if now_s - first_s >= (settings.seconds or math.inf):
+            return
+        if arrival is not None and arrival.connection > connection:
+            connection, valid_us = link.connection, math.inf
+            with suppress(links.LinkLostError):
+                if (identity := _identity(link)).serial_number != serial_number:
+                    raise UserError(
+                        f"{link.path}: camera {identity.serial_number} was plugged in instead of "
+                        f"{serial_number}; record it separately"
+                    )
+                valid_us = _configure(link, wanted)
+                recorder.plugged_again()
+                frame_s = time.monotonic()
+        elif arrival is not None and arrival.connection == connection:
+            packet = arrival.packet
+            if packet.kind == protocol.Kind.FRAME and packet.device_us >= valid_us:
+                recorder.take(arrival.host_s, packet)
+                first_s, frame_s = min(first_s, arrival.host_s), now_s
+        if not link.is_plugged:
+            frame_s = now_s
+        if now_s - frame_s > patience_s:
+            raise UserError(
+                f"{link.path}: no new frame in {patience_s:.1f} s; unplug the camera and plug it "
+                "in again, or choose another --port"
+            )
+        if recorder.last is not None and now_s - shown_s >= _SHOW_EVERY_S:
+            shown_s, rate_hz = now_s, recorder.frames / max(now_s - first_s, 1.0)
+            show(
+                recorder,
+                f"{recorder.frames} frames, {rate_hz:.1f} frames/s, {recorder.missing_frames} "
+                f"missing, {link.damaged} packets damaged"
+                f"{'' if link.is_plugged else ', unplugged, waiting'}",
+            )
 
 
 def recorded_line(recording: Recording) -> str:
@@ -368,31 +258,31 @@ def recorded_line(recording: Recording) -> str:
 
 
 @contextmanager
-def viewing() -> Iterator[Callable[[State], None]]:
-    """Yield a display of states: a picture on a terminal, otherwise a line every ten seconds."""
+def viewing() -> Iterator[Show]:
+    """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
-        last: list[State] = []
-        with speaking(lambda: f"capture: {last[0] if last else 'no frames yet'}"):
-            yield lambda state: last.__setitem__(slice(None), [state])
+        last = ["no frames yet"]
+        with speaking(lambda: f"capture: {last[0]}"):
+            yield lambda recorder, state: last.__setitem__(0, state)
         return
     from rich.console import Console, Group
     from rich.live import Live
     from rich.text import Text
 
-    pixels = Text("")
     with Live(console=Console(stderr=True), refresh_per_second=10, transient=True) as live:
 
-        def show(state: State) -> None:
-            nonlocal pixels
-            if state.counts is not None and state.saturated is not None:
-                brightest = max(int(state.counts[~state.saturated].max(initial=1)), 1)
-                grays = np.minimum(255 * np.sqrt(state.counts / brightest), 255).astype(int)
-                pixels = Text()
-                for row, full in zip(grays, state.saturated, strict=True):
-                    for gray, is_full in zip(row, full, strict=True):
-                        color = "220,60,40" if is_full else f"{gray},{gray},{gray}"
-                        pixels.append("  ", f"on rgb({color})")
-                    pixels.append("\n")
-            live.update(Group(pixels, Text(f"{state}; Ctrl-C stops")))
+        def show(recorder: Recorder, state: str) -> None:
+            counts, saturated = recorder.newest
+            brightest = max(int(counts.max(initial=1, where=~saturated)), 1)
+            grays = np.minimum(255 * np.sqrt(counts / brightest), 255).astype(int)
+            pixels = Text()
+            for row, full in zip(grays, saturated, strict=True):
+                for gray, is_full in zip(row, full, strict=True):
+                    color = "220,60,40" if is_full else f"{gray},{gray},{gray}"
+                    pixels.append("  ", f"on rgb({color})")
+                pixels.append("\n")
+            live.update(
+                Group(pixels, Text(f"{state}, {saturated.sum()} pixels saturated; Ctrl-C stops"))
+            )
 
         yield show

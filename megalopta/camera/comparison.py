@@ -9,7 +9,6 @@ each pixel is subtracted.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +58,8 @@ def compare_captured(
     """
     with refused_as("compare"):
         sensor = PRESETS.get(str(device)) or load_sensor(device)
+        if any(source.sums for source in sources):
+            raise UserError("compare: sums of binary frames; give frames as they were recorded")
         if asked.scene == "levels":
             levels = [
                 captured_frames(
@@ -204,54 +205,37 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[np.generic]:
         return motion_bench.cut_passages(frames.readings, numbers)
 
 
-class Aligned(NamedTuple):
-    """Places of captured frames in a cycle."""
-
-    frame: NDArray[np.int64]
-    """(n,) frame of the cycle at the start of each captured frame."""
-    correlation: float
-    """Correlation of captured frames with these; 0 without motion."""
-
-
-def align(frames: Level, cycle: Cycle) -> Aligned:
-    """Align captured frames with a cycle. Raises UserError if sizes differ."""
-    shape, length = frames.readings.shape[1:], len(cycle.rates_hz)
+def _compare_scene(
+    captured: Level, cycle: Cycle, device: Sensor, asked: CompareSettings
+) -> pages.Compared:
+    """Align captured frames with a scene, and simulate the matching frames."""
+    shape, length = captured.readings.shape[1:], len(cycle.rates_hz)
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
             f"compare: frames of {shape} pixels, the scene has {cycle.rates_hz.shape[1:]}; "
             "capture all rows"
         )
-    times_s = frames.times_s
+    times_s = captured.times_s
     if times_s is None:
-        times_s = frames.exposure_s * np.arange(len(frames.readings), dtype=np.float64)
+        times_s = captured.exposure_s * np.arange(len(captured.readings), dtype=np.float64)
     # frame of the cycle at each captured frame, for every shift, (shifts, n)
     shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
     at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
-    places = np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
+    frame = np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
     counts, rates = (
-        (each - each.mean(axis=0)).reshape(len(each), -1)
-        for each in (np.asarray(frames.readings, np.float64), cycle.rates_hz)
+        (frames - frames.mean(axis=0)).reshape(len(frames), -1)
+        for frames in (np.asarray(captured.readings, np.float64), cycle.rates_hz)
     )
     size = np.square(rates).sum(axis=1)
-    if not size.max() > 0:
-        return Aligned(places[0], 0.0)
-    fit = (counts @ rates.T)[np.arange(len(counts)), places].sum(axis=1)
-    norm = np.sqrt(np.square(counts).sum() * size[places].sum(axis=1))
-    score = fit / np.maximum(norm, 1e-300)
-    best = np.flatnonzero(score >= score.max() - _TIE)
+    fit = (counts @ rates.T)[np.arange(len(counts)), frame].sum(axis=1)
+    norm = np.sqrt(np.square(counts).sum() * size[frame].sum(axis=1))
+    correlation = fit / np.maximum(norm, 1e-300)  # 0 without motion
+    best = np.flatnonzero(correlation >= correlation.max() - _TIE)
     # the middle of equal shifts is the least sensitive to clock differences
-    return Aligned(places[best[len(best) // 2]], float(score.max()))
-
-
-def _compare_scene(
-    captured: Level, cycle: Cycle, device: Sensor, asked: CompareSettings
-) -> pages.Compared:
-    """Align captured frames with a scene, and simulate the matching frames."""
-    aligned = align(captured, cycle)
-    rates = cycle.rates_hz[aligned.frame]
-    compared = _compared([captured], [rates], device, asked, "scene, ")
+    rates_hz = cycle.rates_hz[frame[best[len(best) // 2]]]
+    compared = _compared([captured], [rates_hz], device, asked, "scene, ")
     (simulated,) = compared.simulated
-    errors_hz = _errors(device, rates)
-    differences = scene_differences(captured, simulated, rates, asked.margin, errors_hz)
+    errors_hz = _errors(device, rates_hz)
+    differences = scene_differences(captured, simulated, rates_hz, asked.margin, errors_hz)
     found = replace(compared.found, differences=differences)
-    return compared._replace(found=found, correlation=aligned.correlation)
+    return compared._replace(found=found, correlation=float(correlation.max()))

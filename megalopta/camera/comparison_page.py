@@ -12,7 +12,7 @@ from megalopta.core.arrays import Floats
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned
 from megalopta.report.style import BLACK, BLUE, VERMILION
-from megalopta.report.text import number
+from megalopta.report.text import number, with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
 from megalopta.sensor.compare.two_sample import SEGMENT, Difference, segment_spectra
@@ -79,14 +79,14 @@ def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     found, explained, order = compared.found, compared.found.explained, compared.found.arrangement
     if not explained.alone:
-        told = "Frames are not independent, or no pixel is left: none is tested."
+        explanation = "Frames are not independent, or no pixel is left: none is tested."
     elif not explained.is_different:
-        told = "Means, variances and coincidences do not differ significantly."
+        explanation = "Means, variances and coincidences do not differ significantly."
     elif not explained.accepted:
-        told = "No one or two of them explain the difference."
+        explanation = "No one or two of them explain the difference."
     else:
         sets = (f"{' and '.join(each.names)} (p = {each.p:.2g})" for each in explained.accepted)
-        told = f"The difference is explained by {', or else by '.join(sets)}."
+        explanation = f"The difference is explained by {', or else by '.join(sets)}."
     faults = Section(
         "Faults",
         f"{_FAULTS} The image is {order.name}: rank correlation of the two patterns "
@@ -94,14 +94,18 @@ def levels_page(name: str, compared: Compared) -> Page:
     )
     device = _differences(
         "The device",
-        f"Parameters that explain the rest, each fitted together with those that differ. {told} "
-        f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself raise a false "
-        f"alarm. “Equivalent”: a difference below {100 * found.margin:g} % (two one-sided tests at "
-        "95 %).",
+        "Parameters that explain the rest, each fitted together with those that differ. "
+        f"{explanation} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
+        f"raise a false alarm. “Equivalent”: a difference below {100 * found.margin:g} % (two "
+        "one-sided tests at 95 %).",
         found,
     )
+    lights = [
+        "Dark" if level.is_dark else f"{number(level.light_hz)} photons/s per pixel"
+        for level in compared.captured
+    ]
     title = f"{name}: captured and simulated"
-    return Page(title, found.sentence, [faults, device, *_pixels(compared)])
+    return Page(title, found.sentence, [faults, device, *_pixels(compared, lights)])
 
 
 def scene_page(name: str, compared: Compared) -> Page:
@@ -119,7 +123,7 @@ def scene_page(name: str, compared: Compared) -> Page:
         f"differences below {100 * found.margin:g} % are ignored.",
         found,
     )
-    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared)]
+    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
     return Page(f"{name}: captured and simulated", found.sentence, sections)
 
 
@@ -155,10 +159,10 @@ def _differences(title: str, text: str, found: Comparison) -> Section:
 
 def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
     verdicts = {"differs": differs, "equivalent": each.is_equivalent}
+    sizes = each.captured, each.expected
     return (
-        f"{each.name} ({each.unit})",
-        number(each.captured),
-        number(each.expected),
+        each.name if each.unit == "s" else f"{each.name} ({each.unit})",
+        *(with_error(size, 0, "s") if each.unit == "s" else number(size) for size in sizes),
         f"{100 * each.relative:+.2g} %{each.base}",
         f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
         f"{each.p:.2g}",
@@ -166,8 +170,8 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
     )
 
 
-def _pixels(compared: Compared) -> Iterator[Section]:
-    """Yield sections on the differences of pixels, level by level."""
+def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
+    """Yield sections on the differences of pixels, level by level, titled by their lights."""
     captured, simulated, found = compared.captured, compared.simulated, compared.found
     yield Section("Distributions", charts=tuple(_curves(captured, simulated)))
     counted = tuple(
@@ -180,7 +184,7 @@ def _pixels(compared: Compared) -> Iterator[Section]:
         means, variances = (found.tests[name] for name in ("mean", "variance"))
         maps = [each.readings.mean(axis=0) for each in (one, other)]
         yield Section(
-            f"{'Dark' if one.is_dark else f'Light {one.light_hz:g}'}, {one.exposure_s:g} s",
+            f"{lights[at]}, {with_error(one.exposure_s, 0, 's')}",
             f"Of {np.isfinite(means.p[at]).sum()} pixels {means.differs[at].sum()} differ in the "
             f"mean, {variances.differs[at].sum()} in the variance.",
             charts=tuple(_maps(at, maps, means.p[at])),

@@ -13,7 +13,6 @@ import time
 import tty
 from collections import deque
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 
 from megalopta.camera.capture import sensor_as_set
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, refused_as
 from megalopta.sensor import (
     AnalogCounter,
@@ -36,7 +34,6 @@ from megalopta.sensor.formats import protocol
 
 BAND_NM = (699.99, 700.01)
 """Band of the flat light, narrow like a laser's, so that efficiency is that of one wavelength."""
-_LARGEST_SEED = 2**63 - 1
 _AHEAD_S = 0.064
 _MOST_AHEAD = 64
 BUFFER_BYTES = 24576 + 65536
@@ -69,13 +66,12 @@ def flat(photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Fi
     `photons_hz` are photons per second on a pixel of pitch × pitch, at 700 nm.
     """
 
-    @cache
     def film(sensor: Sensor) -> Cycle:
         light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
-        efficiency = detection_rate(light, (BAND_NM,), sensor) / photon_rate(
-            light, (BAND_NM,), sensor
+        detected_hz, photon_hz = (
+            rate(light, (BAND_NM,), sensor) for rate in (detection_rate, photon_rate)
         )
-        return Cycle(np.array(photons_hz)[:, None, None] * efficiency[0], 1 / step_s)
+        return Cycle(np.array(photons_hz)[:, None, None] * (detected_hz / photon_hz), 1 / step_s)
 
     return film
 
@@ -86,7 +82,6 @@ def plate(speed_mm_s: float) -> Film:
     In its light an open pixel detects 65 photons in 0.1 s.
     """
 
-    @cache
     def film(sensor: Sensor) -> Cycle:
         from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
 
@@ -102,7 +97,6 @@ def rendered(path: Path, lux: float | None = None) -> Film:
     `lux` is the light level; default: that of the rendering.
     """
 
-    @cache
     def film(sensor: Sensor) -> Cycle:
         from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
@@ -131,14 +125,10 @@ class EmulatedCamera:
     """Frames and replies as a function of sensor, film, seed and commands.
 
     A frame depends only on these, its number and the settings. Raises UserError if the sensor has
-    no analog counters with an ADC, or cannot see the film, or the seed is invalid.
+    no analog counters with an ADC, or cannot see the film.
     """
 
-    settings: protocol.Settings
-
     def __init__(self, sensor: Sensor, film: Film, seed: int = 0) -> None:
-        if not 0 <= seed <= _LARGEST_SEED:
-            raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
         self.sensor, self.film, self.seed = sensor, film, seed
         self._number = self._start_us = 0
         self._set(protocol.Settings())
@@ -149,12 +139,15 @@ class EmulatedCamera:
         return self._start_us + self.settings.exposure_us
 
     def answer(self, command: protocol.Packet, now_us: int) -> protocol.Packet:
-        """Execute a command. Raises ValueError if it is not a command."""
+        """Execute a command."""
         kinds = protocol.Kind
-        if command.kind < kinds.IDENTIFY:
-            raise ValueError(f"{command.kind.name}: not a command")
         if command.kind == kinds.IDENTIFY:
-            payload = self._identity().payload()
+            counter = self.sensor.counter
+            assert isinstance(counter, AnalogCounter) and counter.adc_bits
+            adc = counter.adc_bits, round(counter.supply_v * 1000)
+            name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
+            size = protocol.ROWS, protocol.COLUMNS
+            payload = protocol.Identity(*size, *adc, "EMULATED", name).payload()
             return protocol.Packet(kinds.IDENTITY, command.sequence, now_us, payload)
         settings = self.settings.after(command)
         if not settings.refused:
@@ -167,19 +160,23 @@ class EmulatedCamera:
     def next_frame(self) -> protocol.Packet:
         """Expose and read a frame."""
         if not self._drawn:
-            self._drawn.extend(self._draw(self.settings, self._as_set))
+            self._drawn.extend(self._draw(self.settings, self._as_set, self._cycle))
         packet = protocol.frame_packet(self._number, self.due_us, self._drawn.popleft())
         self._number += 1
         self._start_us += self.settings.period_us
         return packet
 
     def _set(self, settings: protocol.Settings) -> None:
-        as_set = sensor_as_set(self.sensor, settings)
-        # Drawn at once, so that errors of the sensor show now.
-        self._drawn = deque(self._draw(settings, as_set))
-        self._as_set, self.settings = as_set, settings
+        sensor = sensor_as_set(self.sensor, settings)
+        with refused_as(f"sensor {sensor.name}, emulated"):
+            cycle = self.film(sensor)
+            # Drawn at once, so that errors of the sensor show now.
+            self._drawn = deque(self._draw(settings, sensor, cycle))
+        self._as_set, self._cycle, self.settings = sensor, cycle, settings
 
-    def _draw(self, settings: protocol.Settings, sensor: Sensor) -> NDArray[np.uint16]:
+    def _draw(
+        self, settings: protocol.Settings, sensor: Sensor, cycle: Cycle
+    ) -> NDArray[np.uint16]:
         """Draw the next frame and those after it that share its stream.
 
         Streams begin at fixed numbers, so that frames do not depend on the time of the settings.
@@ -189,26 +186,17 @@ class EmulatedCamera:
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
-        with refused_as(f"sensor {sensor.name}, emulated"):
-            samples = expose_adc(
-                self.film(sensor).at(times_s),
-                sensor,
-                seed=self.seed,
-                stream=0,
-                first_frame=self._number - gone,
-                together=together,
-            )[gone:]
+        samples = expose_adc(
+            cycle.at(times_s),
+            sensor,
+            seed=self.seed,
+            stream=0,
+            first_frame=self._number - gone,
+            together=together,
+        )[gone:]
         samples[:, : settings.first_row] = protocol.NOT_READ
         samples[:, settings.end_row :] = protocol.NOT_READ
         return samples
-
-    def _identity(self) -> protocol.Identity:
-        counter = self.sensor.counter
-        assert isinstance(counter, AnalogCounter) and counter.adc_bits
-        supply_mv = round(counter.supply_v * 1000)
-        name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
-        size = protocol.ROWS, protocol.COLUMNS
-        return protocol.Identity(*size, counter.adc_bits, supply_mv, "EMULATED", name)
 
 
 class EmulatedPort:
@@ -230,12 +218,12 @@ class EmulatedPort:
             raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
         self._camera, self._link, self._clock_rate = camera, link, clock_rate
         self._plugged_in, self._sent = plugged_in, sent
-        self._waiting, self._start_s = bytearray(), 0.0
+        self._waiting = bytearray()
         self.dropped = 0
         """Packets that did not fit into the buffer."""
 
     def run(self, stop: threading.Event) -> None:
-        """Serve until stopped."""
+        """Send frames when they are due, and answer, until stopped."""
         # While the other end is open somewhere, writing to this one does not fail.
         end, other_end = pty.openpty()
         try:
@@ -247,33 +235,28 @@ class EmulatedPort:
                 self._link.unlink(missing_ok=True)
                 self._link.symlink_to(path)
             self._plugged_in(path)
-            self._serve(end, stop)
+            parser, start_s = protocol.Parser(), time.monotonic()
+            while not stop.is_set():
+                now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
+                if self._camera.due_us <= now_us:
+                    self._post(self._camera.next_frame())
+                due_s = (self._camera.due_us - now_us) * 1e-6 / self._clock_rate
+                pause_s = min(max(due_s, 0.0), _LONGEST_WAIT_S)
+                writing = [end] if self._waiting else []
+                can_read, can_write, _ = select.select([end], writing, [], pause_s)
+                for command in parser.feed(os.read(end, 4096)) if can_read else ():
+                    if command.kind >= protocol.Kind.IDENTIFY:
+                        now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
+                        self._post(self._camera.answer(command, now_us))
+                if can_write:
+                    count = os.write(end, self._waiting)
+                    self._sent(bytes(self._waiting[:count]))
+                    del self._waiting[:count]
         finally:
             if self._link is not None:
                 self._link.unlink(missing_ok=True)
             os.close(end)
             os.close(other_end)
-
-    def _serve(self, end: int, stop: threading.Event) -> None:
-        """Send frames when they are due, and answer, until stopped."""
-        parser, self._start_s = protocol.Parser(), time.monotonic()
-        while not stop.is_set():
-            if self._camera.due_us <= self._now_us():
-                self._post(self._camera.next_frame())
-            due_s = (self._camera.due_us - self._now_us()) * 1e-6 / self._clock_rate
-            pause_s = min(max(due_s, 0.0), _LONGEST_WAIT_S)
-            writing = [end] if self._waiting else []
-            can_read, can_write, _ = select.select([end], writing, [], pause_s)
-            for command in parser.feed(os.read(end, 4096)) if can_read else ():
-                if command.kind >= protocol.Kind.IDENTIFY:
-                    self._post(self._camera.answer(command, self._now_us()))
-            if can_write:
-                count = os.write(end, self._waiting)
-                self._sent(bytes(self._waiting[:count]))
-                del self._waiting[:count]
-
-    def _now_us(self) -> int:
-        return int((time.monotonic() - self._start_s) * 1e6 * self._clock_rate)
 
     def _post(self, packet: protocol.Packet) -> None:
         """Queue a packet, if it fits into the buffer."""

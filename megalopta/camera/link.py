@@ -1,14 +1,13 @@
 """The link to a camera: its serial port, and a thread that reads it.
 
-The thread only reads and notes the time, so that neither a slow disk nor a busy user makes it miss
-anything. When the camera is unplugged, it waits until it is back.
+The thread reads, notes the time and decodes packets, so that a slow disk does not make it miss any.
+When the camera is unplugged, it waits until it is back.
 """
 
 import errno
 import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import NamedTuple, Self
@@ -18,7 +17,7 @@ from serial.tools import list_ports
 
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.protocol import Identity, Kind, Packet, Parser, encode
+from megalopta.sensor.formats import protocol
 
 TEENSY_VENDOR = 0x16C0
 UDEV_RULE = (
@@ -42,11 +41,9 @@ _REMEDIES = {
 }
 _RETRY_S = 0.1
 _REPLY_S = 0.7
-_REPLIES = Kind.IDENTITY, Kind.SETTINGS
-_ASKED = 3
-"""Attempts; all commands may be repeated."""
-_MOST_WAITING = 8192
-"""Most waiting chunks of bytes, a frame or more each. Further ones wait in the camera."""
+_REPLIES = protocol.Kind.IDENTITY, protocol.Kind.SETTINGS
+_ATTEMPTS = 3
+"""Attempts of a command; all may be repeated."""
 _GATHER_S = 0.003
 _MUCH = 3000
 """Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
@@ -58,6 +55,10 @@ class NoPortError(UserError):
     """There is no such port yet."""
 
 
+class LinkLostError(UserError):
+    """The camera was unplugged before it answered."""
+
+
 def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
     """Yield path, true for a Teensy, serial number and description of USB serial ports."""
     for port in list_ports.comports():
@@ -66,20 +67,18 @@ def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
             yield port.device, port.vid == TEENSY_VENDOR, *texts
 
 
-def find_port(serial_number: str | None = None) -> str:
-    """Path of the camera's port: of a USB serial number, or the only Teensy.
+def find_port() -> str:
+    """Path of the only Teensy.
 
     Raises UserError if there is none (NoPortError), or more than one.
     """
-    teensies = {path: number for path, is_teensy, number, _ in _usb_ports() if is_teensy}
-    fitting = [path for path, number in teensies.items() if serial_number in (None, number)]
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
-        choice = ", ".join(f"{path} ({teensies[path]})" for path in fitting)
-        raise UserError(f"several cameras: {choice}; choose one with --port or --usb-serial")
-    who = f"no camera of USB serial number {serial_number}" if serial_number else "no camera"
-    raise NoPortError(f"{who} is plugged in; {_PLUG_IN}")
+    cameras = {path: number for path, is_teensy, number, _ in _usb_ports() if is_teensy}
+    if not cameras:
+        raise NoPortError(f"no camera is plugged in; {_PLUG_IN}")
+    if len(cameras) > 1:
+        choice = ", ".join(f"{path} ({number})" for path, number in cameras.items())
+        raise UserError(f"several cameras: {choice}; choose one with --port")
+    return next(iter(cameras))
 
 
 def open_port(path: str) -> serial.Serial:
@@ -108,26 +107,14 @@ def port_lines() -> Iterator[str]:
         yield f"{path}  {number or '-'}  {kind}  {description}  {state}"
 
 
-class Plugged(NamedTuple):
-    """The camera was plugged in."""
+class Arrival(NamedTuple):
+    """A packet, as it arrived."""
 
-
-class Unplugged(NamedTuple):
-    """The camera was unplugged."""
-
-
-class Arrived(NamedTuple):
-    """A packet, and the time when its last bytes were read, by the host's monotonic clock, s."""
-
+    connection: int
+    """How often the camera was plugged in before."""
     host_s: float
-    packet: Packet
-
-
-Event = Plugged | Unplugged | Arrived
-
-
-class LinkLostError(Exception):
-    """The camera was unplugged before it answered."""
+    """Host's monotonic clock when its last bytes were read, s."""
+    packet: protocol.Packet
 
 
 class Link:
@@ -141,15 +128,10 @@ class Link:
         self._find = find
         self.path = find()
         self._port = open_port(self.path)
-        self.read_bytes = 0
-        """Bytes that came so far."""
-        self._pieces: queue.Queue[Plugged | Unplugged | tuple[float, bytes]] = queue.Queue(
-            _MOST_WAITING
-        )
-        self._seen: deque[Event] = deque()
-        self._parser = Parser()
-        self._damaged_before = 0
-        self._commands = 0
+        self.connection, self.is_plugged = 0, True
+        self._arrivals: queue.SimpleQueue[Arrival] = queue.SimpleQueue()
+        self._parser = protocol.Parser()
+        self._commands = self._read_bytes = 0
         self._stop = threading.Event()
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
         self._reader.start()
@@ -158,106 +140,74 @@ class Link:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop reading; `read_already` still returns what was read before."""
         self._stop.set()
-        try:
-            while self._reader.is_alive() or not self._pieces.empty():
-                self._reader.join(0.05)
-                while not self._pieces.empty():
-                    self._decode(self._pieces.get())
-        finally:
-            self._port.close()
+        self._reader.join()
+        self._port.close()
 
     @property
     def damaged(self) -> int:
         """Packets refused so far."""
-        return self._damaged_before + self._parser.damaged
+        return self._parser.damaged
 
-    def next(self, timeout_s: float) -> Event | None:
-        """Return the next event; None if there is none."""
-        if not self._seen:
-            with suppress(queue.Empty):
-                self._decode(self._pieces.get(timeout=timeout_s))
-        return self.read_already()
+    def next(self, timeout_s: float) -> Arrival | None:
+        """Return the next packet; None if none arrives in time."""
+        with suppress(queue.Empty):
+            return self._arrivals.get(timeout=timeout_s)
+        return None
 
-    def read_already(self) -> Event | None:
-        """Return the next event that is already decoded; after `close` there are no others."""
-        return self._seen.popleft() if self._seen else None
-
-    def request(self, kind: Kind, payload: bytes) -> Packet:
-        """Send a command and return the reply; events meanwhile are kept for `next`.
+    def request(self, kind: protocol.Kind, payload: bytes = b"") -> protocol.Packet:
+        """Send a command and return the reply; frames meanwhile are of earlier settings, and lost.
 
         Raises UserError if there is no reply: the device is not SPADCAM; LinkLostError if the
         camera was unplugged.
         """
-        kept = list(self._seen)
-        self._seen.clear()
-        try:
-            for _ in range(_ASKED):
-                self._commands += 1
-                try:
-                    self._port.write(encode(Packet(kind, self._commands, 0, payload)))
-                except (OSError, TypeError):  # the reader noticed first and closed the port
-                    time.sleep(_RETRY_S)
-                end_s = time.monotonic() + _REPLY_S
-                while (left_s := end_s - time.monotonic()) > 0:
-                    event = self.next(left_s)
-                    if event is None:
-                        continue
-                    if isinstance(event, Arrived):
-                        packet = event.packet
-                        if packet.kind in _REPLIES and packet.sequence == self._commands:
-                            return packet
-                    kept.append(event)
-                    if isinstance(event, Unplugged):
-                        raise LinkLostError
-            raise UserError(f"{self.path}: {self._silence()}")
-        finally:
-            self._seen.extendleft(reversed(kept))
-
-    def identity(self) -> Identity:
-        """Return the camera's identity; errors as `request`."""
-        return Identity.of(self.request(Kind.IDENTIFY, b"").payload)
-
-    def _silence(self) -> str:
-        if self._parser.other_version is not None:
-            version = self._parser.other_version
-            return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
-        what = "does not speak SPADCAM's protocol" if self.read_bytes else "is silent"
-        return f"{what}; unplug it and plug it in again, flash its firmware, or {_CHOOSE}"
-
-    def _decode(self, piece: Plugged | Unplugged | tuple[float, bytes]) -> None:
-        if isinstance(piece, Plugged | Unplugged):
-            # A partial packet from before does not belong to the new bytes.
-            self._damaged_before += self._parser.damaged
-            self._parser = Parser()
-            self._seen.append(piece)
-            return
-        host_s, data = piece
-        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+        connection = self.connection
+        for _ in range(_ATTEMPTS):
+            self._commands += 1
+            with suppress(OSError, TypeError):  # the reader noticed first and closed the port
+                self._port.write(protocol.encode(protocol.Packet(kind, self._commands, 0, payload)))
+            end_s = time.monotonic() + _REPLY_S
+            while (left_s := end_s - time.monotonic()) > 0:
+                arrival = self.next(left_s)
+                if not self.is_plugged or self.connection != connection:
+                    raise LinkLostError(
+                        f"{self.path}: unplugged before it answered; plug it in and start again"
+                    )
+                is_reply = arrival and arrival.packet.kind in _REPLIES
+                if arrival and is_reply and arrival.packet.sequence == self._commands:
+                    return arrival.packet
+        if (version := self._parser.other_version) is not None:
+            raise UserError(
+                f"{self.path}: speaks version {version} of the protocol, not {protocol.VERSION}; "
+                "flash this release's firmware"
+            )
+        fault = "does not speak SPADCAM's protocol" if self._read_bytes else "is silent"
+        raise UserError(
+            f"{self.path}: {fault}; unplug it and plug it in again, flash its firmware, or "
+            f"{_CHOOSE}"
+        )
 
     def _read(self) -> None:
         """Read until stopped; after unplugging, look for the port until it is back."""
-        while not self._stop.is_set():
-            self._pieces.put(Plugged())
+        while True:
             with suppress(OSError, TypeError):  # the port disappeared during a read
                 while not self._stop.is_set():
-                    first = b"" if self._port.in_waiting else bytes(self._port.read(1))
-                    data = first + bytes(self._port.read(self._port.in_waiting))
-                    if data:
-                        self._pieces.put((time.monotonic(), data))
-                        self.read_bytes += len(data)
+                    data = bytes(self._port.read(1))
+                    data += bytes(self._port.read(self._port.in_waiting))
+                    self._read_bytes += len(data)
+                    host_s = time.monotonic()
+                    for packet in self._parser.feed(data):
+                        self._arrivals.put(Arrival(self.connection, host_s, packet))
                     if data.endswith(b"\0") and len(data) < _MUCH:
                         time.sleep(_GATHER_S)
-            if self._stop.is_set():
                 return
+            self.is_plugged = False
             self._port.close()
-            self._pieces.put(Unplugged())
-            while not self._stop.wait(_RETRY_S):
+            while not self.is_plugged:
+                if self._stop.wait(_RETRY_S):
+                    return
                 with suppress(UserError):
                     self.path = self._find()
                     self._port = open_port(self.path)
-                    break
+                    self.connection += 1
+                    self.is_plugged = True

@@ -106,25 +106,18 @@ def detector(name: str) -> Detector:
 
 @cache
 def stimulus(speed_mm_s: float) -> Floats:
-    """Radiance (phases, 2·FRAMES, 1, 16, 1) of recordings at one speed, W·m⁻²·sr⁻¹·nm⁻¹."""
-    # As many instants per frame as pixels passed give a smooth blur.
-    per_frame = _PHASES * max(1, math.ceil(pixels_per_frame(speed_mm_s) / _PHASES))
-    seen = _passing(speed_mm_s, per_frame)
-    starts = range(0, per_frame, per_frame // _PHASES)
-    open_shutter = [seen[start : start + FRAMES * per_frame] for start in starts]
-    frames = np.reshape(open_shutter, (_PHASES, FRAMES, per_frame, *seen.shape[1:]))
-    forth = frames.mean(axis=2, dtype=np.float64)
-    return np.concatenate([forth, forth[:, ::-1]], axis=1)
+    """Radiance (phases, 2·FRAMES, 1, 16, 1) of recordings at one speed, W·m⁻²·sr⁻¹·nm⁻¹.
 
-
-def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
-    """Radiance (instants, 1, 16, 1) during a passage; halfway the edge is in the middle."""
+    Halfway through a crossing the edge is in the middle.
+    """
     # Mitsuba takes a second to load, and other figures do not need it.
     from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 
+    # As many instants per frame as pixels passed give a smooth blur.
+    per_frame = _PHASES * max(1, math.ceil(pixels_per_frame(speed_mm_s) / _PHASES))
     path = Trajectory(
-        frames=(FRAMES + 1) * instants_per_frame,
-        frame_rate_hz=FRAME_RATE_HZ * instants_per_frame,
+        frames=(FRAMES + 1) * per_frame,
+        frame_rate_hz=FRAME_RATE_HZ * per_frame,
         position_m=(0, 0, 0),
         look_at_m=(1, 0, 0),
         velocity_m_s=(0, -1e-3 * speed_mm_s, 0),
@@ -137,12 +130,17 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
     )
     scene = bench.build(Light(illuminance_lux=_LUX), _CAMERA, path)
     renderer = SceneRenderer(scene, _CAMERA, settings)
-    return np.array(
+    instants = np.array(
         [
             renderer.radiance(pose, seed=frame_seed(0, instant))
             for instant, pose in enumerate(path.poses())
         ]
     )
+    starts = range(0, per_frame, per_frame // _PHASES)
+    open_shutter = [instants[start : start + FRAMES * per_frame] for start in starts]
+    frames = np.reshape(open_shutter, (_PHASES, FRAMES, per_frame, *instants.shape[1:]))
+    forth = frames.mean(axis=2, dtype=np.float64)
+    return np.concatenate([forth, forth[:, ::-1]], axis=1)
 
 
 def record(speed_mm_s: float, sensor: Sensor, seed: int = 0) -> Exposure:
@@ -235,21 +233,18 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     (passages · 2 · FRAMES, rows, columns)
     """
     edges = list(_edges(np.asarray(counts.mean(axis=(1, 2)), np.float64)))
-    apart = [after.middle - before.middle for before, after in pairwise(edges)]
-    if apart and min(apart) < _CLOSEST:
+    if edges and min(apart := np.diff([edge.middle for edge in edges]), default=FRAMES) < _CLOSEST:
         raise ValueError(
             f"an edge passes {min(apart):.0f} frames after another; let the plate rest at its ends "
             f"for a gap of {FRAMES} frames"
         )
-    starts = [(round(each.middle) - FRAMES // 2, each.hides) for each in edges]
     number = np.arange(len(counts)) if numbers is None else numbers.astype(np.int64)
-    whole = [
-        each
-        for each in starts
-        if 0 <= each[0] <= len(counts) - FRAMES
-        and number[each[0] + FRAMES - 1] - number[each[0]] == FRAMES - 1
-    ]
-    pairs = [(first, second) for (first, hides), (second, _) in pairwise(whole) if hides]
+    complete = []
+    for middle, hides in edges:
+        start, last = (first := round(middle) - FRAMES // 2), first + FRAMES - 1
+        if start >= 0 and last < len(counts) and number[last] - number[start] == FRAMES - 1:
+            complete.append((start, hides))
+    pairs = [(first, second) for (first, hides), (second, _) in pairwise(complete) if hides]
     if len(pairs) < LEAST:
         raise ValueError(
             f"{len(pairs)} passages of the plate to and fro in {len(counts)} frames; record "
@@ -258,20 +253,16 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     return np.concatenate([counts[at : at + FRAMES] for pair in pairs for at in pair])
 
 
-def _is_clear(level: Floats) -> bool:
-    low, high = np.percentile(level, (5, 95))
-    # For a normal distribution the median distance of neighbors is 0.954 σ.
-    return bool(high - low > _CLEAR * np.median(np.abs(np.diff(level))) / 0.954)
-
-
 def _edges(level: Floats) -> Iterator[_Edge]:
     """Find the times when the level falls or rises between its two extremes."""
-    if not _is_clear(level):
+    low, high = np.percentile(level, (5, 95))
+    # For a normal distribution the median distance of neighbors is 0.954 σ.
+    if not high - low > _CLEAR * np.median(np.abs(np.diff(level))) / 0.954:
         raise ValueError(
             f"no edge passes, the mean count is {level.mean():.1f} per pixel in every frame; let "
             "the plate pass"
         )
-    half = np.percentile(level, (5, 95)).mean()
+    half = (low + high) / 2
     hidden, free = np.median(level[level < half]), np.median(level[level > half])
     share = (level - hidden) / (free - hidden)
     known = np.flatnonzero((share < _SHARE_BEYOND) | (share > 1 - _SHARE_BEYOND))

@@ -22,7 +22,7 @@ from pydantic import AfterValidator, Field
 
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import check_file, printable, read_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, refused_as
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import check_format, written
 from megalopta.core.progress import say
@@ -36,7 +36,6 @@ FRAMES = "frames.bin"
 SETTINGS = "recording.yaml"
 _SETTINGS_BYTES = 4 * 1024**2
 _LARGEST_BYTES = 2**40
-_WRAP = 2**32
 
 RECORD = np.dtype(
     [
@@ -87,15 +86,6 @@ class FramesByCode:
     of_code: NDArray[Any]
     """Value of each code, (65536,)."""
 
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.adc)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Frames, rows, columns."""
-        return self.adc.shape
-
     def __getitem__(self, frames: slice | int) -> NDArray[Any]:
         """Return these frames."""
         return np.asarray(self.of_code[self.adc[frames]])
@@ -103,14 +93,14 @@ class FramesByCode:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A recording; frames are read when sliced."""
+    """A recording; frames are read when sliced: `recording.counts[:]`."""
 
     path: Path
     settings: RecordingSettings
     counts: FramesByCode
     saturated: FramesByCode
     adc: NDArray[np.uint16]
-    """(T, 16, 16); slice it: `recording.counts[:]`."""
+    """(T, 16, 16): codes of the ADC."""
     times_s: NDArray[np.float64]
     """(T,) float64: end of each exposure, s from the start."""
     sequence_number: NDArray[np.uint32]
@@ -155,15 +145,23 @@ def open_recording(path: str | Path) -> Recording:
     Raises FileNotFoundError if it does not exist; ValueError if it is no recording, or damaged.
     """
     path = Path(path)
+    header = path / SETTINGS
     for name in (SETTINGS, FRAMES):
         if (path / name).is_symlink():
             raise UserError(f"{path / name}: a link in a recording; remove it")
-    settings = _read_settings(path / SETTINGS)
+    if not header.exists():
+        raise FileNotFoundError(f"{header}: no such file; give the folder of a recording")
+    with refused_as(str(header)):
+        values = strict_yaml.load(read_text(header, _SETTINGS_BYTES))
+        if isinstance(values, Mapping):
+            check_format("recording", values, header)
+            values = {name: value for name, value in values.items() if name != "format"}
+        settings = checked(RecordingSettings, values)
     check_file(path / FRAMES, _LARGEST_BYTES)
     frames, dropped_bytes = divmod((path / FRAMES).stat().st_size, RECORD.itemsize)
     if not settings.finished or dropped_bytes:
-        rest = f", {dropped_bytes} bytes of an incomplete one are dropped" if dropped_bytes else ""
-        say(f"{path}: not finished; {frames} complete frames{rest}")
+        dropped = f", {dropped_bytes} bytes of an incomplete one are dropped" * bool(dropped_bytes)
+        say(f"{path}: not finished; {frames} complete frames{dropped}")
     # an empty file cannot be mapped
     records = (
         np.memmap(path / FRAMES, RECORD, "r", shape=(frames,)) if frames else np.empty(0, RECORD)
@@ -209,19 +207,6 @@ def write_settings(folder: Path, settings: RecordingSettings) -> None:
     write_text(folder / SETTINGS, strict_yaml.dump(stated))
 
 
-def _read_settings(path: Path) -> RecordingSettings:
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file; give the folder of a recording")
-    try:
-        values = strict_yaml.load(read_text(path, _SETTINGS_BYTES))
-        if isinstance(values, Mapping):
-            check_format("recording", values, path)
-            values = {name: value for name, value in values.items() if name != "format"}
-        return checked(RecordingSettings, values)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
 class Recorder:
     """Writes the header of a recording, and a record for each frame as it arrives.
 
@@ -239,9 +224,8 @@ class Recorder:
         start_s: float,
     ) -> None:
         self._folder, self._start_s = folder, start_s
-        self._of_code = counts_by_code(sensor)
         self.header = RecordingSettings(
-            kind=kind,
+            kind=printable(kind),
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
             serial_number=identity.serial_number,
             firmware=identity.firmware,
@@ -252,48 +236,41 @@ class Recorder:
             sensor=sensor,
         )
         """Content of recording.yaml."""
-        self.frames = self.gaps = self.missing_frames = 0
-        """So far: frames, places where the counter skipped or restarted, and frames skipped."""
-        self._connection = -1
-        self._last: protocol.Packet | None = None
+        self.frames = self.missing_frames = 0
+        """Frames so far, and those that the counter skipped."""
+        self.last: protocol.Packet | None = None
+        """Newest frame of this connection."""
+        self._connection = 0
         self._file = (folder / FRAMES).open("xb", buffering=0)
         write_settings(folder, self.header)
 
-    def plugged(self) -> None:
-        """Begin a connection: the camera's counter and clock restart."""
+    def plugged_again(self) -> None:
+        """Begin another connection: the camera's counter and clock restart."""
         self._connection += 1
-        self.gaps += self._connection > 0
-        self._last = None
+        self.last = None
 
     def take(self, host_s: float, packet: protocol.Packet) -> None:
-        """Write a frame; one that came before is skipped. Raises OSError without room."""
-        if self._last is not None:
-            skipped = (packet.sequence - self._last.sequence - 1) % _WRAP
-            if skipped == _WRAP - 1:
-                return
-            if skipped >= _WRAP // 2:  # the camera restarted
-                self.plugged()
-            else:
-                self.gaps += skipped > 0
-                self.missing_frames += skipped
+        """Write a frame. Raises OSError without room."""
+        if self.last is not None:
+            self.missing_frames += (packet.sequence - self.last.sequence - 1) % 2**32
         times = packet.device_us, host_s - self._start_s
         values = self._connection, packet.sequence, *times, protocol.samples_of(packet)
         record = np.array(values, RECORD).tobytes()
         while record:  # a nearly full disk may take only a part
             record = record[self._file.write(record) :]
         self.frames += 1
-        self._last = packet
+        self.last = packet
+
+    @property
+    def newest(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+        """Counts of the newest frame (16, 16), and its pixels whose count is a lower bound."""
+        assert self.last is not None
+        counts, saturated = counts_by_code(self.header.sensor)
+        codes = protocol.samples_of(self.last)
+        return counts[codes], saturated[codes]
 
     def finish(self, damaged_packets: int) -> None:
         """Close the records, and state in the header that they are complete."""
         self._file.close()
         stated = {"finished": True, "damaged_packets": damaged_packets}
         write_settings(self._folder, self.header.model_copy(update=stated))
-
-    def last(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]] | None:
-        """Counts and saturated pixels of the newest frame."""
-        if self._last is None:
-            return None
-        counts, saturated = self._of_code
-        adc = protocol.samples_of(self._last)
-        return counts[adc], saturated[adc]

@@ -12,7 +12,6 @@ from megalopta.cli.command import (
     Verb,
     at_least,
     chosen,
-    finite,
     option,
     out,
     out_file,
@@ -30,9 +29,9 @@ if TYPE_CHECKING:
 
 _RECORDINGS = (
     option(
-        "recordings RECORDING[#FIRST-END][@LIGHT]",
-        "folders of recordings, optionally some frames, such as steps#0-100@1e7; LIGHT in "
-        "photons per second and pixel; without LIGHT: dark",
+        "recordings RECORDING[@LIGHT]",
+        "folders of recordings, with LIGHT in photons per second and pixel; without LIGHT: dark; "
+        "or a .yaml list of them",
         nargs="+",
     ),
     option(
@@ -58,14 +57,13 @@ def _list(options: Namespace) -> list[str]:
     "spadcam capture",
     "record the camera until interrupted, or for --frames or --seconds",
     option("--port", "serial port (default: the only Teensy on USB)"),
-    option("--usb-serial", "USB serial number of the camera, instead of --port"),
-    option("--wait", "time to wait for the port, s", finite, 30.0),
+    option("--wait", "time to wait for the port, s", within(0.0, 604_800.0), 30.0),
     option("--out", "new folder (default: recordings/KIND-DATE-TIME)", Path),
     option("--kind", "content: dark, flat, …", default="scene"),
-    option("--frames", "stop after this many frames", whole),
-    option("--seconds", "stop after this time (s)", finite),
-    option("--exposure", "exposure of a frame, s", finite, 0.05, dest="exposure_s"),
-    option("--rate", "frames per second", finite, 10.0, dest="frame_rate_hz"),
+    option("--frames", "stop after this many frames", at_least(1)),
+    option("--seconds", "stop after this time (s)", positive),
+    option("--exposure", "exposure of a frame, s", within(1e-6, 4000.0), 0.05, dest="exposure_s"),
+    option("--rate", "frames per second", within(1e-3, 4000.0), 10.0, dest="frame_rate_hz"),
     option("--step-bias", "code of the DAC that biases the counters' step, 0 to 4095", whole, 2048),
     option(
         "--rows",
@@ -88,7 +86,7 @@ def _capture(options: Namespace) -> str:
     stop = stopped_by_signals()
 
     def find() -> str:
-        return options.port or find_port(options.usb_serial)
+        return options.port or find_port()
 
     with capture.viewing() as show:
         settings = chosen(options, capture.CaptureSettings)
@@ -148,9 +146,9 @@ def _calibrate(options: Namespace) -> Iterator[object]:
 )
 def _compare(options: Namespace) -> tuple[str, Path]:
     from megalopta.camera.comparison import CompareSettings, compare_captured
-    from megalopta.camera.sources import Beam, Source
+    from megalopta.camera.sources import Beam, named_sources
 
-    sources = [Source.parse(text, options.format) for text in options.recordings]
+    sources = named_sources(options.recordings, options.format)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
     asked = CompareSettings(options.scene, beam, options.margin, options.seed)
     return compare_captured(sources, options.device, options.out, asked), options.out
@@ -170,10 +168,10 @@ def _compare(options: Namespace) -> tuple[str, Path]:
     out("out/plate"),
 )
 def _figures(options: Namespace) -> Iterator[Path]:
-    from megalopta.camera.sources import Source
+    from megalopta.camera.sources import named_sources
     from megalopta.reproduction.captured_edge import reproduce_captured
 
-    sources = [Source.parse(text) for text in options.recordings]
+    sources = named_sources(options.recordings)
     return reproduce_captured(sources, options.out, options.device)
 
 
@@ -227,7 +225,7 @@ def _tags(options: Namespace) -> list[Path]:
     option("--speed", "speed of the plate, mm/s", within(0.0, 100.0), 5.0),
     option("--lux", "light level of a dataset (lux)", within(0.0, 1e6)),
     option("--sensor", "preset or YAML file", default="spadcam"),
-    option("--seed", "seed of photons and noise", whole, 0),
+    option("--seed", "seed of photons and noise", at_least(0), 0),
     option("--clock", "speed of the camera's clock, to emulate faster", within(0.1, 100.0), 1.0),
     option("--link", "symbolic link to the terminal", Path),
 )

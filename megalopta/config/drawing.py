@@ -14,7 +14,7 @@ from megalopta.sensor import ImageSensor, generator
 
 _LARGEST_SEED = 2**31
 _DRAWN = ("scenes", "lights", "cameras", "trajectories")
-_PLACES = (0.0, 0.5, 1 - 2**-53)
+_SHARES = (0.0, 0.5, 1 - 2**-53)
 
 
 def sequence_name(index: int) -> str:
@@ -36,18 +36,18 @@ def check_plan(plan: Plan) -> list[Configuration]:
     counts = {name: len(getattr(plan, name)) for name in _DRAWN}
     # only a trajectory may not fit a scene: all pairs of these, the rest in turn
     pairs = list(product(range(counts["scenes"]), range(max(1, counts["trajectories"]))))
-    made = []
+    configurations = []
     for step in range(max(len(pairs), *counts.values())):
         scene, trajectory = pairs[step % len(pairs)]
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
-        chosen = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
-        for place, camera in product(_PLACES, range(plan.cameras_per_path)):
-            made.append(configuration_at(plan, camera, _fixed(chosen, place)))
-    return made
+        entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
+        for share, camera in product(_SHARES, range(plan.cameras_per_path)):
 
+            def at(path: str, entry: dict[str, float] = entry, share: float = share) -> float:
+                return entry.get(path, share)
 
-def _fixed(chosen: Mapping[str, float], place: float) -> Stream:
-    return lambda path: chosen.get(path, place)
+            configurations.append(configuration_at(plan, camera, at))
+    return configurations
 
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
@@ -57,31 +57,39 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     preset = fields.pop("preset")
     values = mapping(built_in_text(preset), "preset")
     kind = fields.get("scene", {}).get("kind", values["scene"]["kind"])
-    values = with_suited_depth(values, kind)
-    values = merged(values, fields)
+    values = merged(with_suited_depth(values, kind), fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
         if getattr(plan, name):
             chosen = _drawn(plan, name, at)
             chosen = chosen if isinstance(chosen, Mapping) else {"level": chosen}
             values = merged(values, {field: chosen})
     values = merged(values, draw_entry(plan.every, at, "every"))
-    own = plan.rig[index % len(plan.rig)] if plan.rig else RigCamera()
-    if own.camera:
+    of_rig = plan.rig[index % len(plan.rig)] if plan.rig else RigCamera()
+    if of_rig.camera:
         values["scene_camera"] = values.get("camera", {})
-    differing = {"camera": own.camera, "render": own.render, "shutter": own.shutter}
+    differing = {"camera": of_rig.camera, "render": of_rig.render, "shutter": of_rig.shutter}
     values = merged(values, {name: fields for name, fields in differing.items() if fields})
     values["name"] = sequence_name(index)
     values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
-    values["sensors"] = draw_entry(own.sensors or plan.sensors, at, "sensors")
+    values["sensors"] = draw_entry(of_rig.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
-    made = fitted(validated(Configuration, values, f"sequence {index} (scene {preset})"))
-    if not made.scene.has_truth:
+    configuration = fitted(validated(Configuration, values, f"sequence {index} (scene {preset})"))
+    if not configuration.scene.has_truth:
         raise UserError(
             f"sequence {index} (scene {preset}): a plan renders its scenes; make a dataset of "
             "these pictures with megalopta sense"
         )
-    return repeated(_on_rig(made, plan, index), plan.repeats)
+    changes: dict[str, Any] = {}
+    if plan.rig:  # next to the first camera with which it is a pair
+        alike = [camera for camera in plan.rig if camera.camera == of_rig.camera]
+        pairs = [camera.mount for camera in alike if of_rig.baseline_m(camera) is not None]
+        partner = pairs[0] if pairs and configuration.camera.intrinsics is not None else None
+        mounted = configuration.trajectory.mounted(of_rig.mount)
+        changes = {"trajectory": mounted, "stereo_with": partner}
+        if index % len(plan.rig):
+            changes["imu"] = None  # the first camera's sequence has it
+    return repeated(configuration.model_copy(update=changes), plan.repeats)
 
 
 def repeated(configuration: Configuration, repeats: int) -> Configuration:
@@ -124,20 +132,6 @@ def _stream(plan: Plan, index: int) -> Stream:
             order = generator(plan.seed, "plan", turn, name).permutation(count)
             dealt[name] = (order[place] + 0.5) / count
     return lambda path: dealt[path] if path in dealt else drawn(path)
-
-
-def _on_rig(made: Configuration, plan: Plan, index: int) -> Configuration:
-    """Place a sequence's camera on the rig, next to the first camera with which it is a pair."""
-    if not plan.rig:
-        return made
-    own = plan.rig[index % len(plan.rig)]
-    alike = [other for other in plan.rig if other.camera == own.camera]
-    pairs = [other.mount for other in alike if own.baseline_m(other) is not None]
-    partner = pairs[0] if pairs and made.camera.intrinsics is not None else None
-    changes = {"trajectory": made.trajectory.mounted(own.mount), "stereo_with": partner}
-    if index % len(plan.rig):
-        changes["imu"] = None  # the first camera's sequence has it
-    return made.model_copy(update=changes)
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:

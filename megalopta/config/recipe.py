@@ -147,9 +147,9 @@ class Plan(Record, frozen=True):
     @classmethod
     def _every_is_drawn(cls, fields: dict[str, Any]) -> dict[str, Any]:
         check_ranges(fields, "")
-        own = {"name", "seed", "sensors", "light_levels", "products"} & fields.keys()
-        if own:
-            raise ValueError(f"{sorted(own)[0]}: the plan sets it; remove it from every")
+        planned = {"name", "seed", "sensors", "light_levels", "products"} & fields.keys()
+        if planned:
+            raise ValueError(f"{sorted(planned)[0]}: the plan sets it; remove it from every")
         return fields
 
     @field_validator("scenes")

@@ -100,5 +100,5 @@ class SceneSettings(Record, frozen=True):
     @property
     def baseline_m(self) -> float | None:
         """Distance to the camera `stereo_with`, m, positive to the right; None without one."""
-        own = self.trajectory.mount or Mount()
-        return own.baseline_m(self.stereo_with) if self.stereo_with else None
+        mount = self.trajectory.mount or Mount()
+        return mount.baseline_m(self.stereo_with) if self.stereo_with else None

@@ -37,7 +37,8 @@ def mapping(text: str, source: str) -> dict[str, Any]:
 
     Raises UserError if it is anything else or empty: a truncated file must not mean defaults.
     """
-    values = _plain_data(text, source)
+    with refused_as(source):
+        values = strict_yaml.load(text)
     if values is None:
         raise UserError(f"{source}: empty; give at least one key, or {{}} for all defaults")
     if not isinstance(values, dict):
@@ -63,8 +64,8 @@ def validated(
     try:
         return checked(model, changed, {"folder": folder, "allows_code": allows_code})
     except MisfitError as problem:
-        whole = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
-        places = [path.split(".") for path in whole]
+        paths = [path.removesuffix(".kind").removesuffix(".preset") for path in overrides or {}]
+        places = [path.split(".") for path in paths]
         is_typed = any(all(map(eq, place, problem.place)) for place in places)
         raise UserError(f"{'command line' if is_typed else source}: {problem}") from problem
 
@@ -77,7 +78,8 @@ def overridden(
     # `kind` and `preset`, which reset a mapping, come before its fields
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
-        value = typed(_plain_data(overrides[path], f"--{path}"))
+        with refused_as(f"--{path}"):
+            value = typed(strict_yaml.load(overrides[path]))
         with refused_as("command line"):
             put(changed, path, value, model)
     return changed
@@ -107,8 +109,8 @@ def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     if last == "kind" and values.get("kind", default) != value:
         values.clear()
     if last == "preset":
-        for other in values.keys() - {"kind"}:
-            del values[other]
+        for name in values.keys() - {"kind"}:
+            del values[name]
     inner = [each for each in _inner(types, last) if each is not NoneType]
     is_list = inner and all(get_origin(each) is tuple for each in inner)
     values[last] = [value] if is_list and not isinstance(value, list) else value
@@ -121,7 +123,10 @@ def _child(values: Any, step: str, types: list[Any], path: str) -> Any:
             values[int(step)] = {"preset": values[int(step)]}
         return values[int(step)]
     inner = _inner(types, step) or [Any]  # of an unknown field, which validation refuses
-    if isinstance(values, dict) and values.get(step) is None and any(map(_has_parts, inner)):
+    has_parts = any(
+        kind is Any or _is_model(kind) or get_origin(kind) in (tuple, dict) for kind in inner
+    )
+    if isinstance(values, dict) and values.get(step) is None and has_parts:
         values[step] = _default(values, step, types)
     if isinstance(values, dict) and isinstance(values.get(step), dict | list):
         return values[step]
@@ -138,32 +143,26 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     if model is None:
         return {}
     if values.get("preset") and _has(model, "preset"):
-        found = getattr(checked(model, values), step)
+        default = getattr(checked(model, values), step)
     else:
-        found = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
-    if isinstance(found, BaseModel):
-        kinds = {"kind": found.kind} if _has(type(found), "kind") else {}  # type: ignore[attr-defined]
-        return kinds | found.model_dump(mode="json", exclude_unset=True)
-    return {} if found in (None, PydanticUndefined) else to_jsonable_python(found)
+        default = model.model_fields[step].get_default(call_default_factory=True, validated_data={})
+    if isinstance(default, BaseModel):
+        kinds = {"kind": default.kind} if _has(type(default), "kind") else {}  # type: ignore[attr-defined]
+        return kinds | default.model_dump(mode="json", exclude_unset=True)
+    return {} if default in (None, PydanticUndefined) else to_jsonable_python(default)
 
 
 def _inner(types: list[Any], step: str) -> list[Any]:
     return [Any] if Any in types else [each for outer in types for each in inner_types(outer, step)]
 
 
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
 def _has(model: Any, field: str) -> bool:
-    return isinstance(model, type) and issubclass(model, BaseModel) and field in model.model_fields
-
-
-def _has_parts(kind: Any) -> bool:
-    is_model = isinstance(kind, type) and issubclass(kind, BaseModel)
-    return kind is Any or is_model or get_origin(kind) in (tuple, dict)
+    return _is_model(model) and field in model.model_fields
 
 
 def _kind(model: type[BaseModel]) -> Any:
     return model.model_fields["kind"].default if _has(model, "kind") else None
-
-
-def _plain_data(text: str, source: str) -> Any:
-    with refused_as(source):
-        return strict_yaml.load(text)

@@ -34,8 +34,8 @@ def frames_at_once(settings: Configuration) -> int:
 
 def decoded(path: Path, read: Callable[[Path], Any]) -> Any:
     """Return what a reader makes of a file, which is decoded once by all stages of a process."""
-    found = path.stat()
-    key = path, found.st_ino, found.st_mtime_ns, found.st_size
+    state = path.stat()
+    key = path, state.st_ino, state.st_mtime_ns, state.st_size
     if key not in _kept:
         _kept[key] = read(path)
         while len(_kept) > 1 and sum(size for *_, size in _kept) > _KEPT_BYTES:

@@ -48,36 +48,6 @@ _CELL_BYTES = 200
 LICENSE_URL = "https://creativecommons.org/publicdomain/zero/1.0/"
 
 
-class TableWriter:
-    """Writes rows into the tables of a folder, some thousands in memory at a time."""
-
-    def __init__(self, folder: Path, open_files: ExitStack) -> None:
-        self._writers: dict[str, pq.ParquetWriter] = {}
-        for name, schema in TABLES.items():
-            temporary = open_files.enter_context(files.atomic_write(folder / f"{name}.parquet"))
-            self._writers[name] = open_files.enter_context(pq.ParquetWriter(temporary, schema))
-        self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
-
-    def add(self, record: SequenceRecord) -> None:
-        """Add the rows of a sequence."""
-        key = {"sequence": record.sequence, "index": record.index, "split": record.split}
-        tables = {"frames": _frames, "sequences": _sequence, "exposures": _exposures}
-        for name, rows in tables.items():
-            self._rows[name] += [{**key, **row} for row in rows(record)]
-            if len(self._rows[name]) >= _ROWS_AT_ONCE:
-                self._write(name)
-
-    def finish(self) -> None:
-        """Write the remaining rows."""
-        for name in TABLES:
-            self._write(name)
-
-    def _write(self, name: str) -> None:
-        table = pa.Table.from_pylist(self._rows[name], schema=TABLES[name])
-        self._writers[name].write_table(table)
-        self._rows[name] = []
-
-
 def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     rate = record.configuration["trajectory"]["frame_rate_hz"]
     for index, pose in enumerate(record.poses):
@@ -112,18 +82,56 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
 
 
 def _exposures(record: SequenceRecord) -> Iterator[dict[str, Any]]:
-    for each in record.exposures:
-        values = each.model_dump(exclude={"name"})
-        values["level"] = str(each.level)
+    for exposure in record.exposures:
+        values = exposure.model_dump(exclude={"name"})
+        values["level"] = str(exposure.level)
         yield {
             **values,
-            "exposure": each.name,
-            "counts": f"counts/{record.sequence}/{each.name}.zarr",
+            "exposure": exposure.name,
+            "counts": f"counts/{record.sequence}/{exposure.name}.zarr",
         }
 
 
 def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, Any]:
     """Return the description of a dataset whose tables are written, by a version of the program."""
+    paths = {table: root / "index" / f"{table}.parquet" for table in TABLES}
+    tables = [
+        {
+            "@type": "cr:FileObject",
+            "@id": path.name,
+            "name": path.name,
+            "contentUrl": f"index/{path.name}",
+            "contentSize": f"{path.stat().st_size} B",
+            "encodingFormat": "application/x-parquet",
+            "sha256": _sha256(path),
+        }
+        for path in paths.values()
+    ]
+    file_sets = [
+        {
+            "@type": "cr:FileSet",
+            "@id": f"{name}-files",
+            "name": f"{name}-files",
+            "description": meaning,
+            "encodingFormat": encoding,
+            "includes": pattern,
+        }
+        for name, (pattern, encoding, meaning) in _DATA["file_sets"].items()
+    ]
+    record_sets = []
+    for table, columns in _DATA["tables"].items():
+        fields = [
+            {
+                "@type": "cr:Field",
+                "@id": f"{table}/{name}",
+                "name": name,
+                "dataType": _TYPES[kind][1],
+                **({"isArray": True, "arrayShape": "16"} if kind == "list" else {}),
+                "source": {"fileObject": {"@id": paths[table].name}, "extract": {"column": name}},
+            }
+            for name, kind in columns.items()
+        ]
+        record_sets.append({"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields})
     return {
         "@context": _DATA["context"],
         "@type": "sc:Dataset",
@@ -135,11 +143,8 @@ def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, A
         "version": version,
         "creator": {"@type": "sc:Organization", "name": f"megalopta {version}"},
         "citeAs": f"{plan.name}. Made with megalopta {version}.",
-        "distribution": [
-            *(_table(root / "index" / f"{name}.parquet", name) for name in TABLES),
-            *(_file_set(name, *each) for name, each in _DATA["file_sets"].items()),
-        ],
-        "recordSet": [_record_set(*each) for each in _DATA["tables"].items()],
+        "distribution": [*tables, *file_sets],
+        "recordSet": record_sets,
     }
 
 
@@ -154,8 +159,8 @@ def table_path(root: Path, name: str) -> Path:
         parts = bounded.read_json(described)["distribution"]
         hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
     with bounded.undamaged(path, again):
-        found = _sha256(path)
-    if found != hashes.get(f"index/{name}.parquet"):
+        digest = _sha256(path)
+    if digest != hashes.get(f"index/{name}.parquet"):
         raise UserError(f"{path} differs from its description; {again}")
     with bounded.undamaged(path, again):
         stated = pq.read_metadata(path)
@@ -169,63 +174,40 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _table(path: Path, name: str) -> dict[str, Any]:
-    return {
-        "@type": "cr:FileObject",
-        "@id": f"{name}.parquet",
-        "name": f"{name}.parquet",
-        "contentUrl": f"index/{name}.parquet",
-        "contentSize": f"{path.stat().st_size} B",
-        "encodingFormat": "application/x-parquet",
-        "sha256": _sha256(path),
-    }
-
-
-def _file_set(name: str, pattern: str, encoding: str, meaning: str) -> dict[str, Any]:
-    return {
-        "@type": "cr:FileSet",
-        "@id": f"{name}-files",
-        "name": f"{name}-files",
-        "description": meaning,
-        "encodingFormat": encoding,
-        "includes": pattern,
-    }
-
-
-def _record_set(table: str, columns: dict[str, str]) -> dict[str, Any]:
-    fields = [_field(table, *each) for each in columns.items()]
-    return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields}
-
-
-def _field(table: str, name: str, kind: str) -> dict[str, Any]:
-    return {
-        "@type": "cr:Field",
-        "@id": f"{table}/{name}",
-        "name": name,
-        "dataType": _TYPES[kind][1],
-        **({"isArray": True, "arrayShape": "16"} if kind == "list" else {}),
-        "source": {"fileObject": {"@id": f"{table}.parquet"}, "extract": {"column": name}},
-    }
-
-
 def write_index(tree: Tree, plan: Plan) -> None:
     """Write tables, splits and Croissant file, with one record in memory at a time."""
     names: dict[str, list[str]] = {split: [] for split in plan.splits}
     names |= {_SAMPLE: []} if plan.sample else {}
+    rows_of = {"frames": _frames, "sequences": _sequence, "exposures": _exposures}
     with ExitStack() as open_files:
-        tables = TableWriter(tree.root / "index", open_files)
+        writers = {}
+        for table, schema in TABLES.items():
+            path = tree.root / "index" / f"{table}.parquet"
+            temporary = open_files.enter_context(files.atomic_write(path))
+            writers[table] = open_files.enter_context(pq.ParquetWriter(temporary, schema))
+        waiting: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
+
+        def write(least: int) -> None:
+            for table, rows in waiting.items():
+                if len(rows) >= least:
+                    writers[table].write_table(pa.Table.from_pylist(rows, schema=TABLES[table]))
+                    waiting[table] = []
+
         for record in map(tree.record, tree.names()):
             if record.split not in names or record.statistics is None:
                 raise DamagedFileError(
                     f"{tree.record_path(record.sequence)} is damaged (its split {record.split!r} "
                     "or its statistics); remove it and run megalopta dataset make again"
                 )
-            tables.add(record)
+            key = {"sequence": record.sequence, "index": record.index, "split": record.split}
+            for table, rows in rows_of.items():
+                waiting[table] += [{**key, **row} for row in rows(record)]
+            write(_ROWS_AT_ONCE)
             for split in splits_of(record, plan):
                 names[split].append(record.sequence)
                 for link, target in split_links(tree.root, split, record).items():
                     _link(link, target)
-        tables.finish()
+        write(0)
     for split, members in names.items():
         lines = "".join(f"{name}\n" for name in members)
         files.write_text(tree.root / "splits" / f"{split}.txt", lines)
@@ -258,10 +240,10 @@ def _link(link: Path, target: Path) -> None:
 
 def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:
     """Return the names of the sequences of every split; unknown ones are refused."""
-    found, known, again = {}, set(known), f"rewrite it: {Tree(root).make_again}"
+    lists, known, again = {}, set(known), f"rewrite it: {Tree(root).make_again}"
     for path in sorted((root / "splits").glob("*.txt")):
         with bounded.undamaged(path, again):
-            found[path.stem] = tuple(bounded.read_text(path).split())
-        if strangers := [name for name in found[path.stem] if name not in known]:
+            lists[path.stem] = tuple(bounded.read_text(path).split())
+        if strangers := [name for name in lists[path.stem] if name not in known]:
             raise UserError(f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {again}")
-    return found
+    return lists

@@ -105,10 +105,10 @@ def _imu_yaml(imu: Imu) -> Mapping[str, Any]:
 
 def _camera_yaml(settings: Configuration, imu: Imu) -> Mapping[str, Any]:
     camera, path = settings.camera, settings.trajectory
-    own = path.mount.matrix if path.mount else np.eye(4)
+    camera_to_rig = path.mount.matrix if path.mount else np.eye(4)
     return {
         "sensor_type": "camera",
-        "T_BS": _matrix(np.linalg.inv(imu.mount.matrix) @ own),
+        "T_BS": _matrix(np.linalg.inv(imu.mount.matrix) @ camera_to_rig),
         "rate_hz": path.frame_rate_hz,
         "resolution": [camera.width, camera.height],
         "camera": camera.model_dump(mode="json"),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.dataset.index import read_lists
-from megalopta.dataset.sequence import LazyFrames, Sequence
+from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
@@ -36,8 +36,8 @@ class FlowPairs:
     ) -> None:
         if step < 1:
             raise UserError(f"step {step}: give a whole number, 1 or more")
-        for each in sequences:
-            each.dataset.require_truth()
+        for sequence in sequences:
+            sequence.dataset.require_truth()
         self._sequences, self._exposure, self._step = list(sequences), exposure, step
         self._form = form
         counts = (max(len(sequence) - step, 0) for sequence in self._sequences)
@@ -52,37 +52,28 @@ class FlowPairs:
         if not -len(self) <= index < len(self):
             raise IndexError(f"pair {index} of {len(self)}")
         place = bisect_right(self._ends, index % len(self))
-        before = self._ends[place - 1] if place else 0
-        return self._form(self._pair(self._sequences[place], index % len(self) - before))
-
-    def _pair(self, sequence: Sequence, first: int) -> Pair:
-        frames = self._frames(sequence)
-        flow, occluded = self._motion(sequence, first)
-        valid = np.asarray(~np.isnan(flow).any(axis=-1))
-        return {
-            "first": _planes(frames[first]),
-            "second": _planes(frames[first + self._step]),
-            "flow": np.moveaxis(np.where(valid[..., np.newaxis], flow, 0), -1, 0),
-            "valid": valid,
-            "occluded": occluded,
-            "sequence": sequence.name,
-            "frame": first,
-        }
-
-    def _frames(self, sequence: Sequence) -> LazyFrames:
-        is_light = self._exposure == "radiance"
-        return sequence.radiance if is_light else sequence.counts(self._exposure)
-
-    def _motion(
-        self, sequence: Sequence, first: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Flow and occlusion between the frames that sensors see."""
+        sequence = self._sequences[place]
+        first = index % len(self) - (self._ends[place - 1] if place else 0)
         second, frame = first + self._step, sequence.dataset.frame
+        is_light = self._exposure == "radiance"
+        frames = sequence.radiance if is_light else sequence.counts(self._exposure)
         if self._step > 1 or sequence.configuration.shutter.readout_s:
-            return sequence.flow(first, second), sequence.occlusion(first, second)
-        # These small files are read ten times faster than the truth.
-        occluded = read_codes(frame("training/occlusions", first), "L") > 0
-        return read_flo(frame("training/flow", first)), occluded
+            flow, occluded = sequence.flow(first, second), sequence.occlusion(first, second)
+        else:  # these small files are read ten times faster than the truth
+            flow = read_flo(frame("training/flow", first))
+            occluded = read_codes(frame("training/occlusions", first), "L") > 0
+        valid = np.asarray(~np.isnan(flow).any(axis=-1))
+        return self._form(
+            {
+                "first": _planes(frames[first]),
+                "second": _planes(frames[second]),
+                "flow": np.moveaxis(np.where(valid[..., np.newaxis], flow, 0), -1, 0),
+                "valid": valid,
+                "occluded": occluded,
+                "sequence": sequence.name,
+                "frame": first,
+            }
+        )
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:

@@ -31,25 +31,25 @@ ATTRIBUTE = "monteCarlo"
 def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | None:
     """Collect the noise of all frames for the scene record; None if none was measured."""
     frames = range(dataset.configuration.trajectory.frames)
-    found = {index: noise for index in frames if (noise := _noise(dataset, index))}
-    if not found:
+    noises = {index: noise for index in frames if (noise := _noise(dataset, index))}
+    if not noises:
         return None
-    measured = list(found)
-    median = [each.median_relative for each in found.values()]
-    rms = [each.rms_over_mean for each in found.values()]
+    measured = list(noises)
+    median = [each.median_relative for each in noises.values()]
+    rms = [each.rms_over_mean for each in noises.values()]
     typical = float(np.median(median))
     return {
         "median_relative": typical,
         "rms_over_mean": float(np.sqrt(np.mean(np.square(rms)))),
         "equivalent_photons_per_pixel": 1 / max(typical, 1e-6) ** 2,
-        "mean": np.mean([each.mean for each in found.values()], axis=0).tolist(),
-        "covariance": np.mean([each.covariance for each in found.values()], axis=0).tolist(),
-        "detail": np.mean([each.detail for each in found.values()], axis=0).tolist(),
-        "surface": _region([each.surface for each in found.values()]),
-        "sky": _region([each.sky for each in found.values()]),
+        "mean": np.mean([each.mean for each in noises.values()], axis=0).tolist(),
+        "covariance": np.mean([each.covariance for each in noises.values()], axis=0).tolist(),
+        "detail": np.mean([each.detail for each in noises.values()], axis=0).tolist(),
+        "surface": _region([each.surface for each in noises.values()]),
+        "sky": _region([each.sky for each in noises.values()]),
         "measured_frames": measured,
         "samples_per_pixel": [
-            samples_per_pass * (found[index].passes if index in found else 1) for index in frames
+            samples_per_pass * (noises[index].passes if index in noises else 1) for index in frames
         ],
         "median_relative_of_frames": np.interp(frames, measured, median).tolist(),
         "rms_over_mean_of_frames": np.interp(frames, measured, rms).tolist(),

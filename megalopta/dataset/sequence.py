@@ -4,9 +4,9 @@ Frames are read, or drawn, on access.
 """
 
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -100,6 +100,7 @@ class Sequence:
     def __init__(self, dataset: Dataset) -> None:
         self.dataset, self.name = dataset, dataset.sequence
         self.split = dataset.record.split if dataset.record else "all"
+        self._opened: dict[str, OpenedCounts] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without open files and caches."""
@@ -181,7 +182,7 @@ class Sequence:
         Other quantities are "saturated", and the means "photons", "mean_reading" and
         "reading_variance" over noise. Raises UserError if there is no such exposure.
         """
-        return self._lazy(self._opened(self._exposure(exposure))[quantity], quantity)
+        return self._lazy(self._open(self._exposure(exposure))[quantity], quantity)
 
     def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
         """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
@@ -230,7 +231,14 @@ class Sequence:
 
         settings = self.configuration
         chosen = level if level is not None else settings.light.resolved().illuminance_lux
-        exposed = _exposed(settings, sensor, changes, chosen)
+        if hasattr(sensor, "model_dump"):
+            sensor = sensor.model_dump(mode="json")
+        fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
+        values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
+        values |= {"sensors": [merged(fields, changes)], "light_levels": [chosen]}
+        exposed = validated(Configuration, values, "expose")
+        with refused_as("expose"):
+            exposed.check_exposures()
         device = repeated_name(exposed.sensors[0], repeat)
         if not gain > 0:
             raise UserError(f"gain {gain!r}: give a number above 0")
@@ -365,7 +373,40 @@ class Sequence:
 
         Raises UserError if xarray or dask is not installed.
         """
-        return _labeled(self, exposures or self.exposures)
+        try:
+            import dask.array as chunked
+            import xarray
+        except ImportError:
+            raise UserError(
+                "to_xarray needs xarray and dask; run: pip install xarray dask"
+            ) from None
+
+        def flow(index: int) -> Any:
+            if index + 1 < len(self):
+                return self.flow(index)
+            return np.full((*self.shape, 2), np.nan, np.float32)  # unknown for the last frame
+
+        arrays = {"radiance": self.radiance}
+        if self.configuration.scene.has_truth:
+            arrays |= {"depth": self.depth, "flow": self._by_frame(flow, "px", component=2)}
+        for name in exposures or self.exposures:
+            title = f"counts {name}" if len(self.exposures) > 1 else "counts"
+            arrays[title] = self.counts(name)
+        variables: dict[str, Any] = {}
+        for title, array in arrays.items():
+            chunks = (1, *array.shape[1:])
+            lazy = chunked.from_array(array, chunks=chunks, name=False, asarray=False)
+            variables[title] = xarray.Variable(array.dimensions, lazy, {"units": array.unit})
+        poses = xarray.Variable(("frame", "to", "from"), self.poses, {"units": "m"})
+        return xarray.Dataset(
+            {**variables, "camera_to_world": poses},
+            coords={
+                "time": ("frame", self.times_s, {"units": "s"}),
+                "band_nm": ("band", np.mean(self.bands_nm, axis=1), {"units": "nm"}),
+                "component": ["x", "y"],
+            },
+            attrs={"sequence": self.name, "split": self.split},
+        )
 
     def _by_frame(
         self,
@@ -388,10 +429,6 @@ class Sequence:
 
         return TruthReader(self.dataset)
 
-    @cached_property
-    def _opened(self) -> "Any":
-        return lru_cache(maxsize=8)(self._open)
-
     def _exposure(self, wanted: str | None) -> str:
         there = self.exposures
         if not there:
@@ -405,9 +442,12 @@ class Sequence:
     def _open(self, name: str) -> "OpenedCounts":
         from megalopta.sensor import open_counts
 
-        path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
-        with undamaged(path):
-            return open_counts(self.dataset.store(path), (len(self), *self.shape))
+        if name not in self._opened:
+            path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
+            with undamaged(path):
+                shape = len(self), *self.shape
+                self._opened[name] = open_counts(self.dataset.store(path), shape)
+        return self._opened[name]
 
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:
@@ -417,67 +457,3 @@ class Sequence:
 
         dtype, unit = np.dtype(stored.array.dtype), str(stored.array.attrs["unit"])
         return LazyFrames(stored.shape, dtype, unit, ("frame", "row", "column"), read)
-
-
-def _exposed(
-    settings: Configuration, sensor: Any, changes: Mapping[str, Any], level: LightLevel
-) -> Configuration:
-    """Configuration with one sensor, a preset's name, fields or a sensor, at one level."""
-    if hasattr(sensor, "model_dump"):
-        sensor = sensor.model_dump(mode="json")
-    fields = {"preset": sensor} if isinstance(sensor, str) else dict(sensor)
-    values = settings.model_dump(mode="json", exclude={"sensors", "light_levels"})
-    values |= {"sensors": [merged(fields, changes)], "light_levels": [level]}
-    exposed = validated(Configuration, values, "expose")
-    with refused_as("expose"):
-        exposed.check_exposures()
-    return exposed
-
-
-def _labeled(sequence: Sequence, exposures: Iterable[str]) -> "xarray.Dataset":
-    """Return a lazy xarray.Dataset of a sequence. Raises UserError without xarray or dask."""
-    try:
-        import dask.array  # noqa: F401
-        import xarray
-    except ImportError:
-        raise UserError("to_xarray needs xarray and dask; run: pip install xarray dask") from None
-
-    arrays = {"radiance": sequence.radiance}
-    if sequence.configuration.scene.has_truth:
-        arrays |= {"depth": sequence.depth, "flow": _flows(sequence)}
-    for name in exposures:
-        arrays[f"counts {name}" if len(sequence.exposures) > 1 else "counts"] = sequence.counts(
-            name
-        )
-    variables = {name: _variable(xarray, array) for name, array in arrays.items()}
-    poses = xarray.Variable(("frame", "to", "from"), sequence.poses, {"units": "m"})
-    return xarray.Dataset(
-        {**variables, "camera_to_world": poses},
-        coords={
-            "time": ("frame", sequence.times_s, {"units": "s"}),
-            "band_nm": ("band", np.mean(sequence.bands_nm, axis=1), {"units": "nm"}),
-            "component": ["x", "y"],
-        },
-        attrs={"sequence": sequence.name, "split": sequence.split},
-    )
-
-
-def _flows(sequence: Sequence) -> LazyFrames:
-    """Forward flow of every frame; unknown for the last."""
-
-    def read(index: int) -> Any:
-        if index + 1 < len(sequence):
-            return sequence.flow(index)
-        return np.full((*sequence.shape, 2), np.nan, np.float32)
-
-    shape = (len(sequence), *sequence.shape, 2)
-    dimensions = ("frame", "row", "column", "component")
-    return LazyFrames(shape, np.dtype(np.float32), "px", dimensions, frame_by_frame(read))
-
-
-def _variable(xarray: Any, array: LazyFrames) -> Any:
-    import dask.array
-
-    chunks = (1, *array.shape[1:])
-    lazy = dask.array.from_array(array, chunks=chunks, name=False, asarray=False)
-    return xarray.Variable(array.dimensions, lazy, {"units": array.unit})

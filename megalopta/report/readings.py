@@ -177,7 +177,7 @@ def _recorded(path: Path) -> ShownReadings:
     recording = open_recording(path)
     counts, full = recording.counts, recording.saturated
     return ShownReadings(
-        counts.shape,
+        recording.adc.shape,
         lambda part: (counts[part], full[part]),
         sensor=recording.sensor,
         times_s=recording.times_s - recording.exposure_s,

@@ -87,7 +87,12 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
         FileFault(path, "is of a sequence that is not finished", f"run: {tree.make_again}")
         for path in sorted((tree.root / "sequences").glob("*.begun"))
     ]
-    return [*found, *_unknown(tree.root, known)]
+    known |= {tree.root / name for name in _OWN}
+    for top in tree.root.iterdir():
+        if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
+            for path in sorted(set(files_in([top])) - known):
+                found.append(FileFault(path, _STRANGE, "move it elsewhere"))
+    return found
 
 
 def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
@@ -97,17 +102,15 @@ def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
         finished = entry(dataset, stage)
         for name, (size, digest) in (finished.files or {} if finished else {}).items():
             path = root / name
-            if what := file_difference(path, size, digest) or wrong_shape(dataset, path):
-                whole = whole_of(path, root)
+            if fault := file_difference(path, size, digest) or wrong_shape(dataset, path):
+                store = whole_of(path, root)
+                damaged, verb = store if store.exists() else None, STAGES[stage].command
                 if plan:
-                    again = shell_command("dataset", "make", root, "--out", root)
-                    remedy = f"remove {dataset.record_path} and run: {again}"
-                else:
-                    out = ("--out", root) if stage == "render" else ()
-                    again = shell_command(*STAGES[stage].command.split(), root, *out)
-                    remove = f"remove {shlex.quote(str(whole))} and " if whole.exists() else ""
-                    remedy = f"{remove}run: {again}"
-                faults[whole] = FileFault(path, what, remedy)
+                    damaged, verb = dataset.record_path, "dataset make"
+                out = ("--out", root) if plan or stage == "render" else ()
+                remove = f"remove {shlex.quote(str(damaged))} and " if damaged else ""
+                again = f"{remove}run: {shell_command(*verb.split(), root, *out)}"
+                faults[store] = FileFault(path, fault, again)
     yield from faults.values()
 
 
@@ -118,9 +121,9 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
     try:
         if path.suffix == ".exr" and (found := read_size(path)) != size:
             return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
-        whole = whole_of(path, dataset.root)
-        if path.name.startswith(".z") or (path.name == METADATA and path.parent == whole):
-            counts = open_store(whole).arrays.get("counts")
+        store = whole_of(path, dataset.root)
+        if path.name.startswith(".z") or (path.name == METADATA and path.parent == store):
+            counts = open_store(store).arrays.get("counts")
             wanted = (dataset.configuration.trajectory.frames, *size)
             if counts is not None and counts.shape != wanted:
                 return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
@@ -134,14 +137,13 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
     root, again = tree.root, f"run: {tree.make_again}"
     if (missing := plan.sequences - len(names)) > 0:
         first = next(n for n in map(sequence_name, range(plan.sequences)) if n not in names)
-        what = f"{missing} sequences of the plan are missing, this is the first"
-        yield FileFault(tree.record_path(first), what, again)
+        fault = f"{missing} sequences of the plan are missing, this is the first"
+        yield FileFault(tree.record_path(first), fault, again)
     for table in index.TABLES:
+        path = root / "index" / f"{table}.parquet"
         try:
-            path = index.table_path(root, table)
-            rows = pq.read_metadata(path).num_rows
+            rows = pq.read_metadata(index.table_path(root, table)).num_rows
         except (UserError, OSError, ValueError) as problem:
-            path = root / "index" / f"{table}.parquet"
             yield FileFault(path, f"is unreliable ({problem})", again)
             continue
         if table == "sequences" and rows != len(names):
@@ -173,27 +175,15 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
 
 
 def _truth_faults(dataset: Dataset) -> Faults:
-    place = dataset.root / "truth" / dataset.sequence
+    path = dataset.root / "truth" / dataset.sequence
     try:
         with silent():
             residuals = check_truth(dataset)
     except (UserError, ValueError) as problem:
-        yield FileFault(place, f"cannot be rederived ({problem})", "regenerate the sequence")
+        yield FileFault(path, f"cannot be rederived ({problem})", "regenerate the sequence")
         return
     for residual in residuals:
         if not residual.passed:
-            yield FileFault(
-                place,
-                f"flow of {residual.name} differs by {residual.median:.2g} px from a second "
-                "derivation",
-                "this is a bug of megalopta; report it",
-            )
-
-
-def _unknown(root: Path, known: set[Path]) -> Faults:
-    """Yield files that no sequence wrote, except in the dataset's own folders."""
-    known = known | {root / name for name in _OWN}
-    for top in root.iterdir():
-        if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
-            for path in sorted(set(files_in([top])) - known):
-                yield FileFault(path, _STRANGE, "move it elsewhere")
+            fault = f"flow of {residual.name} differs by {residual.median:.2g} px"
+            remedy = "this is a bug of megalopta; report it"
+            yield FileFault(path, f"{fault} from a second derivation", remedy)

@@ -104,17 +104,29 @@ def check_truth(dataset: Dataset) -> list[Residual]:
                     "sky": seen.object_id == 0,
                     "moving": is_moving,
                 }
+                distance = np.linalg.norm(stored - again, axis=-1)
+                undefined = np.isnan(stored).any(axis=-1), np.isnan(again).any(axis=-1)
+                distance[undefined[0] ^ undefined[1]] = np.inf
                 for name, where in groups.items():
                     if where.any():
-                        distance = _distance(stored[where], again[where])
-                        residuals.setdefault(f"{name}, {way}", []).append(distance)
+                        known = distance[where & ~np.isnan(distance)]
+                        residuals.setdefault(f"{name}, {way}", []).append(known)
             for name, values in footprint_residuals(truth):
                 residuals.setdefault(name, []).append(values)
             shift = remaining_shift(image, next_image, truth)
             if np.isfinite(shift):
                 residuals.setdefault("image, warped", []).append(np.array([shift]))
             advance()
-    return [_residual(name, np.concatenate(residuals[name])) for name in sorted(residuals)]
+    checked = []
+    for name in sorted(residuals):
+        values, kind = np.concatenate(residuals[name]), name.split(" ")[0].rstrip(",")
+        limit = LARGEST_STANDARD_ERRORS if "share" in name else LARGEST_MEDIAN_PX
+        limit = {"image": LARGEST_SHIFT_PX, "outlines": LARGEST_PART_MISSED}.get(kind, limit)
+        median, high = 0.0, 0.0
+        if values.size:
+            median, high = np.percentile(values, [50, 99], method="nearest").tolist()
+        checked.append(Residual(name, values.size, median, high, limit))
+    return checked
 
 
 def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
@@ -156,55 +168,29 @@ def _frame(dataset: Dataset, index: int) -> tuple[Truth, View, Floats]:
     return truth, view, radiance.sum(axis=-1, dtype=np.float64)
 
 
-def _distance(stored: NDArray[np.float32], again: Floats) -> Floats:
-    """Lengths of the difference of flows (n, 2), px; infinite if only one of them is defined."""
-    length = np.linalg.norm(stored - again, axis=-1)
-    undefined = np.isnan(stored).any(axis=-1), np.isnan(again).any(axis=-1)
-    length[undefined[0] ^ undefined[1]] = np.inf
-    return np.asarray(length[~np.isnan(length)])
-
-
-def _residual(name: str, values: Floats) -> Residual:
-    limit = LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX
-    if name.startswith("outlines"):
-        limit = LARGEST_PART_MISSED
-    elif "share" in name:
-        limit = LARGEST_STANDARD_ERRORS
-    if not values.size:
-        return Residual(name, 0, 0.0, 0.0, limit)
-    median, high = np.percentile(values, [50, 99], method="nearest").tolist()
-    return Residual(name, values.size, median, high, limit)
-
-
 def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
     """Yield names and values of the differences in a frame.
 
     Means in px, sums of shares in standard errors, outlines as the share without mixed pixels.
     """
     footprint = truth.footprint
-    if (missed := _missed_outlines(truth)) is not None:
-        yield "outlines missed, share", np.array([missed])
+    objects, is_mixed = truth.object_id, footprint.is_mixed
+    borders = [  # of different objects: True where neither side is mixed
+        ~(is_mixed[here] | is_mixed[there])[objects[here] != objects[there]]
+        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
+    ]
+    if (is_missed := np.concatenate(borders)).size:
+        yield "outlines missed, share", np.array([is_missed.mean()])
     yield "sky share, in standard errors", _standard_errors(footprint.sky, truth.object_id == 0)
     for way in ("forward", "backward"):
-        flow, found = getattr(truth, f"flow_{way}"), getattr(footprint, way)
+        flow, pixel = getattr(truth, f"flow_{way}"), getattr(footprint, way)
         if np.isnan(flow).all():
             continue
         hidden = getattr(truth, f"occluded_{way}")
-        yield f"hidden share {way}, in standard errors", _standard_errors(found.hidden, hidden)
+        yield f"hidden share {way}, in standard errors", _standard_errors(pixel.hidden, hidden)
         pure = ~footprint.is_mixed & np.isfinite(flow).all(axis=-1)
-        away = np.linalg.norm(flow[pure] - found.mean[pure], axis=-1)
-        yield f"pixel mean, {way}", np.maximum(away - _FARTHEST_SPREADS * found.spread[pure], 0)
-
-
-def _missed_outlines(truth: Truth) -> float | None:
-    """Share of the borders between different objects with no mixed pixel on either side."""
-    things, mixed = truth.object_id, truth.footprint.is_mixed
-    missed = [
-        ~(mixed[here] | mixed[there])[things[here] != things[there]]
-        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
-    ]
-    borders = np.concatenate(missed)
-    return float(borders.mean()) if borders.size else None
+        away = np.linalg.norm(flow[pure] - pixel.mean[pure], axis=-1)
+        yield f"pixel mean, {way}", np.maximum(away - _FARTHEST_SPREADS * pixel.spread[pure], 0)
 
 
 def _standard_errors(share: NDArray[np.float32], center: NDArray[np.bool_]) -> Floats:

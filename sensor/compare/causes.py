@@ -304,7 +304,7 @@ def _causes_of(expected: _Expected) -> tuple[Cause, ...]:
         ),
         Cause(  # frames do not show the delay, which is assumed
             name="afterpulsing", expected=carriers, least=0.02, lowest=-carriers,
-            unit=f"carriers per event at a delay of {1e9 * model.delay_s:.3g} ns",
+            unit=f"carriers per event at a delay of {1e6 * model.delay_s:.3g} µs",
             signature=of_events("carriers", 0.05, is_linear=True),
         ),
         Cause(

@@ -253,7 +253,6 @@ def write_readings(here):
     identity = Identity(16, 16, 12, 3300, "A", "test 1")
     (here / "recording").mkdir()
     recorder = Recorder(here / "recording", preset("spadcam"), "dark", identity, Settings(), 0.0)
-    recorder.plugged()
     for number, samples in enumerate(RNG.integers(500, 4096, (50, 16, 16)).astype(np.uint16)):
         recorder.take(number / 10, frame_packet(number, 100_000 * number, samples))
     recorder.finish(0)

@@ -191,20 +191,11 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
     assert dark_hz == pytest.approx(200, rel=0.08 if n == 1 else 0.19)
 
 
-def test_sums_of_a_camera_of_codes_are_refused(tmp_path):
-    (tmp_path / "frames.bin").write_bytes(b"")
-    with pytest.raises(UserError, match="sums: of recordings of SPADCAM"):
-        calibrate_recordings([Source(tmp_path, sums=255)], tmp_path / "out.yaml", beam=Beam())
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [
         ("exposure_s", lines("path: dark.tif, exposure_s: 0")),
-        ("frames", lines("path: dark.tif, frames: [10, 10]")),
-        ("recordings", "recordings: []"),
         ("lens", lines("path: dark.tif, lens: 2")),
-        ("sums", lines("path: dark.tif, sums: 1")),
         ("no such file", lines("path: nothing.tif, exposure_s: 1")),
     ],
 )
@@ -222,9 +213,8 @@ def test_lists_are_checked(words, text, tmp_path):
     [
         ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"),
         ("flat@bright", "with a number after the @"),
-        ("flat@-1", "invalid light or exposure"),
-        ("flat@1:0", "invalid light or exposure"),
-        ("steps#30@2e6", "#FIRST-END"),
+        ("flat@-1", "light"),
+        ("flat@1:0", "exposure_s"),
         ("nothing.yaml", r"cannot be read \(No such file or directory\); give a YAML"),
     ],
 )
@@ -238,13 +228,13 @@ def test_names_of_recordings_are_checked(text, told):
     [
         ({"light": 1e6, "exposure_s": 1e-3}, "--wavelength-nm 5000: sensor 'ideal' has no eff"),
         ({"light": 1e6}, "exposure is unknown"),
-        ({"exposure_s": 1e-3, "frames": (10, 99)}, "it has 60"),
+        ({"exposure_s": 1e-3, "frames": (10, 99)}, "at most 60"),
     ],
 )
 def test_what_cannot_be_calibrated_is_refused(source, told, tmp_path):
     np.save(tmp_path / "flat.npy", np.ones((60, 4, 4), np.uint16))
     with pytest.raises(UserError, match=told):
-        calibrate_recordings([Source(tmp_path / "flat.npy", **source)], tmp_path / "x.yaml",
+        calibrate_recordings([Source(path=tmp_path / "flat.npy", **source)], tmp_path / "x.yaml",
                              beam=Beam(5000.0), base="ideal")  # fmt: skip
 
 
@@ -265,7 +255,7 @@ def recorded(folder, exposure_s, light_hz, frames=100, seed=0):
     volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
     noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
     codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
-    return Source(write_recording(folder, sensor, codes), light_hz)
+    return Source(path=write_recording(folder, sensor, codes), light=light_hz)
 
 
 @pytest.fixture(scope="module")
@@ -321,13 +311,10 @@ def test_light_of_a_beam():
     assert Beam(450, 100).photons_hz(17.5e-9, pixel) == pytest.approx(396, rel=2e-3)
 
 
-@pytest.mark.slow
-def test_intervals_include_the_error_of_what_crosstalk_adds(spadcam):
-    folder, _, _ = spadcam
-    dark = np.load(folder / "device" / "dark_counts.npy")
-    sure = Estimate(dark, dark, dark)
+def test_intervals_include_the_error_of_what_crosstalk_adds():
+    dark = np.full(SIDES, 300.0)
     kernel = Kernel(np.array([0.01, 0.01, 0, 0, 0, 0]), np.full(6, 1e-3), np.nan, np.nan)
-    found = primary(sure, kernel)
+    found = primary(Estimate(dark, dark, dark), kernel)
     # of 4 neighbors at 1 % each; the total has an error of 2·√6·0.1 % of an event
     half = 1.959964 * (dark - found.value) * 2 * np.sqrt(6) * 1e-3 / 0.04
     np.testing.assert_allclose(found.high - found.value, half)
@@ -365,7 +352,6 @@ def test_tables_of_one_kind_and_without_dark_counts_are_refused(tmp_path):
     ("text", "message"),
     [
         ("", "empty"),
-        ("1,2\n3,four", "could not convert"),
         ("1,2\n3,4", "4 rates, of which 24 are needed"),
         ("pix1,pix2,distance,crosstalk,error\n0,1,1,1e-3,1e-5", "1 pairs"),
         ("events,duration_s,1-2\n5,1,3", "1 pixels with events"),

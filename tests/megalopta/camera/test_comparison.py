@@ -46,7 +46,7 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
         write(counts.astype(np.uint16))
     page = tmp_path / "page.html"
-    source = Source(tmp_path / "seen.tif", LUX)
+    source = Source(path=tmp_path / "seen.tif", light=LUX)
     sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
     assert words in sentence
     assert "aligned in time" in page.read_text("utf-8")
@@ -55,9 +55,8 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
 def test_a_range_of_frames_is_one_light(tmp_path):
     counts = np.arange(60)[:, None, None] * np.ones((1, 4, 4), np.uint16)
     np.save(tmp_path / "steps.npy", counts.astype(np.uint16))
-    source = Source.parse(f"{tmp_path}/steps.npy#10-30@2e6:0.5")
+    source = Source(path=tmp_path / "steps.npy", exposure_s=0.5, frames=(10, 30))
     recorded = read_recorded(source)
-    assert (source.light, recorded.exposure_s) == (2e6, 0.5)
     np.testing.assert_array_equal(recorded.counts, counts[10:30])
 
 

@@ -20,7 +20,6 @@ IDENTITY = Identity(16, 16, 12, 3300, "A", "test 1")
 @pytest.fixture
 def recorder(tmp_path):
     made = Recorder(tmp_path, preset("spadcam"), "dark", IDENTITY, Settings(), 0.0)
-    made.plugged()
     yield made
     made.finish(0)
 
@@ -67,21 +66,21 @@ def test_gaps_are_counted_through_the_wrap(recorder, tmp_path, numbers, gaps, mi
     take(recorder, numbers)
     recorder.finish(0)
     recording = open_recording(tmp_path)
-    for source in (recording, recorder):
-        assert (source.gaps, source.missing_frames) == (gaps, missing)
+    assert (recording.gaps, recording.missing_frames) == (gaps, missing)
+    assert recorder.missing_frames == missing
     np.testing.assert_array_equal(recording.sequence_number, numbers)
 
 
 def test_each_connection_has_its_clock_and_begins_with_the_fastest_frame(recorder, tmp_path):
     take(recorder, range(50))
-    recorder.plugged()
+    recorder.plugged_again()
     for number in range(50):
         late_s = 0.3 * (number % 7 > 0)
         recorder.take(60 + number * 1e-3 + late_s, frame_packet(number, 1000 * number, ADC[number]))
     recorder.finish(0)
     recording = open_recording(tmp_path)
     np.testing.assert_array_equal(recording.connection, np.repeat([0, 1], 50))
-    assert recording.gaps == recorder.gaps == 1
+    assert recording.gaps == 1
     np.testing.assert_allclose(
         recording.times_s[[0, 49, 50, 99]], [5, 5.049, 60, 60.049], atol=1e-9
     )
@@ -91,7 +90,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="give the folder of a recording"):
         open_recording(tmp_path)
     (tmp_path / "recording.yaml").write_text("format: 2\nkind: dark\n")
-    with pytest.raises(ValueError, match="started: missing; give a value"):
+    with pytest.raises(UserError, match="started: missing; give a value"):
         open_recording(tmp_path)
 
 
@@ -106,10 +105,8 @@ def test_a_pipe_or_link_in_a_recording_is_refused(recorder, tmp_path, name, put)
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("format: 2", "format: 1", "older than 2"),
         ("format: 2", "format: 99", "newer than 2"),
         ("exposure_s: 0.05\nframe", "exposure_s: -1\nframe", "exposure_s: "),
-        ("kind: analog", "kind: digital", "sensor.counter.step_v: unknown key"),
         ("format: 2", f"{BOMB}format: *j", "recording.yaml: "),
     ],
 )

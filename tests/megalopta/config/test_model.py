@@ -61,11 +61,6 @@ def test_a_single_value_for_a_list_makes_a_list_of_one():
     assert changed.methods == ("BM",)
 
 
-def test_a_kind_given_last_keeps_what_is_given_with_it():
-    camera = load("demo", {"camera.width": "90", "camera.kind": "equirectangular"}).camera
-    assert (camera.kind, camera.width, camera.height) == ("equirectangular", 90, 360)
-
-
 def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
     changed = load("demo", {"scene.trees": "320", "scene.preset": "clearing"})
     assert changed.scene == Forest(preset="clearing", trees=320)
@@ -107,14 +102,6 @@ def test_measured_device_is_found_beside_the_configuration_and_hashed(measured, 
     assert file.sha256 == hashlib.sha256((measured / "dark.npy").read_bytes()).hexdigest()
 
 
-def test_measured_device_on_the_command_line_is_found_from_the_working_folder(
-    measured, monkeypatch
-):
-    monkeypatch.chdir(measured)
-    (sensor,) = load("demo", {"sensors": "mine.yaml"}).sensors
-    assert sensor.measured.dark_counts.path == str(measured / "dark.npy")
-
-
 def test_missing_map_and_missing_device_are_named(measured):
     (measured / "dark.npy").unlink()
     with pytest.raises(
@@ -129,38 +116,26 @@ def test_missing_map_and_missing_device_are_named(measured):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("scene: {kind: forest, treees: 5}", r": scene\.treees: unknown key; did you mean 'trees'"),
         ("objects: [{shape: box, sise_m: [1, 1, 1]}]", r"objects\.0\.sise_m: unknown key; did you mean 'size_m'"),
-        ("objects: [{shape: cone}]", r"objects\.0\.shape: .*'box' or 'ball', got 'cone'"),
         ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
         ("shutter: {exposure_s: 9}", r"shutter\.exposure_s 9 is longer than a frame"),
         ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
         ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
         ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
-        ("render: {samples_per_pass: 0}", r"render\.samples_per_pass: .*greater than or equal to 1, got 0"),
         ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'opencv', 'equirectangular'"),
-        ("camera: {kind: cylindrical, upper_deg: 90}", r": camera\.upper_deg: .*less than 90, got 90"),
-        ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
-        ("light: {sky: cloudy}", r"light\.sky: .*'even' or 'natural', got 'cloudy'"),
         ("{scene: {kind: grating}, light: {sky: natural}}", r"light\.sky: a scene of kind 'grating' has its own light"),
         ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
-        ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
         ("sensors: [{preset: spadcam, counter: {bits: 10}}]", r"bits 10: a counter has a capacity; give \{kind: digital, capacity: 1023\}"),
-        ("sensors: [{preset: ideal, counter: {kind: digital, bits: 1}}]", "digital, capacity: 1\\}"),
         ("scene: {trees: 5}", "missing key 'kind'; add it, one of forest, grating"),
         ("light_levels: [noon]", "'noon' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("methods: [BM, BM]", "methods: BM is named twice"),
         ("sensors: [ideal, ideal]", "name of its own"),
-        ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
-        ("scene: {kind: forest, trees: -1}", r": scene\.trees: .*greater than 0, got -1"),
         ("sensors: []", "sensors: empty; give at least one"),
         ("name: ../up", "cannot name a folder"),
-        (f"name: {'x' * 101}", "at most 100 characters"),
         (f"sensors: [{{preset: ideal, name: {'x' * 300}}}]", "at most 100 characters"),
-        ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
         ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
         ("- a", "not a mapping"),
         ("", "empty; give at least one key"),

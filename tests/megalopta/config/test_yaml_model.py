@@ -14,10 +14,8 @@ from megalopta.core.validation import checked
     ("text", "place"),
     [
         ("camera: {width: true}", "camera.width"),
-        ("light_levels: [2, true]", "light_levels.1"),
         ("trajectory: {up: [0, false, true]}", "trajectory.up.1"),
         ("scene: {kind: forest, mix: {beech: true}}", "scene.mix.beech"),
-        ("seed: false", "seed"),
     ],
 )
 def test_a_boolean_is_no_number(text, place):
