@@ -212,17 +212,19 @@ def _sense(options: Namespace) -> Path | None:
 def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
+    from megalopta.render import open_footage
     from megalopta.stages.importing import PictureOptions, pictures_configuration
-    from megalopta.stages.run import check_stage, run_stage
+    from megalopta.stages.run import check_stage, run_stages
 
     asked = PictureOptions(**given)
-    settings = pictures_configuration(options.input, asked, options.overrides)
-    root = options.out or Path("out") / settings.name
-    check_stage("sense", settings, root)  # before the pictures are copied
-    for stage in ("render", "sense"):
-        run_stage(root, settings, stage, options.redo)
+    with open_footage(options.input, asked.unit) as footage:
+        settings, light = pictures_configuration(footage, asked, options.overrides)
+        root = Path(options.out or Path("out") / settings.name)
+        check_stage("sense", settings, root)
+        stages = "render", "sense"
+        run_stages(root, settings, stages, options.redo, light=light, is_checked=True)
     say(f"see them with: {shell_command('view', root)}")
-    return Path(root)
+    return root
 
 
 def _configuration(options: Namespace) -> "Configuration":

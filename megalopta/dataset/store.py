@@ -29,7 +29,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
@@ -40,6 +40,9 @@ from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
+
+if TYPE_CHECKING:
+    from megalopta.dataset.picture_light import PictureLight
 
 LICENSE = "CC0-1.0"
 BOOKS = ("index", "splits", "sequences", "card")
@@ -79,6 +82,8 @@ class Dataset:
     """Configuration of its content"""
     record: SequenceRecord | None = field(default=None, repr=False, compare=False)
     """Its record, whose files are compared"""
+    light: "PictureLight | None" = field(default=None, repr=False, compare=False)
+    """Light of its pictures, if they are open"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @cached_property
