@@ -213,7 +213,7 @@ def _cell(row: Any) -> str:
     switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
     *THREADS,
-    settings=VerbSettings(("Configuration", "Sweep"), "benchmark", "dataset"),
+    settings=VerbSettings(("Configuration", "Sweep"), "benchmark"),
     often=(
         *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
         *("benchmark.fluxes_per_decade", "benchmark.repeats", "vary", "values", "templates"),

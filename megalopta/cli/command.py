@@ -52,8 +52,6 @@ class Command(argparse.ArgumentParser):
     settings: VerbSettings | None = None
     often: tuple[str, ...] = ()
     """Settings that the help lists; all if empty."""
-    named: str | None = None
-    """Value of the argument that states the defaults"""
     example: str = ""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
@@ -82,7 +80,7 @@ class Command(argparse.ArgumentParser):
     def format_help(self) -> str:
         """Return the help, with an example and the settings after the options."""
         example = f"example:\n  {self.example}" if self.example else ""
-        settings = self.settings.help(self.often, self.named) if self.settings else ""
+        settings = self.settings.help(self.often) if self.settings else ""
         self.epilog = "\n\n".join(filter(None, (example, settings)))
         return super().format_help()
 
@@ -94,24 +92,13 @@ class Command(argparse.ArgumentParser):
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 
-class Help(argparse.Action):
-    """Print the help, with the settings as the arguments before it have them."""
+class HelpAll(argparse.Action):
+    """Print the help with all settings, and exit."""
 
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        given: argparse.Namespace,
-        _: object,
-        option: str | None = None,
-    ) -> NoReturn:
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         """Print it and exit."""
         assert isinstance(parser, Command)
-        if option == "--help-all":
-            parser.often = ()
-        if parser.settings:
-            quick = "quick" if getattr(given, "quick", False) else None
-            named = getattr(given, parser.settings.argument, None) or quick
-            parser.named = None if named is None else str(named)
+        parser.often = ()
         parser.print_help()
         parser.exit()
 
@@ -195,30 +182,26 @@ def at_least(least: int) -> Callable[[str], int]:
     return partial(whole, least=least)
 
 
-def finite(text: str, above: float = -math.inf) -> float:
-    """Parse a finite number."""
+def finite(
+    text: str, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+) -> float:
+    """Parse a finite number, above one bound, or from `least` to `most`."""
     with suppress(ValueError):
-        if above < (value := float(text)) < math.inf:
+        value = float(text)
+        if above < value < math.inf and least <= value <= most:
             return value
-    what = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
-    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give {what}")
+    limits = f" above {above:g}" if above > -math.inf else ""
+    limits += f" from {least:g} to {most:g}" if most < math.inf else ""
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a finite number{limits}")
+
+
+positive = partial(finite, above=0)
+"""Parser of finite numbers above 0"""
 
 
 def within(least: float, most: float) -> Callable[[str], float]:
-    """Return a parser of numbers between two others; of whole numbers if both are whole."""
-
-    def parsed(text: str) -> float:
-        value = whole(text) if isinstance(most, int) else finite(text)
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{value:g}; give {least:g} to {most:g}")
-        return value
-
-    return parsed
-
-
-def positive(text: str) -> float:
-    """Parse a finite number above 0."""
-    return finite(text, 0)
+    """Return a parser of numbers between two others."""
+    return partial(finite, least=least, most=most)
 
 
 def numbers(text: str) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ from typing import NoReturn
 
 from megalopta import __version__
 from megalopta.cli import benchmark, reports, spadcam, stages  # noqa: F401 - their verbs
-from megalopta.cli.command import VERBS, Command, Help
+from megalopta.cli.command import VERBS, Command, HelpAll
 from megalopta.cli.settings import Words
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
@@ -37,12 +37,14 @@ cores."""
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
     words = sys.argv[1:] if arguments is None else arguments
-    _collect_seldom()
-    _print_anything()
+    gc.set_threshold(50_000, 20, 20)  # saves half a second of a large command
+    atexit.register(gc.freeze)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # the locale may not encode all characters
+            stream.reconfigure(errors="backslashreplace")
     logging.getLogger().addHandler(logging.NullHandler())  # libraries log what we say in a sentence
     try:
         _check_address_space()
-        _check_letters(words)
         _run(words)
     except UserError as error:
         _refuse(str(error))
@@ -64,19 +66,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os._exit(130)  # does not wait for threads that still compute
 
 
-def _collect_seldom() -> None:
-    """Collect garbage rarely, and not at exit: saves half a second of a large command."""
-    gc.set_threshold(50_000, 20, 20)
-    atexit.register(gc.freeze)
-
-
-def _print_anything() -> None:
-    """Escape characters that the terminal's locale cannot encode."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-
-
 def _check_address_space() -> None:
     """Refuse a limit (ulimit -v) under which OpenBLAS hangs while starting threads."""
     if resource is None:
@@ -95,31 +84,25 @@ def _refuse(message: str) -> NoReturn:
     sys.exit(2)
 
 
-def _check_letters(arguments: Sequence[str]) -> None:
-    """Refuse arguments that are not UTF-8: the image libraries cannot write to such names."""
-    for argument in arguments:
-        if any("\ud800" <= each <= "\udfff" for each in argument):
-            raise UserError(f"{argument}: not UTF-8; rename the file or folder")
-
-
 def _run(arguments: Sequence[str]) -> None:
     parser = program()
     command = parser
     for argument in arguments:
+        if any("\ud800" <= letter <= "\udfff" for letter in argument):
+            # the image libraries cannot write to such names
+            raise UserError(f"{argument}: not UTF-8; rename the file or folder")
         command = command.below(argument)
     if command.verbs and not any(word.startswith("-") for word in arguments):
         arguments = [*arguments, "--help"]
     own, overrides = split_overrides(arguments, {*parser.options, *command.options}, command.takes)
-    own.sort(key=lambda word: word in HELP)  # last, as other arguments may state the defaults
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):
         made = options.run(options)
-        for each in made if isinstance(made, list | tuple | Iterator) else [made]:
-            if each is not None:
-                print(each)
+        for line in made if isinstance(made, list | tuple | Iterator) else [made]:
+            if line is not None:
+                print(line)
 
 
-HELP = ("-h", "--help", "--help-all")
 _SIMILAR = 0.8
 """Least similarity of a mistyped option to an option; no setting reaches it."""
 
@@ -157,8 +140,8 @@ def program() -> Command:
 
 
 def _add_help(command: Command, of_all: str = argparse.SUPPRESS) -> None:
-    command.add_argument("-h", "--help", action=Help, nargs=0, help="show this help and exit")
-    command.add_argument("--help-all", action=Help, nargs=0, help=of_all)
+    command.add_argument("-h", "--help", action="help", help="show this help and exit")
+    command.add_argument("--help-all", action=HelpAll, nargs=0, help=of_all)
 
 
 def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]":
@@ -178,18 +161,22 @@ def split_overrides(
     mistyped option, a setting without a value, or a duplicate setting.
     """
     own: list[str] = []
-    found: dict[str, list[str]] = {}
+    settings: dict[str, list[str]] = {}
     taker, words = "", "one"  # the setting that takes the next words, and how many
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if value == "--":  # argparse would drop it silently
             raise UserError(f"{name}: '--' is not a value; give one")
         if argument.startswith("--") and name not in options:
-            taker = _path_of(name, options)
+            taker = name.removeprefix("--").replace("-", "_")
+            if not taker:
+                raise UserError("--: not a setting; give its path, such as --camera.width")
+            if near := get_close_matches(taker, [each[2:] for each in options], 1, _SIMILAR):
+                raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             words = takes(taker)
-            if taker in found:
+            if taker in settings:
                 raise UserError(f"{name}: given twice; give all its values at once")
-            found[taker] = [value] if equals else ["true"] if words == "switch" else []
+            settings[taker] = [value] if equals else ["true"] if words == "switch" else []
             taker = "" if equals and words != "all" else taker
             continue
         is_no_value = words == "switch" and argument not in ("true", "false")
@@ -197,22 +184,10 @@ def split_overrides(
             own.append(argument)
             taker = ""
         else:
-            found[taker] = [argument] if words == "switch" else [*found[taker], argument]
+            settings[taker] = [argument] if words == "switch" else [*settings[taker], argument]
             taker = taker if words == "all" else ""
-    return own, {path: _as_yaml(path, values) for path, values in found.items()}
-
-
-def _path_of(name: str, options: Collection[str]) -> str:
-    path = name.removeprefix("--").replace("-", "_")
-    if not path:
-        raise UserError("--: not a setting; give its path, such as --camera.width")
-    if near := get_close_matches(path, [each[2:] for each in options], 1, _SIMILAR):
-        raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
-    return path
-
-
-def _as_yaml(path: str, values: Sequence[str]) -> str:
-    """YAML of the values of a setting; several make a list."""
-    if not values:
-        raise UserError(f"--{path}: missing value; give one")
-    return values[0] if len(values) == 1 else f"[{', '.join(values)}]"
+    for path, values in settings.items():
+        if not values:
+            raise UserError(f"--{path}: missing value; give one")
+    yaml = {p: v[0] if len(v) == 1 else f"[{', '.join(v)}]" for p, v in settings.items()}
+    return own, yaml

@@ -58,7 +58,7 @@ _FROM_CONFIGURATION = (
         "--dry-run",
         "estimate size, time and memory from a short measurement; render nothing",
     ),
-    settings=VerbSettings(stage="render", argument="configuration", without="demo"),
+    settings=VerbSettings(stage="render", values="demo"),
     often=(
         *("scene.kind", "scene.preset", "scene.trees", "light.level", "light.illuminance_lux"),
         *("camera.width", "camera.height", "camera.fov_deg", "trajectory.frames"),
@@ -90,7 +90,7 @@ def _render(options: Namespace) -> str | None:
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
     switch("--quick", "make a small and noisy demo, in about a minute"),
-    settings=VerbSettings(argument="configuration", without="demo"),
+    settings=VerbSettings(values="demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
         *("render.samples_per_pixel", "light_levels", "sensors", "methods"),
@@ -138,7 +138,7 @@ verb(
     REDO,
     DATASET,
     *CLUSTER,
-    settings=VerbSettings(stage="flow", argument="dataset"),
+    settings=VerbSettings(stage="flow"),
     often=("methods", "flow.saturated"),
     example="megalopta flow out/night --methods BM DIS PF",
 )(partial(run_later_stage, "flow"))
@@ -185,7 +185,7 @@ _OF_PICTURES = (
     option("--out", "dataset folder for pictures (default: out/NAME)", Path),
     *_OF_PICTURES,
     *CLUSTER,
-    settings=VerbSettings(("Configuration", "Exposing"), stage="sense", argument="input"),
+    settings=VerbSettings(("Configuration", "Exposing"), stage="sense"),
     often=(
         *("light_levels", "sensors", "products", "sub_frames", "burst_hz", "free_running"),
         *("expectation", "correct"),
@@ -261,7 +261,7 @@ VERBS["dataset"] = Verb("make a dataset of many sequences")
         "estimate sequences, frames, gigabytes and time from a short measurement; make nothing",
     ),
     *CLUSTER,
-    settings=VerbSettings(("Plan",), argument="plan"),
+    settings=VerbSettings(("Plan",)),
     often=(
         *("sequences", "seed", "scenes", "lights", "cameras", "trajectories", "every"),
         *("sensors", "light_levels", "repeats", "products", "splits"),
@@ -290,7 +290,7 @@ VERBS["scene"] = Verb("export a scene")
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
     out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
     option("--frame", "frame, counted from 0", at_least(0), 0),
-    settings=VerbSettings(stage="render", argument="configuration"),
+    settings=VerbSettings(stage="render"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene --frame 3",
 )

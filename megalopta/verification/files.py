@@ -22,7 +22,7 @@ from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset import index
-from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, files_in, whole_of
+from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, whole_of
 from megalopta.render import read_size
 from megalopta.stages.registry import STAGES
 from megalopta.stages.run import entry
@@ -195,5 +195,5 @@ def _unknown(root: Path, known: set[Path]) -> Faults:
     known = known | {root / name for name in _OWN}
     for top in root.iterdir():
         if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
-            for path in sorted(set(files_in([top])) - known):
+            for path in sorted(set(files.files_in([top])) - known):
                 yield FileFault(path, _STRANGE, "move it elsewhere")

@@ -1,12 +1,14 @@
-"""Single pictures, and pictures in a folder.
+"""Single pictures, pictures in a folder, and animations.
 
 8 bits are read with Pillow, 16-bit PNG with OpenCV; `tiff.py` and `light_files.py` read the rest.
 """
 
+import math
 import re
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
@@ -74,6 +76,9 @@ _EXIF_TOLD = {0x829A: "ExposureTime", 0x829D: "FNumber", 0x8827: "ISO", 0xA500: 
 _PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
 """Chunks on place and light without effect."""
+_MOST_FRAMES = 10_000
+_SHORTEST_S = 0.1
+"""Duration that browsers use for a frame with a duration of zero."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -83,10 +88,15 @@ class PictureFiles(Footage):
     depth: Depth
     pages: tuple[int, ...] = (0,)
     """Pages of each file that are frames."""
+    _opened: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
+    _image: tuple[Path, Image.Image] | None = field(default=None, init=False, repr=False)
+    """Picture of 8 bits that is open: frames of an animation build on the former ones."""
 
-    def __len__(self) -> int:
-        """Return the number of pictures."""
-        return len(self.files) * len(self.pages)
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        self._opened.close()
+        self._image = None
 
     def _numbers(self, index: int) -> NDArray[Any]:
         file, page = divmod(index, len(self.pages))
@@ -107,9 +117,13 @@ class PictureFiles(Footage):
         if read := _LIGHT_READERS.get(kind):
             return read(path)
         if self.depth == "8 bits":
-            with opened_picture(path) as image:
-                image.seek(page)
-                return over_black(ImageOps.exif_transpose(image))
+            # Pillow cannot always seek backwards.
+            if not self._image or self._image[0] != path or page < self._image[1].tell():
+                self._opened.close()
+                self._image = path, self._opened.enter_context(opened_picture(path))
+            image = self._image[1]
+            image.seek(page)
+            return over_black(ImageOps.exif_transpose(image))
         numbers, alpha = tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
         if not alpha:
             return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
@@ -186,6 +200,7 @@ def _pictures(
     return PictureFiles(
         path=path,
         files=files,
+        count=len(files) * len(header.pages),
         shape=header.shape,
         coding=coding,
         depth=header.depth,
@@ -193,6 +208,7 @@ def _pictures(
         times_s=None if header.times_s is None else np.array(header.times_s),
         notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
         bands_nm=header.bands_nm,
+        last_s=header.last_s,
     )
 
 
@@ -291,21 +307,46 @@ def pillow_header(path: Path) -> Header:
         if inner.get(0xA001, 1) not in (1, 0xFFFF):
             stated["ColorSpace"] = inner[0xA001]
         if image.format == "MPO":
-            notes.append(
-                f"{path} holds {getattr(image, 'n_frames', 1)} pictures; the first is read"
-            )
-        header = Header((rows, columns), depth, tuple(range(frames_in(image))))
+            notes.append(f"{path} holds several pictures; the first is read")
+        header = Header((rows, columns), depth)
         if image.format == "PNG":
             header, told = _png_colors(path, header)
             stated |= told
         if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
             notes += not_square(path, (aspect + 15) / 64)
+        if getattr(image, "n_frames", 1) > 1 and image.format in ("GIF", "PNG", "WEBP"):
+            if is_deep:
+                raise DamagedFileError(f"{path} is an animation of 16 bits; save it with 8 bits")
+            header = _animated(path, image, header)
         return header._replace(notes=(*header.notes, *notes, *unused(path, stated)))
 
 
-def frames_in(image: Image.Image) -> int:
-    """Return the number of frames of a possibly animated picture; otherwise 1."""
-    return getattr(image, "n_frames", 1) if image.format in ("GIF", "PNG", "WEBP") else 1
+def _animated(path: Path, image: Image.Image, header: Header) -> Header:
+    """Return a header with the times of the frames of an animation, which are all decoded."""
+    first, frames, size = int(bool(image.info.get("default_image"))), image.n_frames, image.size  # type: ignore[attr-defined]
+    check_count(path, "frames", frames, _MOST_FRAMES)
+    check_count(path, "pixels in its frames", frames * math.prod(size), 10**9)
+    lasts_s, notes = list[float](), list(header.notes)
+    with working(f"frames of {path}"):
+        for page in range(first, frames):
+            image.seek(page)
+            image.load()  # for WebP, sets the duration
+            if image.size != size:
+                raise ValueError("a frame reaches beyond the picture")
+            lasts_s.append(float(image.info.get("duration") or 0) / 1000)
+    if first:
+        notes.append(f"{path} holds a picture that is no part of its animation, and is not read")
+    if 0.0 in lasts_s:
+        notes.append(
+            f"{path} has frames of no duration; they last {_SHORTEST_S:g} s, as in browsers"
+        )
+        lasts_s = [last_s or _SHORTEST_S for last_s in lasts_s]
+    return header._replace(
+        pages=tuple(range(first, frames)),
+        times_s=tuple(np.cumsum([0.0, *lasts_s[:-1]]).tolist()),
+        last_s=lasts_s[-1],
+        notes=tuple(notes),
+    )
 
 
 def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
@@ -328,9 +369,9 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         limits = (0.0, 1.0) if is_full else (16 / 255, 235 / 255)
         if not is_full and header.depth == "16 bits":
             limits = 4096 / 65535, 60160 / 65535
-        xy, note = converted(path, PRIMARIES[primaries][1])
+        xy, notes = converted(path, PRIMARIES[primaries][1])
         return header._replace(
-            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=(note,) * bool(note)
+            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=notes
         ), told
     if b"iCCP" in chunks or b"sRGB" in chunks:
         return header, told
@@ -344,8 +385,8 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         white_x, white_y, *colors = (
             each / 100_000 for each in struct.unpack(">8I", chunks[b"cHRM"])
         )
-        xy, note = converted(path, (*colors, white_x, white_y))
-        header = header._replace(chromaticities=xy, notes=(note,) * bool(note))
+        xy, notes = converted(path, (*colors, white_x, white_y))
+        header = header._replace(chromaticities=xy, notes=notes)
     return header, told
 
 
