@@ -161,14 +161,6 @@ def read_record(path: Path, name: str) -> SequenceRecord:
     return record
 
 
-def _is_output(path: str, sequence: str) -> bool:
-    """True if a path in a dataset is output of a sequence, and does not lead elsewhere."""
-    kind, found, rest = f"{path}/".partition(f"/{sequence}/")
-    parts = set(rest.removesuffix("/").split("/")) if rest else set()
-    is_plain = not parts & {"", "..", "."} and "\0" not in path
-    return is_plain and bool(found and _KIND.fullmatch(kind))
-
-
 def stored_settings(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings in a record. Raises DamagedFileError."""
     try:
@@ -194,7 +186,9 @@ def _check_names(record: SequenceRecord, name: str) -> None:
     if record.statistics and sequence_name(record.index) != name:
         raise ValueError(f"index {record.index} is that of {sequence_name(record.index)!r}")
     for path in record.files:
-        if not _is_output(path, name) or path.endswith(f"/{name}"):
+        kind, _, below = path.partition(f"/{name}/")
+        is_plain = not set(below.split("/")) & {"", "..", "."} and "\0" not in path
+        if not (is_plain and _KIND.fullmatch(kind)):
             raise ValueError(f"{bounded.quoted(path, 60)!r} is not a file of this sequence")
 
 
