@@ -6,7 +6,6 @@ import zarr
 
 from megalopta.config.model import load, parse
 from megalopta.report.page import write_report
-from megalopta.sensor import DacBias, FloatingGateBias
 from megalopta.stages.run import run_all
 from megalopta.stages.sense import STAGE, open_exposure
 
@@ -48,13 +47,6 @@ def test_report_speaks_of_electrons(night):
     assert "Dark electrons" in text and "Expected electrons" in text
     assert "bias of the diodes floating gate" in text
     assert "it is invisible" in text
-
-
-def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():
-    gate = parse("sensors: [{preset: ctia_si, bias: {pulse_s: 1.0e-4}}]\n" + SWIR, "x")
-    assert gate.sensors[0].bias == FloatingGateBias(pulse_s=1e-4)
-    dac = parse("sensors: [{preset: ctia_si, bias: {kind: dac, bits: 10}}]\n" + SWIR, "x")
-    assert dac.sensors[0].bias == DacBias(bits=10)
 
 
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():

@@ -13,7 +13,6 @@ from PIL import Image
 from megalopta.core.errors import UserError
 from megalopta.render import SUFFIXES, is_footage, open_footage
 from megalopta.scenes.spectra.color import decode_srgb
-from megalopta.stages.importing import PictureOptions, timing_of as timing
 
 
 def test_what_is_footage(tmp_path):
@@ -40,12 +39,6 @@ def test_what_is_not_there_or_no_regular_file_is_refused(tmp_path):
     (tmp_path / "null.png").symlink_to("/dev/null")
     with pytest.raises(UserError, match="not a regular file"):
         open_footage(tmp_path / "null.png")
-
-
-def test_a_frame_that_is_not_there_raises_an_index_error(tmp_path):
-    Image.fromarray(np.zeros((4, 4), np.uint8)).save(tmp_path / "a.png")
-    with open_footage(tmp_path / "a.png") as footage, pytest.raises(IndexError):
-        footage.frame(1)
 
 
 def saved(path, values, name="a.npy"):
@@ -185,13 +178,6 @@ def test_frames_of_no_time_last_a_tenth_of_a_second_as_in_browsers(tmp_path):
     with open_footage(write(tmp_path / "a.gif", 0)) as footage:
         np.testing.assert_allclose(footage.times_s, [0, 0.1, 0.2, 0.3])
         assert footage.last_s == 0.1 and "no duration" in footage.notes[0]
-
-
-def test_the_last_frame_has_a_duration_too(tmp_path):
-    path = write(tmp_path / "a.gif", [20, 20, 400, 600])
-    with open_footage(path) as footage:
-        assert footage.last_s == pytest.approx(0.6)
-        assert timing(footage, PictureOptions(frame_rate_hz=50.0))["frames"] == 52
 
 
 def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):

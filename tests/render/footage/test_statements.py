@@ -259,12 +259,6 @@ def test_chunks_of_png(tmp_path, depth, chunks, light, told):
     assert told in note and bool(told) == bool(note)
 
 
-def test_a_transparent_color_of_a_png(tmp_path):
-    Image.fromarray(np.full((4, 6), 200, np.uint8)).save(tmp_path / "a.png", transparency=200)
-    frames, note = seen(tmp_path / "a.png")
-    assert not frames.any() and "over black" in note
-
-
 @pytest.mark.parametrize("suffix", ["jpg", "webp", "png"])
 def test_exposure_and_position_of_photographs_are_told(tmp_path, suffix):
     exif = Image.Exif()
@@ -338,13 +332,6 @@ def test_times_of_imagej(tmp_path, stated, period_s, told):
         np.testing.assert_allclose(footage.times_s, expected) if period_s else None
         assert (footage.times_s is None) == (period_s is None)
         assert told in " ".join(footage.notes) and bool(told) == bool(footage.notes)
-
-
-def test_exposures_of_a_folder_differ(tmp_path):
-    for k in range(3):
-        hdr(tmp_path / f"f{k}.hdr", f"EXPOSURE={2**k}\n", light=HALF)
-    with open_footage(tmp_path) as footage:
-        np.testing.assert_allclose([footage.frame(k).mean() for k in range(3)], [0.5, 0.25, 0.125])
 
 
 def test_pixels_of_a_film_that_are_not_square_and_other_films_are_told(tmp_path):
