@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
     DATASET,
@@ -99,11 +99,6 @@ def _pairs(options: Namespace) -> Path:
     for name in ("reference", "unit"):
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    _pairs_with_truth(options)
-    return Path(options.out)
-
-
-def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark import clips
     from megalopta.benchmark.methods import BLOCK_PX
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
@@ -126,6 +121,7 @@ def _pairs_with_truth(options: Namespace) -> None:
         " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
     )
     _print_tables(errors, METRICS)
+    return Path(options.out)
 
 
 def _pairs_without_truth(options: Namespace) -> None:
@@ -184,19 +180,19 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
         for name in known:
             table.add_column(metrics[name], justify="right")
-        cells = {(row.method, row.metric): _cell(row) for row in records(rows)}
+        cells = {}
+        for row in records(rows):
+            factor, digits = (100, 1) if "share" in row.metric else (1, 2)
+            ends = row.value, row.low, row.high
+            value, low, high = (f"{factor * end:.{digits}f}" for end in ends)
+            has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px"))
+            is_known = has_ends and row.low == row.low
+            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if is_known else value
         for detector in board.detectors:
             table.add_row(
                 detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)
             )
         console.print(table)
-
-
-def _cell(row: Any) -> str:
-    factor, digits = (100, 1) if "share" in row.metric else (1, 2)
-    value, low, high = (f"{factor * end:.{digits}f}" for end in (row.value, row.low, row.high))
-    has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px")) and row.low == row.low
-    return f"{value}\n{low}…{high}" if has_ends else value
 
 
 @verb(
@@ -227,13 +223,9 @@ def _photons(options: Namespace) -> object:
         if getattr(options, name):
             kind = "a dataset" if is_sweep else "a sweep"
             raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
-    if is_sweep:
-        return _run_sweep(options)
-    run_later_stage("benchmark", options)
-    return None
-
-
-def _run_sweep(options: Namespace) -> list[Path]:
+    if not is_sweep:
+        run_later_stage("benchmark", options)
+        return None
     from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
 

@@ -159,14 +159,14 @@ def out(default: str, what: str = "folder") -> Option:
 
 def out_file(default: str, what: str) -> Option:
     """Return the option for the file that a verb writes."""
-    return option("--out", what, _file, Path(default))
 
+    def file(text: str) -> Path:
+        if Path(text).is_dir():
+            problem = f"{quoted(text)!r} is a folder; give the name of a file"
+            raise argparse.ArgumentTypeError(problem)
+        return Path(text)
 
-def _file(text: str) -> Path:
-    """Parse the path of a file, which is no folder."""
-    if Path(text).is_dir():
-        raise argparse.ArgumentTypeError(f"{quoted(text)!r} is a folder; give the name of a file")
-    return Path(text)
+    return option("--out", what, file, Path(default))
 
 
 def whole(text: str, least: int | None = None) -> int:

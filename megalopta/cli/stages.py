@@ -71,7 +71,15 @@ def _render(options: Namespace) -> str | None:
 
     folder = Path(options.configuration or "demo")
     if (folder / "dataset.yaml").exists() and Tree(folder).plan:
-        _make_what_is_missing(options)
+        from megalopta.config.recipe import load_plan
+        from megalopta.stages.make import make
+
+        if options.redo or options.dry_run:
+            raise UserError(
+                f"{options.configuration}: a dataset of many sequences; remove a sequence's record "
+                "to make it again, and see megalopta dataset make --help for --dry-run"
+            )
+        make(options.out, load_plan(folder, options.overrides))
         return None
     if options.dry_run:
         from megalopta.stages.estimate import estimate_frames
@@ -232,19 +240,6 @@ def _configuration(options: Namespace) -> "Configuration":
     from megalopta.config.model import load
 
     return load(options.configuration or "demo", options.overrides)
-
-
-def _make_what_is_missing(options: Namespace) -> None:
-    """Make the sequences that a dataset of many still lacks."""
-    from megalopta.config.recipe import load_plan
-    from megalopta.stages.make import make
-
-    if options.redo or options.dry_run:
-        raise UserError(
-            f"{options.configuration}: a dataset of many sequences; remove a sequence's record to "
-            "make it again, and see megalopta dataset make --help for --dry-run"
-        )
-    make(options.out, load_plan(Path(options.configuration), options.overrides))
 
 
 VERBS["dataset"] = Verb("make a dataset of many sequences")

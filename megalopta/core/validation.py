@@ -77,7 +77,8 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
     message = cut(problem["msg"].removeprefix("Value error, "), given)
     if kind == "extra_forbidden":
         *above, name = problem["loc"]
-        known = _fields_at(model, above)
+        types = _place(model, above)[1]
+        known = sorted({field for each in types for field in getattr(each, "model_fields", ())})
         near = get_close_matches(str(name), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
         return f"unknown key; {hint}"
@@ -112,11 +113,6 @@ def _tag(found: Any) -> Any:
         kind = found.model_fields.get("kind")
         return kind.default if kind else found.__name__
     return getattr(found, "__name__", None)
-
-
-def _fields_at(model: type[BaseModel], location: Any) -> list[str]:
-    _, types = _place(model, location)
-    return sorted({name for each in types for name in getattr(each, "model_fields", ())})
 
 
 def _booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:

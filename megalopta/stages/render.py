@@ -338,17 +338,14 @@ def write_previews(dataset: Dataset) -> None:
         sintel.write_png(dataset.frame("training/clean", index), image)
 
 
-def _outputs(dataset: Dataset) -> list[Path]:
-    of_frames = SUFFIXES.keys() - {"training/final"}
-    folders = sorted({*of_frames, "training/tracks", "pictures"})
-    return [dataset.root / folder / dataset.sequence for folder in folders]
+_FOLDERS = sorted({*SUFFIXES, "training/tracks", "pictures"} - {"training/final"})
 
 
 def _check(settings: Configuration) -> None:
-    if not settings.scene.has_truth:
+    if settings.scene.has_truth:
+        choose_variant(settings.render.backend)
+    else:
         check_pictures(settings)
-        return
-    choose_variant(settings.render.backend)
 
 
 def _machinery(settings: Configuration) -> dict[str, str]:
@@ -364,7 +361,7 @@ STAGE = Stage(
     command="render",
     fields=tuple(RenderingSettings.model_fields),
     needs=(),
-    outputs=_outputs,
+    outputs=lambda dataset: [dataset.root / kind / dataset.sequence for kind in _FOLDERS],
     work=render,
     model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
     machinery=_machinery,

@@ -1,8 +1,8 @@
-"""Pictures of light in floating point: OpenEXR, Radiance and PFM.
+"""Pictures of light in floating point: OpenEXR and Radiance.
 
 EXR: channels R, G, B, or Y, which is gray, in the main layer or, without it, in the first that has
-them. Spectra follow the layout of Fichet, Pacanowski and Wilkie
-(JCGT 10(3), 2021), which pbrt-v4 writes as well: `S0.<wavelength>`, a decimal comma.
+them. Spectra follow the layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021), which pbrt-v4
+writes as well: `S0.<wavelength>nm`, with a decimal comma.
 
 Radiance: light is divided by every EXPOSURE and COLORCORR of the header; pictures are upright, as
 almost all are: "-Y … +X …" (Ward, the file `picture` of Radiance's reference manual).
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.pictures import read_pfm
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage.frames import (
     Header,
@@ -35,22 +34,12 @@ from megalopta.scenes.spectra.color import Bands
 _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
-    *(
-        "version",
-        "preview",
-        "generatedBy",
-        "spectralLayoutVersion",
-        "emissiveUnits",
-        "bandEdgesNm",
-        "comments",
-    ),
-    *("owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
+    *("version", "preview", "generatedBy", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm"),
+    *("comments", "owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
-_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d*,?\d*(?:[eE][+-]?\d+)?)([munpkMGTPEZ]?)(m|Hz)")
-_PREFIXES = dict(zip("munpkMGTPEZ", (-3, -6, -9, -12, 3, 6, 9, 12, 15, 18, 21), strict=True))
-_LIGHT_NM_HZ = 299_792_458e9
+_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d+,?\d*)nm")
 _UNITS = (RADIANCE_UNIT, "W.m^-2.sr^-1")
 
 
@@ -71,15 +60,12 @@ def exr_header(path: Path) -> Header:
     """Return what an EXR file states. Raises DamagedFileError."""
     picture = _chosen(path, read_headers(path))
     stated, notes = picture.attributes, []
-    (left, top), (right, bottom) = np.asarray(stated["dataWindow"]).tolist()
-    (first_x, first_y), (last_x, last_y) = np.asarray(stated["displayWindow"]).tolist()
-    shape = last_y - first_y + 1, last_x - first_x + 1
+    (left, top), (right, bottom) = window = np.asarray(stated["dataWindow"]).tolist()
+    shape = bottom - top + 1, right - left + 1
     check_decoded(path, (*shape, len(picture.names)), VALUE_BYTES)
-    if (left, top, right, bottom) != (first_x, first_y, last_x, last_y):
-        notes.append(
-            f"{path} places {right - left + 1} × {bottom - top + 1} px at "
-            f"({left - first_x}, {top - first_y}) of {shape[1]} × {shape[0]} px: what lies outside "
-            "is left out, what is lacking is black"
+    if window != np.asarray(stated["displayWindow"]).tolist():
+        raise DamagedFileError(
+            f"{path} has pixels in a part of its displayWindow, or beyond it; save it whole"
         )
     if picture.others:
         notes.append(
@@ -121,23 +107,13 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     with OpenEXR.File(str(path), separate_channels=True) as file:
         picture = _chosen(path, [dict(part.header) for part in file.parts])
         channels, stated = file.parts[picture.part].channels, picture.attributes
-        window = np.asarray(stated["dataWindow"])
         names = (*picture.names, *filter(None, [picture.alpha]))
         planes = [np.asarray(channels[name].pixels, np.float32) for name in names]
     is_transparent = picture.alpha is not None and planes.pop().min() < 1
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
     if not picture.wavelengths_nm:
         light = light * np.float32(stated.get("whiteLuminance", 1))
-    # Both windows are (2, 2), first and last (x, y).
-    display = np.asarray(stated["displayWindow"])
-    outside = ((display - window) * [[1], [-1]]).clip(0)[:, ::-1]  # rows, columns to cut
-    lacking = ((window - display) * [[1], [-1]]).clip(0)[:, ::-1]
-    ends = np.array(light.shape[:2]) - outside[1]
-    cut = light[outside[0, 0] : max(ends[0], 0), outside[0, 1] : max(ends[1], 0)]
-    if not cut.size:
-        raise DamagedFileError(f"{path} has no pixel within its displayWindow; save it again")
-    widths = [*lacking.T.tolist(), *[(0, 0)] * (light.ndim - 2)]
-    return np.pad(cut, widths), is_transparent
+    return light, is_transparent
 
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
@@ -156,7 +132,8 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
         matches = [match for match in map(_SPECTRAL.fullmatch, names) if match]
         if matches:
             first = min(match[1] or "" for match in matches)
-            known = sorted((_wavelength_nm(m), m[0]) for m in matches if (m[1] or "") == first)
+            of_first = [match for match in matches if (match[1] or "") == first]
+            known = sorted((float(match[2].replace(",", ".")), match[0]) for match in of_first)
             wavelengths_nm, spectral = zip(*known, strict=True)
             candidates.append((0, part, attributes, spectral, None, wavelengths_nm))
         for layer, channels in layers.items():
@@ -177,21 +154,14 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
         )
     _, part, attributes, used, alpha, wavelengths_nm = min(candidates, key=lambda c: c[:2])
     others = [
-        name if len(headers) == 1 else f"{headers[number].get('name', number)}: {name}"
+        name
         for number, names in all_names
         for name in names
         if number != part or name not in (*used, alpha)
     ]
-    others += [f"{len(headers) - len(all_names)} parts of deep data"] * (
-        len(headers) > len(all_names)
-    )
+    if len(headers) > len(all_names):
+        others.append("deep data")
     return _Picture(part, attributes, used, alpha, wavelengths_nm, tuple(others))
-
-
-def _wavelength_nm(match: re.Match[str]) -> float:
-    """Return the wavelength in the name of a spectral channel."""
-    number = float(match[2].replace(",", ".")) * 10.0 ** _PREFIXES.get(match[3], 0)
-    return _LIGHT_NM_HZ / number if match[4] == "Hz" else 1e9 * number
 
 
 def _bands_nm(path: Path, picture: _Picture) -> Bands:
@@ -277,14 +247,3 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     if numbers is None:
         raise ValueError("damaged")
     return numbers[..., ::-1] / picture.divisor, False
-
-
-def pfm_header(path: Path) -> Header:
-    """Return what a PFM file states. Raises ValueError."""
-    rows, columns = read_pfm(path).shape[:2]
-    return Header((rows, columns), "light")
-
-
-def pfm_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
-    """Return light (H, W) or (H, W, 3), and False: nothing is transparent."""
-    return read_pfm(path), False

@@ -1,7 +1,6 @@
 """Files and folders of pictures, films and arrays as footage, by suffix."""
 
 import sys
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, plain_array
+from megalopta.core.bounded import check_file
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.render.footage.film import DEMUXERS, open_film
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
@@ -47,7 +46,13 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
             f"{path}: an array does not state its unit; give the unit srgb (coded as in "
             "pictures), linear (proportional to light) or cd/m2 (luminance)"
         )
-    values = _zipped(path) if path.suffix.lower() == ".npz" else _mapped(path)
+    check_file(path, sys.maxsize)  # read frame by frame
+    try:
+        values = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    except Exception:  # a damaged header can raise anything
+        raise DamagedFileError(
+            f"{path} is not a complete array of numbers; write it with numpy.save"
+        ) from None
     return array_frames(values, unit, path)
 
 
@@ -71,36 +76,6 @@ def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
         coding=_coding(path, values.dtype, unit),
         values=frames,
     )
-
-
-def _mapped(path: Path) -> NDArray[Any]:
-    check_file(path, sys.maxsize)  # read frame by frame
-    try:
-        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-    except Exception:  # a damaged header can raise anything
-        raise DamagedFileError(
-            f"{path} is not a complete array of numbers; write it with numpy.save"
-        ) from None
-
-
-def _zipped(path: Path) -> NDArray[Any]:
-    check_file(path)
-    try:
-        with zipfile.ZipFile(path) as file:
-            entries = file.infolist()
-            if len(entries) != 1 or entries[0].file_size > ARRAY_BYTES:
-                raise DamagedFileError(
-                    f"{path} holds {len(entries)} arrays; give one, of at most "
-                    f"{ARRAY_BYTES / 1e9:.0f} GB, or a .npy file"
-                )
-            values = plain_array(file.read(entries[0]))
-    except DamagedFileError:
-        raise
-    except Exception:  # from a damaged archive, too
-        values = None
-    if values is None:
-        raise DamagedFileError(f"{path} holds no complete array; write it with numpy.savez")
-    return values
 
 
 def _coding(path: Path, dtype: np.dtype[Any], unit: Unit) -> Coding:
@@ -159,7 +134,7 @@ def _open_film(path: Path, unit: Unit | None) -> Footage:
 _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
     **dict.fromkeys(KINDS, open_picture),
     **dict.fromkeys(DEMUXERS, _open_film),
-    **dict.fromkeys((".npy", ".npz"), open_array),
+    ".npy": open_array,
 }
 SUFFIXES = tuple(_OPENERS)
 """Suffixes of supported files."""

@@ -47,23 +47,21 @@ from megalopta.render.footage.tiff import (
 from megalopta.render.footage.transfer import HDR_NOTES, PRIMARIES, TRANSFERS, to_bt709
 
 KINDS: Mapping[str, str] = {
-    **dict.fromkeys((".png",), "PNG"),
+    ".png": "PNG",
     **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
     **dict.fromkeys((".tif", ".tiff"), "TIFF"),
-    **dict.fromkeys((".bmp",), "BMP"),
+    ".bmp": "BMP",
     **dict.fromkeys((".ppm", ".pgm"), "PPM"),
-    **dict.fromkeys((".webp",), "WebP"),
-    **dict.fromkeys((".gif",), "GIF"),
-    **dict.fromkeys((".exr",), "EXR"),
-    **dict.fromkeys((".hdr",), "Radiance"),
-    **dict.fromkeys((".pfm",), "PFM"),
+    ".webp": "WebP",
+    ".gif": "GIF",
+    ".exr": "EXR",
+    ".hdr": "Radiance",
 }
 """Kind of picture by the suffix of its file."""
 
 _LIGHT_READERS: Mapping[str | None, Callable[[Path], tuple[NDArray[Any], bool]]] = {
     "EXR": light_files.exr_light,
     "Radiance": light_files.radiance_light,
-    "PFM": light_files.pfm_light,
 }
 _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
     "8 bits": ("srgb",),
@@ -158,14 +156,13 @@ def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
     if others:
         left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
         footage.notes += (left_out,)
-    names = [file.name for file in files]
-    ends = f"{names[0]} first, {names[-1]} last"
+    names, order = [file.name for file in files], ""
     if len(names) > 1 and not all(re.search("[0-9]", name) for name in names):
-        order = f"not all names have a number, so pictures are in alphabetical order: {ends}"
-        footage.notes += (order,)
+        order = "not all names have a number, so pictures are in alphabetical order"
     elif names != sorted(names):
-        order = f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
-        footage.notes += (order,)
+        order = "pictures are in order of the numbers in their names, not alphabetical"
+    if order:
+        footage.notes += (f"{order}: {names[0]} first, {names[-1]} last",)
     footage.frame(0)
     return footage
 
@@ -251,15 +248,11 @@ def _common_header(files: tuple[Path, ...]) -> Header:
                 f"{files[0]} and {path.name} differ in size ({' and '.join(sizes)} px); "
                 "give pictures of one size"
             )
-        if _read_alike(header) != _read_alike(first):
+        if header._replace(notes=()) != first._replace(notes=()):
             raise UserError(f"{files[0]} and {path.name} differ in bits or colors; save all alike")
         for note in header.notes:  # those that differ by a number are told once
             notes.setdefault(re.sub("[0-9.]+", "", note.replace(str(path), "")), note)
     return first._replace(notes=tuple(notes.values()))
-
-
-def _read_alike(header: Header) -> Header:
-    return header._replace(notes=())
 
 
 def header_of(path: Path) -> Header:
@@ -274,7 +267,6 @@ def header_of(path: Path) -> Header:
         readers = {
             "EXR": light_files.exr_header,
             "Radiance": light_files.radiance_header,
-            "PFM": light_files.pfm_header,
             "TIFF": tiff_header,
         }
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
