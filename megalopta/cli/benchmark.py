@@ -104,8 +104,8 @@ def _pairs(options: Namespace) -> Path:
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        found = clips.pairs_below(options.paths[0], options.png_scale)
-        pairs = clips.evenly_spread(found, options.pairs)
+        pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
+        pairs = clips.evenly_spread(pairs_below, options.pairs)
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
         pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
@@ -133,22 +133,22 @@ def _pairs_without_truth(options: Namespace) -> None:
     with ExitStack() as stack:
         pairs = whole_frames.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
         choices = _methods_and_draws(options, len(pairs))
-        found = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
+        distances = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
     name = block_detector(reference).name
     stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
-    whole_frames.write_board(options.out, found, stand_in)
+    whole_frames.write_board(options.out, distances, stand_in)
     print(
-        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(found)}."
+        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(distances)}."
         f"\n\nDistance from the flow of the noise-free pictures by {name}, "
         f"which favors {name} and similar methods:"
     )
-    _print_tables(found, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
-    if len(found.detectors) > 2:
+    _print_tables(distances, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
+    if len(distances.detectors) > 2:
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
             "agree may share an error:"
         )
-        _print_tables(found, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
+        _print_tables(distances, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
 
 
 def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
@@ -323,9 +323,9 @@ def _design(options: Namespace) -> Path:
     from megalopta.config.yaml_model import validated
 
     settings = validated(DesignSettings, {}, "settings", options.overrides)
-    found = designed(options.sensor, options.dataset, settings)
-    table = Table(*table_head(found))
-    for row in found.rows:
-        table.add_row(*table_cells(found, row))
+    design = designed(options.sensor, options.dataset, settings)
+    table = Table(*table_head(design))
+    for row in design.rows:
+        table.add_row(*table_cells(design, row))
     Console(width=120, markup=False).print(table)
-    return write_design(options.out, found)
+    return write_design(options.out, design)

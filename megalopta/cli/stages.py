@@ -205,26 +205,26 @@ def _sense(options: Namespace) -> Path | None:
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
     asked = {field: getattr(options, field) for field in fields}
-    given = {field: value for field, value in asked.items() if value is not None}
-    is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), given or options.out
+    stated = {field: value for field, value in asked.items() if value is not None}
+    is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), stated or options.out
     if is_dataset or not (of_pictures or is_footage(options.input)):
         if of_pictures:
-            name = next(iter([*given, "out"])).replace("_", "-").removesuffix("-hz")
+            name = next(iter([*stated, "out"])).replace("_", "-").removesuffix("-hz")
             raise UserError(f"--{name}: for pictures, and {options.input} is a dataset; omit it")
         options.dataset = options.input
         run_later_stage("sense", options)
         return None
-    return _sense_pictures(options, given)
+    return _sense_pictures(options, stated)
 
 
-def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
+def _sense_pictures(options: Namespace, stated: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
     from megalopta.render import open_footage
     from megalopta.stages.importing import PictureOptions, pictures_configuration
     from megalopta.stages.run import check_stage, run_stages
 
-    asked = PictureOptions(**given)
+    asked = PictureOptions(**stated)
     with open_footage(options.input, asked.unit) as footage:
         settings, light = pictures_configuration(footage, asked, options.overrides)
         root = Path(options.out or Path("out") / settings.name)

@@ -97,10 +97,10 @@ def remove_stale_lock(path: Path) -> None:
 def _check_lock(path: Path) -> None:
     """Refuse to write into a lock that is not a file of this folder alone. Raises UserError."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except FileNotFoundError:
         return
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         raise UserError(f"{path}: not a lock file; remove it")
 
 

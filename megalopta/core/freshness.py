@@ -26,11 +26,11 @@ _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy
 
 def digest(*parts: str | bytes) -> str:
     """BLAKE2b hash (16 bytes, hexadecimal) of parts and of the borders between them."""
-    found = hashlib.blake2b(digest_size=16)
+    hashed = hashlib.blake2b(digest_size=16)
     for part in parts:
         body = part.encode() if isinstance(part, str) else part
-        found.update(f"{len(body)}:".encode() + body)
-    return found.hexdigest()
+        hashed.update(f"{len(body)}:".encode() + body)
+    return hashed.hexdigest()
 
 
 @cache

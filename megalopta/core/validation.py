@@ -73,8 +73,8 @@ def plain_types(annotation: Any) -> Iterator[Any]:
 
 
 def _told(problem: Any, model: type[BaseModel]) -> str:
-    kind, given = problem["type"], problem["input"]
-    message = cut(problem["msg"].removeprefix("Value error, "), given)
+    kind, value = problem["type"], problem["input"]
+    message = cut(problem["msg"].removeprefix("Value error, "), value)
     if kind == "extra_forbidden":
         *above, name = problem["loc"]
         types = _place(model, above)[1]
@@ -91,7 +91,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
     if kind in (*_TOLD, "value_error"):
         return _TOLD.get(kind, message)
     reason = _EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}")
-    return f"{reason}, got {_short.repr(given)}"
+    return f"{reason}, got {_short.repr(value)}"
 
 
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:

@@ -49,11 +49,11 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
     with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
-        found = StoredFrames.open(path, "detections")
+        detections = StoredFrames.open(path, "detections")
         settings = dataset.configuration
-        if found.shape != (settings.trajectory.frames, *settings.camera.shape):
-            raise ValueError(f"its frames are {found.shape}, not those of the dataset")
-        return found
+        if detections.shape != (settings.trajectory.frames, *settings.camera.shape):
+            raise ValueError(f"its frames are {detections.shape}, not those of the dataset")
+        return detections
 
 
 def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:

@@ -78,12 +78,14 @@ def pictures_configuration(
     Settings that are given override those of the file. Raises UserError.
     """
     path = footage.path
-    given = [f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)]
-    given += ["--light-levels"] if "light_levels" in overrides else []
-    if len(given) != 1 and (given or not footage.is_absolute):
-        what = " and ".join(given) or "pictures do not say how bright it was"
+    brightness_options = [
+        f"--{name}" for name in ("photons", "lux", "luminance") if getattr(asked, name)
+    ]
+    brightness_options += ["--light-levels"] if "light_levels" in overrides else []
+    if len(brightness_options) != 1 and (brightness_options or not footage.is_absolute):
+        problem = " and ".join(brightness_options) or "pictures do not say how bright it was"
         raise UserError(
-            f"{path}: {what}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 "
+            f"{path}: {problem}; give one of --photons 2 (mean on a pixel in a frame), --lux 0.25 "
             "(on the scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), "
             "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
         )
@@ -120,8 +122,8 @@ def pictures_configuration(
         levels = list(dict.fromkeys(float(f"{lux:.{_DIGITS}g}") for lux in levels))
         for level in levels:
             illuminance_of(level)
-    told = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
-    settings = settings.model_copy(update={"light": light, **told})
+    light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
+    settings = settings.model_copy(update={"light": light, **light_levels})
     return settings, PictureLight(frames, brightness, of_unit)
 
 
@@ -136,11 +138,11 @@ def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
         raise UserError(f"--spectrum {asked.spectrum}: unknown; give one of {names}")
     scene = {name: getattr(asked, name) for name in _OF_SCENE}
     scene["spectrum"] = "light" if is_level else asked.spectrum
-    given = {name: value for name, value in scene.items() if value is not None}
+    stated = {name: value for name, value in scene.items() if value is not None}
     return {
         **DEFAULTS,
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
-        "scene": {"kind": "pictures", "file": str(path), **given},
+        "scene": {"kind": "pictures", "file": str(path), **stated},
         "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
         "camera": {"width": width, "height": height},
         "trajectory": timing_of(footage, asked),

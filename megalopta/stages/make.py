@@ -78,13 +78,13 @@ def make(
     for configuration in check_plan(plan):
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
-    whole = _whole_plan(tree, plan)
+    plan_of_all = _whole_plan(tree, plan)
     filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
         tree.sweep()
-        tree.write_header(plan=whole.model_dump(mode="json"))
+        tree.write_header(plan=plan_of_all.model_dump(mode="json"))
         there = set(tree.names()) - {
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
@@ -95,7 +95,7 @@ def make(
         try:
             _run("Making sequences", partial(_make, tree.root, plan), todo, workers, scheduler)
         finally:
-            write_index(tree, whole)
+            write_index(tree, plan_of_all)
     return tree
 
 

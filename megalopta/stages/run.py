@@ -310,13 +310,15 @@ def require(dataset: Dataset, stage: str) -> None:
     """Refuse, with UserError, a stage that is damaged or not finished with this configuration."""
     root, broken = dataset.root, damaged(dataset, stage)
     if broken:
-        what = f"{broken[0]} is missing or damaged"
+        problem = f"{broken[0]} is missing or damaged"
     elif not entry(dataset, stage):
-        what = f"{root}: stage {stage!r} is not finished with this configuration"
+        problem = f"{root}: stage {stage!r} is not finished with this configuration"
     else:
         return
     target = (root, "--out", root) if stage == "render" else (root,)
-    raise UserError(f"{what}; run first: {shell_command(*STAGES[stage].command.split(), *target)}")
+    raise UserError(
+        f"{problem}; run first: {shell_command(*STAGES[stage].command.split(), *target)}"
+    )
 
 
 def timings(dataset: Dataset) -> dict[str, float]:

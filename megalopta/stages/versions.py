@@ -27,8 +27,8 @@ _WIDTH = max(map(len, PACKAGES)) + 2
 
 def versions() -> dict[str, str]:
     """Version of the program, of Python and of every package that shapes a result."""
-    own = {"megalopta": __version__, "python": platform.python_version()}
-    return own | {package: _version(package) for package in PACKAGES}
+    program = {"megalopta": __version__, "python": platform.python_version()}
+    return program | {package: _version(package) for package in PACKAGES}
 
 
 def _version(package: str) -> str:

@@ -79,8 +79,8 @@ def exr_header(path: Path) -> Header:
         if units != RADIANCE_UNIT:
             notes.append(f"{path} states {units}; its values are taken as {RADIANCE_UNIT}")
     elif "chromaticities" in stated:
-        chromaticities, told = converted(path, np.ravel(stated["chromaticities"]).tolist())
-        notes += told
+        chromaticities, note = converted(path, np.ravel(stated["chromaticities"]).tolist())
+        notes += note
     white_cd_m2 = stated.get("whiteLuminance")
     if white_cd_m2 is not None and not 0 < white_cd_m2 < np.inf:
         raise DamagedFileError(f"{path} states a whiteLuminance of {white_cd_m2:g}; remove it")
@@ -223,11 +223,11 @@ def radiance_header(path: Path) -> Header:
         raise DamagedFileError(f"{path} is of {quoted(layout)}; save it as 32-bit_rle_rgbe")
     xy = tuple(map(float, stated.pop("PRIMARIES", "").split()))
     xy = XYZ_XY if layout == "32-bit_rle_xyze" else xy
-    chromaticities, told = converted(path, xy) if xy else (None, ())
+    chromaticities, note = converted(path, xy) if xy else (None, ())
     if not (picture.divisor == 1).all():
         factors = ", ".join(f"{value:.4g}" for value in dict.fromkeys(picture.divisor.tolist()))
         notes.append(f"{path} states exposures; its values are divided by {factors}")
-    notes += (*told, *not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
+    notes += (*note, *not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
     stated.pop("SOFTWARE", None)
     notes += unused(path, stated)
     return Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))

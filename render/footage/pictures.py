@@ -152,9 +152,9 @@ def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
         footage = _pictures(path, files, unit, _common_header(files))
-    others = sorted({each.name for each in visible} - {each.name for each in files})
-    if others:
-        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
+    omitted = sorted({each.name for each in visible} - {each.name for each in files})
+    if omitted:
+        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(omitted))})"
         footage.notes += (left_out,)
     names, order = [file.name for file in files], ""
     if len(names) > 1 and not all(re.search("[0-9]", name) for name in names):
@@ -213,9 +213,9 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
     """Return how a picture's values become light. Raises UserError for an impossible unit."""
     units = _UNITS[header.depth]
     if unit is not None and unit not in units:
-        what = header.depth if header.depth != "light" else "light in floating point"
+        content = header.depth if header.depth != "light" else "light in floating point"
         raise UserError(
-            f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
+            f"{path} holds {content}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
         )
     if header.bands_nm is not None:
         if unit is not None:
@@ -235,8 +235,10 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
 def _common_header(files: tuple[Path, ...]) -> Header:
     kinds = {picture_kind(each): each for each in files}
     if len(kinds) > 1:
-        one, other = list(kinds.values())[:2]
-        raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
+        first_path, other_path = list(kinds.values())[:2]
+        raise UserError(
+            f"{first_path} and {other_path.name} differ in kind; give a folder with one kind"
+        )
     first, notes = header_of(files[0]), dict[str, str]()
     for path in files:
         header = header_of(path) if path != files[0] else first
@@ -302,8 +304,8 @@ def pillow_header(path: Path) -> Header:
             notes.append(f"{path} holds several pictures; the first is read")
         header = Header((rows, columns), depth)
         if image.format == "PNG":
-            header, told = _png_colors(path, header)
-            stated |= told
+            header, statements = _png_colors(path, header)
+            stated |= statements
         if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
             notes += not_square(path, (aspect + 15) / 64)
         if getattr(image, "n_frames", 1) > 1 and image.format in ("GIF", "PNG", "WEBP"):
@@ -350,7 +352,7 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
     for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
-    told = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
+    statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
     if b"cICP" in chunks:
         primaries, number, matrix, is_full = chunks[b"cICP"]
         if number not in TRANSFERS or primaries not in PRIMARIES or matrix:
@@ -364,9 +366,9 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         xy, notes = converted(path, PRIMARIES[primaries][1])
         return header._replace(
             transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=notes
-        ), told
+        ), statements
     if b"iCCP" in chunks or b"sRGB" in chunks:
-        return header, told
+        return header, statements
     if b"gAMA" in chunks:
         (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
         if not gamma:
@@ -379,7 +381,7 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         )
         xy, notes = converted(path, (*colors, white_x, white_y))
         header = header._replace(chromaticities=xy, notes=notes)
-    return header, told
+    return header, statements
 
 
 def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
