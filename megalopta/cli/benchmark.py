@@ -180,7 +180,7 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
         for name in known:
             table.add_column(metrics[name], justify="right")
-        cells = {}
+        cells = dict[tuple[str, str], str]()
         for row in records(rows):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
             ends = row.value, row.low, row.high

@@ -74,7 +74,7 @@ def noise_warning(
     noisy = sorted((share, name) for name, share in shares.items() if share > LIMIT)
     if not noisy:
         return None
-    now, named = max(noise["samples_per_pixel"]), []
+    now, named = max(noise["samples_per_pixel"]), list[str]()
     for share, name in noisy[:_MOST_NAMED]:
         samples = now * share / LIMIT
         step = int(10 ** max(math.floor(math.log10(samples)) - 1, 0))  # two digits

@@ -146,8 +146,8 @@ class _Decoder:
 
         bounded.check_file(path, _MOST_BYTES)
         self._path, self._demuxer = path, DEMUXERS[path.suffix.lower()]
-        self._problem, self._container = FFmpegError, None
-        self._file = path.open("rb")
+        self._problem, self._file = FFmpegError, path.open("rb")
+        self._container: Any = None
         try:
             with working(f"frames of {path}"):
                 self._begin()
@@ -175,7 +175,7 @@ class _Decoder:
         if self._container is not None:
             self._container.close()
         self._file.seek(0)
-        self._container: Any = av.open(
+        self._container = av.open(
             self._file,
             "r",
             format=self._demuxer,
