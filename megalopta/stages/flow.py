@@ -146,14 +146,12 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
         purity = motion.purity[np.newaxis]
         ways = settings.flow.weights(purity), None, settings.flow.is_pure(purity)
         for grid, truths in parts.items():
-            velocities = (block_flow(flow, grid, hidden, weights=weights) for weights in ways)
-            truths.append(BlockTruth(*velocities, block_share(hidden, grid)))
-    joined = {
-        grid: BlockTruth(
-            *map(np.concatenate, zip(*(vars(t).values() for t in truths), strict=True))
-        )
-        for grid, truths in parts.items()
-    }
+            chosen, every, pure = (block_flow(flow, grid, hidden, weights=way) for way in ways)
+            truths.append(BlockTruth(chosen, every, pure, block_share(hidden, grid)))
+    joined = {}
+    for grid, truths in parts.items():
+        columns = zip(*(vars(truth).values() for truth in truths), strict=True)
+        joined[grid] = BlockTruth(*(np.concatenate(column) for column in columns))
     return {name: joined[grid] for name, grid in grids.items()}
 
 

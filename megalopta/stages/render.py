@@ -331,10 +331,14 @@ def write_previews(dataset: Dataset) -> None:
     """Write tone-mapped previews of the radiance, with one curve for all frames."""
     settings = dataset.configuration
     white = settings.scene.white(settings.light)
-    paths = [dataset.radiance(index) for index in range(settings.trajectory.frames)]
-    curve = ToneCurve.of(linear_srgb(*decoded(path, read_radiance), white) for path in paths)
-    for index, path in enumerate(paths):
-        image = preview(*decoded(path, read_radiance), white, curve)
+    bands_nm, frames = settings.render.bands_nm, range(settings.trajectory.frames)
+
+    def radiance(index: int) -> Any:
+        return decoded(dataset.radiance(index), read_radiance)[0]
+
+    curve = ToneCurve.of(linear_srgb(radiance(index), bands_nm, white) for index in frames)
+    for index in frames:
+        image = preview(radiance(index), bands_nm, white, curve)
         sintel.write_png(dataset.frame("training/clean", index), image)
 
 

@@ -294,8 +294,8 @@ def damaged(dataset: Dataset, stage: str) -> list[Path]:
     known = entry(dataset, stage)
     recorded = (known.files or {}).items() if known else ()
     with step(f"comparing files of {stage}"):
-        paths = ((dataset.root / name, *file) for name, file in recorded)
-        return [path for path, *file in paths if file_difference(path, *file)]
+        paths = [(dataset.root / name, size, digest) for name, (size, digest) in recorded]
+        return [path for path, size, digest in paths if file_difference(path, size, digest)]
 
 
 def finished(dataset: Dataset) -> list[str]:
