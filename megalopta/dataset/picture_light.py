@@ -149,7 +149,7 @@ def picture_times(footage: "Footage", rate_hz: float) -> Floats:
 
 @dataclass(frozen=True)
 class Brightness:
-    """How bright the frames of a sequence of pictures are."""
+    """Brightness of the frames of a sequence of pictures."""
 
     mean: tuple[float, ...]
     """Mean of linear red, green and blue over all frames, or of each channel of spectra"""
