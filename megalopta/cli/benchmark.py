@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
     DATASET,
@@ -99,18 +99,13 @@ def _pairs(options: Namespace) -> Path:
     for name in ("reference", "unit"):
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    _pairs_with_truth(options)
-    return Path(options.out)
-
-
-def _pairs_with_truth(options: Namespace) -> None:
     from megalopta.benchmark import clips
     from megalopta.benchmark.methods import BLOCK_PX
     from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        found = clips.pairs_below(options.paths[0], options.png_scale)
-        pairs = clips.evenly_spread(found, options.pairs)
+        pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
+        pairs = clips.evenly_spread(pairs_below, options.pairs)
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
         pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
@@ -126,6 +121,7 @@ def _pairs_with_truth(options: Namespace) -> None:
         " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
     )
     _print_tables(errors, METRICS)
+    return Path(options.out)
 
 
 def _pairs_without_truth(options: Namespace) -> None:
@@ -137,22 +133,22 @@ def _pairs_without_truth(options: Namespace) -> None:
     with ExitStack() as stack:
         pairs = whole_frames.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
         choices = _methods_and_draws(options, len(pairs))
-        found = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
+        distances = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
     name = block_detector(reference).name
     stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
-    whole_frames.write_board(options.out, found, stand_in)
+    whole_frames.write_board(options.out, distances, stand_in)
     print(
-        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(found)}."
+        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(distances)}."
         f"\n\nDistance from the flow of the noise-free pictures by {name}, "
         f"which favors {name} and similar methods:"
     )
-    _print_tables(found, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
-    if len(found.detectors) > 2:
+    _print_tables(distances, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
+    if len(distances.detectors) > 2:
         print(
             "\nDistance from the median of the other methods on the same photons; methods that "
             "agree may share an error:"
         )
-        _print_tables(found, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
+        _print_tables(distances, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
 
 
 def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
@@ -184,19 +180,19 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
         table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
         for name in known:
             table.add_column(metrics[name], justify="right")
-        cells = {(row.method, row.metric): _cell(row) for row in records(rows)}
+        cells = dict[tuple[str, str], str]()
+        for row in records(rows):
+            factor, digits = (100, 1) if "share" in row.metric else (1, 2)
+            ends = row.value, row.low, row.high
+            value, low, high = (f"{factor * end:.{digits}f}" for end in ends)
+            has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px"))
+            is_known = has_ends and row.low == row.low
+            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if is_known else value
         for detector in board.detectors:
             table.add_row(
                 detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)
             )
         console.print(table)
-
-
-def _cell(row: Any) -> str:
-    factor, digits = (100, 1) if "share" in row.metric else (1, 2)
-    value, low, high = (f"{factor * end:.{digits}f}" for end in (row.value, row.low, row.high))
-    has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px")) and row.low == row.low
-    return f"{value}\n{low}…{high}" if has_ends else value
 
 
 @verb(
@@ -227,13 +223,9 @@ def _photons(options: Namespace) -> object:
         if getattr(options, name):
             kind = "a dataset" if is_sweep else "a sweep"
             raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
-    if is_sweep:
-        return _run_sweep(options)
-    run_later_stage("benchmark", options)
-    return None
-
-
-def _run_sweep(options: Namespace) -> list[Path]:
+    if not is_sweep:
+        run_later_stage("benchmark", options)
+        return None
     from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
 
@@ -331,9 +323,9 @@ def _design(options: Namespace) -> Path:
     from megalopta.config.yaml_model import validated
 
     settings = validated(DesignSettings, {}, "settings", options.overrides)
-    found = designed(options.sensor, options.dataset, settings)
-    table = Table(*table_head(found))
-    for row in found.rows:
-        table.add_row(*table_cells(found, row))
+    design = designed(options.sensor, options.dataset, settings)
+    table = Table(*table_head(design))
+    for row in design.rows:
+        table.add_row(*table_cells(design, row))
     Console(width=120, markup=False).print(table)
-    return write_design(options.out, found)
+    return write_design(options.out, design)

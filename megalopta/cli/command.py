@@ -135,8 +135,8 @@ def option(
     name, _, metavar = name.partition(" ")
     shown = f"{default:g}" if isinstance(default, float) else default
     stated = "" if default is None or "default:" in text else f" (default: {shown})"
-    given = {"type": kind, "default": default, "metavar": metavar or None, **how}
-    chosen = {key: each for key, each in given.items() if each is not None}
+    arguments = {"type": kind, "default": default, "metavar": metavar or None, **how}
+    chosen = {key: each for key, each in arguments.items() if each is not None}
     return name, {"help": f"{text}{stated}", **chosen}
 
 
@@ -147,9 +147,9 @@ def switch(name: str, text: str, **how: Any) -> Option:
 
 def chosen(options: argparse.Namespace, kind: type[Chosen]) -> Chosen:
     """Return the dataclass whose fields are options that were given."""
-    given = {each.name: getattr(options, each.name, None) for each in fields(kind)}
-    found: Chosen = kind(**{name: value for name, value in given.items() if value is not None})
-    return found
+    values = {each.name: getattr(options, each.name, None) for each in fields(kind)}
+    record: Chosen = kind(**{name: value for name, value in values.items() if value is not None})
+    return record
 
 
 def out(default: str, what: str = "folder") -> Option:
@@ -159,14 +159,14 @@ def out(default: str, what: str = "folder") -> Option:
 
 def out_file(default: str, what: str) -> Option:
     """Return the option for the file that a verb writes."""
-    return option("--out", what, _file, Path(default))
 
+    def file(text: str) -> Path:
+        if Path(text).is_dir():
+            problem = f"{quoted(text)!r} is a folder; give the name of a file"
+            raise argparse.ArgumentTypeError(problem)
+        return Path(text)
 
-def _file(text: str) -> Path:
-    """Parse the path of a file, which is no folder."""
-    if Path(text).is_dir():
-        raise argparse.ArgumentTypeError(f"{quoted(text)!r} is a folder; give the name of a file")
-    return Path(text)
+    return option("--out", what, file, Path(default))
 
 
 def whole(text: str, least: int | None = None) -> int:
@@ -207,14 +207,14 @@ def within(least: float, most: float) -> Callable[[str], float]:
 def numbers(text: str) -> tuple[float, ...]:
     """Parse one or more comma-separated numbers above 0, at most 1e9."""
     try:
-        found = tuple(float(word) for word in text.split(","))
+        values = tuple(float(word) for word in text.split(","))
     except ValueError:
-        found = ()
-    if not found or not all(0 < number <= 1e9 for number in found):
+        values = ()
+    if not values or not all(0 < number <= 1e9 for number in values):
         raise argparse.ArgumentTypeError(
             f"{quoted(text)!r}; give comma-separated numbers above 0, such as 1,3,10"
         )
-    return found
+    return values
 
 
 DATASET = option("dataset", "dataset folder", Path)

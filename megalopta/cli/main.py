@@ -94,8 +94,10 @@ def _run(arguments: Sequence[str]) -> None:
         command = command.below(argument)
     if command.verbs and not any(word.startswith("-") for word in arguments):
         arguments = [*arguments, "--help"]
-    own, overrides = split_overrides(arguments, {*parser.options, *command.options}, command.takes)
-    options = parser.parse_args(own, Namespace(overrides=overrides))
+    words, overrides = split_overrides(
+        arguments, {*parser.options, *command.options}, command.takes
+    )
+    options = parser.parse_args(words, Namespace(overrides=overrides))
     with working(options.verb):
         made = options.run(options)
         for line in made if isinstance(made, list | tuple | Iterator) else [made]:
@@ -119,9 +121,9 @@ def program() -> Command:
     _add_help(parser)
     branches = {"": _branch(parser, "verb")}
     for name, verb in sorted(VERBS.items()):
-        above, _, own = name.rpartition(" ")
+        above, _, word = name.rpartition(" ")
         command = branches[above].add_parser(
-            own,
+            word,
             help=verb.purpose,
             description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -160,7 +162,7 @@ def split_overrides(
     is no option starts a setting; `takes` returns how many words it takes. Raises UserError for a
     mistyped option, a setting without a value, or a duplicate setting.
     """
-    own: list[str] = []
+    kept: list[str] = []
     settings: dict[str, list[str]] = {}
     taker, words = "", "one"  # the setting that takes the next words, and how many
     for argument in arguments:
@@ -181,7 +183,7 @@ def split_overrides(
             continue
         is_no_value = words == "switch" and argument not in ("true", "false")
         if name in options or not taker or is_no_value:
-            own.append(argument)
+            kept.append(argument)
             taker = ""
         else:
             settings[taker] = [argument] if words == "switch" else [*settings[taker], argument]
@@ -190,4 +192,4 @@ def split_overrides(
         if not values:
             raise UserError(f"--{path}: missing value; give one")
     yaml = {p: v[0] if len(v) == 1 else f"[{', '.join(v)}]" for p, v in settings.items()}
-    return own, yaml
+    return kept, yaml

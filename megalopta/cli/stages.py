@@ -71,7 +71,15 @@ def _render(options: Namespace) -> str | None:
 
     folder = Path(options.configuration or "demo")
     if (folder / "dataset.yaml").exists() and Tree(folder).plan:
-        _make_what_is_missing(options)
+        from megalopta.config.recipe import load_plan
+        from megalopta.stages.make import make
+
+        if options.redo or options.dry_run:
+            raise UserError(
+                f"{options.configuration}: a dataset of many sequences; remove a sequence's record "
+                "to make it again, and see megalopta dataset make --help for --dry-run"
+            )
+        make(options.out, load_plan(folder, options.overrides))
         return None
     if options.dry_run:
         from megalopta.stages.estimate import estimate_frames
@@ -197,32 +205,34 @@ def _sense(options: Namespace) -> Path | None:
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
     asked = {field: getattr(options, field) for field in fields}
-    given = {field: value for field, value in asked.items() if value is not None}
-    is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), given or options.out
+    stated = {field: value for field, value in asked.items() if value is not None}
+    is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), stated or options.out
     if is_dataset or not (of_pictures or is_footage(options.input)):
         if of_pictures:
-            name = next(iter([*given, "out"])).replace("_", "-").removesuffix("-hz")
+            name = next(iter([*stated, "out"])).replace("_", "-").removesuffix("-hz")
             raise UserError(f"--{name}: for pictures, and {options.input} is a dataset; omit it")
         options.dataset = options.input
         run_later_stage("sense", options)
         return None
-    return _sense_pictures(options, given)
+    return _sense_pictures(options, stated)
 
 
-def _sense_pictures(options: Namespace, given: Mapping[str, Any]) -> Path:
+def _sense_pictures(options: Namespace, stated: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
+    from megalopta.render import open_footage
     from megalopta.stages.importing import PictureOptions, pictures_configuration
-    from megalopta.stages.run import check_stage, run_stage
+    from megalopta.stages.run import check_stage, run_stages
 
-    asked = PictureOptions(**given)
-    settings = pictures_configuration(options.input, asked, options.overrides)
-    root = options.out or Path("out") / settings.name
-    check_stage("sense", settings, root)  # before the pictures are copied
-    for stage in ("render", "sense"):
-        run_stage(root, settings, stage, options.redo)
+    asked = PictureOptions(**stated)
+    with open_footage(options.input, asked.unit) as footage:
+        settings, light = pictures_configuration(footage, asked, options.overrides)
+        root = Path(options.out or Path("out") / settings.name)
+        check_stage("sense", settings, root)
+        stages = "render", "sense"
+        run_stages(root, settings, stages, options.redo, light=light, is_checked=True)
     say(f"see them with: {shell_command('view', root)}")
-    return Path(root)
+    return root
 
 
 def _configuration(options: Namespace) -> "Configuration":
@@ -230,19 +240,6 @@ def _configuration(options: Namespace) -> "Configuration":
     from megalopta.config.model import load
 
     return load(options.configuration or "demo", options.overrides)
-
-
-def _make_what_is_missing(options: Namespace) -> None:
-    """Make the sequences that a dataset of many still lacks."""
-    from megalopta.config.recipe import load_plan
-    from megalopta.stages.make import make
-
-    if options.redo or options.dry_run:
-        raise UserError(
-            f"{options.configuration}: a dataset of many sequences; remove a sequence's record to "
-            "make it again, and see megalopta dataset make --help for --dry-run"
-        )
-    make(options.out, load_plan(Path(options.configuration), options.overrides))
 
 
 VERBS["dataset"] = Verb("make a dataset of many sequences")

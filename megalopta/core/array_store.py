@@ -48,13 +48,8 @@ class ArrayStore:
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
                 np.savez(file, **dict[str, Any](arrays))
-            _prune(self._path.parent, self._most_bytes)
-
-
-def _prune(folder: Path, most_bytes: int) -> None:
-    """Remove the least recently used files above the size limit."""
-    kept = sorted(folder.glob("*.npz"), key=lambda path: -path.stat().st_mtime)
-    sizes = np.cumsum([path.stat().st_size for path in kept])
-    for path, size in zip(kept[1:], sizes[1:], strict=True):
-        if size > most_bytes:
-            path.unlink(missing_ok=True)
+            kept = sorted(self._path.parent.glob("*.npz"), key=lambda path: -path.stat().st_mtime)
+            sizes = np.cumsum([path.stat().st_size for path in kept])
+            for path, size in zip(kept[1:], sizes[1:], strict=True):
+                if size > self._most_bytes:
+                    path.unlink(missing_ok=True)

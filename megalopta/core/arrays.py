@@ -19,8 +19,8 @@ def mean_and_variance(frames: NDArray[Any]) -> tuple[Floats, Floats]:
     """Return the mean and variance (n − 1) over frames (n, …), without a copy of all of them."""
     mean = frames.mean(axis=0, dtype=np.float64)
     squares = np.zeros(mean.shape)
-    for each in frames:
-        squares += np.square(each - mean)
+    for frame in frames:
+        squares += np.square(frame - mean)
     return mean, squares / (len(frames) - 1)
 
 

@@ -110,12 +110,12 @@ def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
 
 def budget_bytes() -> float:
     """Return the memory that the content of a file may take. Raises UserError."""
-    given = os.environ.get("MEGALOPTA_DECODED_GB", str(DECODED_GB))
+    setting = os.environ.get("MEGALOPTA_DECODED_GB", str(DECODED_GB))
     try:
-        return float(given) * 1e9
+        return float(setting) * 1e9
     except ValueError:
         raise UserError(
-            f"MEGALOPTA_DECODED_GB: {quoted(given)!r}; give a number of gigabytes, such as 4"
+            f"MEGALOPTA_DECODED_GB: {quoted(setting)!r}; give a number of gigabytes, such as 4"
         ) from None
 
 
@@ -177,9 +177,9 @@ def _reason(problem: Exception, path: object) -> str:
     if isinstance(problem, ValidationError):  # its own text has several lines, of every error
         first = problem.errors(include_url=False, include_input=False)[0]
         return quoted(": ".join([".".join(map(str, first["loc"])), first["msg"]]).strip(": "))
-    said = " ".join(str(problem).removeprefix(str(path)).lstrip(": ").split())
+    reason = " ".join(str(problem).removeprefix(str(path)).lstrip(": ").split())
     lacking = "lacks " * isinstance(problem, KeyError)
-    return getattr(problem, "strerror", None) or lacking + quoted(said) or type(problem).__name__
+    return getattr(problem, "strerror", None) or lacking + quoted(reason) or type(problem).__name__
 
 
 def quoted(value: object, at_most: int = QUOTED) -> str:
@@ -285,8 +285,8 @@ def file_content(path: str | Path, field: str) -> bytes:
         raise ValueError(f"{field}: {problem}") from None
     except ValueError as problem:
         is_path = "\0" not in str(path)
-        said = str(problem) if is_path else f"{str(path)!r} is not a path; give a file's path"
-        raise ValueError(f"{field}: {said}") from None
+        reason = str(problem) if is_path else f"{str(path)!r} is not a path; give a file's path"
+        raise ValueError(f"{field}: {reason}") from None
 
 
 def plain_array(content: bytes, kinds: str = "fiu") -> "NDArray[Any] | None":
@@ -411,8 +411,8 @@ def open_store(path: Path) -> Store:
     from megalopta.core.folders import check_enclosed
 
     check_enclosed(path)
-    said = _metadata(path, "group")
-    inside = (said.get("consolidated_metadata") or {}).get("metadata")
+    metadata = _metadata(path, "group")
+    inside = (metadata.get("consolidated_metadata") or {}).get("metadata")
     if inside is None:
         folders = sorted(folder for folder in path.iterdir() if (folder / METADATA).exists())
         inside = {folder.name: _metadata(folder, "array") for folder in folders}
@@ -449,33 +449,33 @@ def _metadata(path: Path, kind: str) -> dict[str, Any]:
     """Return the metadata of a group or array of format 3."""
     if older := next(chain(path.glob(".z*"), path.glob("*/.z*")), None):
         raise ValueError(f"{older.name} is of Zarr's format 2; only format 3 is read")
-    said = dict(read_json(path / METADATA))
-    if said.get("zarr_format") != 3 or said.get("node_type") != kind:
+    metadata = dict(read_json(path / METADATA))
+    if metadata.get("zarr_format") != 3 or metadata.get("node_type") != kind:
         raise ValueError(f"{path.name} is no {kind} of Zarr's format 3")
-    return said
+    return metadata
 
 
-def _check_array(path: Path, said: Mapping[str, Any]) -> None:
+def _check_array(path: Path, metadata: Mapping[str, Any]) -> None:
     """Refuse an array that is no plain numbers, or whose chunks are too large to decode."""
-    if said.get("zarr_format") != 3 or said.get("node_type") != "array":
+    if metadata.get("zarr_format") != 3 or metadata.get("node_type") != "array":
         raise ValueError(f"{path.name} is no array of Zarr's format 3")
-    if said["data_type"] not in _NUMBERS:
-        raise ValueError(f"{path.name} holds {quoted(said['data_type'])}, no plain numbers")
-    shape, grid = said["shape"], said["chunk_grid"]
+    if metadata["data_type"] not in _NUMBERS:
+        raise ValueError(f"{path.name} holds {quoted(metadata['data_type'])}, no plain numbers")
+    shape, grid = metadata["shape"], metadata["chunk_grid"]
     chunk = grid["configuration"]["chunk_shape"]
     sides = [*shape, *(side - 1 for side in chunk)]
     is_plain = all(type(side) is int and 0 <= side < _LARGEST_SIDE for side in sides)
     if not (is_plain and 1 <= len(shape) == len(chunk) <= _MOST_AXES and grid["name"] == "regular"):
         raise ValueError(f"{path.name}: {quoted(shape)} in chunks of {quoted(chunk)} is no array")
-    if said.get("storage_transformers"):
+    if metadata.get("storage_transformers"):
         raise ValueError(f"{path.name}: storage transformers are not read")
     chunks = math.prod(-(-side // step) for side, step in zip(shape, chunk, strict=True))
     if chunks > _MOST_CHUNKS:
         raise ValueError(f"{path.name} has {chunks} chunks; at most {_MOST_CHUNKS} are read")
-    _check_codecs(path.name, said["codecs"])
+    _check_codecs(path.name, metadata["codecs"])
     import numpy as np
 
-    check_decoded(path, chunk, 2 * np.dtype(said["data_type"]).itemsize)
+    check_decoded(path, chunk, 2 * np.dtype(metadata["data_type"]).itemsize)
 
 
 def _check_codecs(array: str, codecs: Any) -> None:

@@ -92,6 +92,13 @@ def is_temporary(path: Path) -> bool:
     return any(_TEMPORARY.match(part) for part in path.parts)
 
 
+def files_in(paths: Iterable[Path]) -> Iterator[Path]:
+    """Files among these paths and in folders among them, except temporary ones."""
+    for path in paths:
+        inside = path.rglob("*") if path.is_dir() else [path]
+        yield from (file for file in inside if file.is_file() and not is_temporary(file))
+
+
 def _sync(path: Path) -> None:
     """Wait until a file, or a folder with its content, is on the disk."""
     if path.is_dir():

@@ -66,14 +66,20 @@ def locked(folder: Path, name: str = LOCK_NAME) -> Iterator[None]:
     try:
         lock.acquire(timeout=_PATIENCE_S)
     except Timeout:
-        say(f"{folder}: waiting for {_holder(path)} to finish; Ctrl-C cancels")
+        holder = ""
+        with suppress(OSError):
+            holder = path.read_text("utf-8", errors="replace")[:500]
+        say(f"{folder}: waiting for {holder or 'another process'} to finish; Ctrl-C cancels")
         lock.acquire()
     except OSError as problem:
         raise UserError(
             f"{folder}: not writable ({problem.strerror}); give another folder"
         ) from None
     try:
-        path.write_text(_myself(), encoding="utf-8")
+        command = " ".join(["megalopta", *sys.argv[1:]])
+        since = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
+        holder = f"process {os.getpid()} on {platform.node()}, since {since} ({command})"
+        path.write_text(holder, encoding="utf-8")
         yield
     finally:
         # A process that waits for the removed file notices, and creates a new one.
@@ -91,24 +97,11 @@ def remove_stale_lock(path: Path) -> None:
 def _check_lock(path: Path) -> None:
     """Refuse to write into a lock that is not a file of this folder alone. Raises UserError."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except FileNotFoundError:
         return
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         raise UserError(f"{path}: not a lock file; remove it")
-
-
-def _myself() -> str:
-    command = " ".join(["megalopta", *sys.argv[1:]])
-    since = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
-    return f"process {os.getpid()} on {platform.node()}, since {since} ({command})"
-
-
-def _holder(path: Path) -> str:
-    try:
-        return path.read_text("utf-8", errors="replace")[:500] or "another process"
-    except OSError:
-        return "another process"
 
 
 def check_enclosed(root: Path) -> None:
@@ -126,8 +119,13 @@ def check_enclosed(root: Path) -> None:
                     f"{entry.path}: a link that leads out of {root}, to {target}; remove it, or "
                     "replace it by a copy of its target"
                 )
-        elif not entry.is_dir(follow_symlinks=False):
-            _check_file(entry)
+        elif entry.is_dir(follow_symlinks=False):
+            continue
+        elif not entry.is_file(follow_symlinks=False):
+            raise UserError(f"{entry.path}: neither a file nor a folder; remove it")
+        elif entry.name == _METADATA and entry.stat(follow_symlinks=False).st_size > TEXT_BYTES:
+            limit = f"{TEXT_BYTES / 1e6:.0f} MB"
+            raise UserError(f"{entry.path}: metadata larger than {limit}; remove it")
 
 
 def _entries(root: Path) -> Iterator[os.DirEntry[str]]:
@@ -142,10 +140,3 @@ def _entries(root: Path) -> Iterator[os.DirEntry[str]]:
                         folders.append(entry.path)
         except (FileNotFoundError, NotADirectoryError):  # removed meanwhile, or never there
             continue
-
-
-def _check_file(entry: os.DirEntry[str]) -> None:
-    if not entry.is_file(follow_symlinks=False):
-        raise UserError(f"{entry.path}: neither a file nor a folder; remove it")
-    if entry.name == _METADATA and entry.stat(follow_symlinks=False).st_size > TEXT_BYTES:
-        raise UserError(f"{entry.path}: metadata larger than {TEXT_BYTES / 1e6:.0f} MB; remove it")

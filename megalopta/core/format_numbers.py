@@ -40,18 +40,18 @@ def check_format(kind: str, record: Mapping[str, Any], path: object, key: str = 
     Raises UserError if the number is newer than the program, too old for it, or missing.
     """
     newest, oldest = FORMATS[kind]
-    found = record.get(key, 0)
-    if type(found) is not int or found < 0:
+    number = record.get(key, 0)
+    if type(number) is not int or number < 0:
         raise UserError(
-            f"{path}: {key} is {str(found)[:50]!r}, not a format number; restore the file"
+            f"{path}: {key} is {str(number)[:50]!r}, not a format number; restore the file"
         )
-    if found > newest:
+    if number > newest:
         raise UserError(
-            f"{path}: {kind} format {found} is newer than {newest}, the newest that this "
+            f"{path}: {kind} format {number} is newer than {newest}, the newest that this "
             "program reads; update megalopta"
         )
-    if found < oldest:
+    if number < oldest:
         raise UserError(
-            f"{path}: {kind} format {found} is older than {oldest}, the oldest that this "
+            f"{path}: {kind} format {number} is older than {oldest}, the oldest that this "
             "program reads; read it with the release that wrote it, or regenerate it"
         )

@@ -26,22 +26,21 @@ _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy
 
 def digest(*parts: str | bytes) -> str:
     """BLAKE2b hash (16 bytes, hexadecimal) of parts and of the borders between them."""
-    found = hashlib.blake2b(digest_size=16)
+    hashed = hashlib.blake2b(digest_size=16)
     for part in parts:
         body = part.encode() if isinstance(part, str) else part
-        found.update(f"{len(body)}:".encode() + body)
-    return found.hexdigest()
+        hashed.update(f"{len(body)}:".encode() + body)
+    return hashed.hexdigest()
 
 
 @cache
 def code_digest(*modules: str) -> str:
     """Hash of the sources of modules, of packages with their content, and of library versions."""
-    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
-    return digest(*versions, *(path.read_bytes() for name in modules for path in _sources(name)))
-
-
-def _sources(module: str) -> list[Path]:
-    spec = find_spec(module)
-    assert spec is not None and spec.origin is not None, module
-    folder = spec.submodule_search_locations
-    return sorted(Path(folder[0]).rglob("*.py")) if folder else [Path(spec.origin)]
+    parts: list[str | bytes] = [f"{name} {version(name)}" for name in _LIBRARIES]
+    for module in modules:
+        spec = find_spec(module)
+        assert spec is not None and spec.origin is not None, module
+        folder = spec.submodule_search_locations
+        paths = sorted(Path(folder[0]).rglob("*.py")) if folder else [Path(spec.origin)]
+        parts += [path.read_bytes() for path in paths]
+    return digest(*parts)

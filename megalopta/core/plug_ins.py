@@ -30,16 +30,18 @@ def plug_ins(
 
     `made` converts an object, or refuses it with an error; names in `taken` are refused.
     """
-    found: dict[str, AnyNamed] = {}
-    for entry in sorted(entry_points(group=group), key=lambda each: (each.name, each.value)):
+    named: dict[str, AnyNamed] = {}
+    for entry in sorted(
+        entry_points(group=group), key=lambda plug_in: (plug_in.name, plug_in.value)
+    ):
         try:
             loaded = entry.load()
             listed = loaded if isinstance(loaded, list | tuple) else [loaded]
-            for each in map(made, listed):
-                if each.name in {*taken, *found}:
-                    raise ValueError(f"the name {each.name!r} is taken; choose another")
-                found[each.name] = each
+            for plug_in in map(made, listed):
+                if plug_in.name in {*taken, *named}:
+                    raise ValueError(f"the name {plug_in.name!r} is taken; choose another")
+                named[plug_in.name] = plug_in
         except Exception as problem:  # foreign code can raise any exception
             reason = " ".join(str(problem).split())
             say(f"megalopta: {group}: skipped plug-in {entry.name} ({entry.value}): {reason}")
-    return found
+    return named

@@ -103,13 +103,13 @@ def progress_line(done: int, total: int, unit: str, elapsed_s: float, since_s: f
     others does not lengthen the time left.
     """
     text = f"{100 * done // max(total, 1)} % of {total} {unit}s"
-    seconds, what = elapsed_s + since_s, "so far"
+    seconds, meaning = elapsed_s + since_s, "so far"
     if done and elapsed_s:
         step_s = elapsed_s / done
-        seconds, what = step_s * (total - done) - min(since_s, step_s), "left"
-    minutes, rest = divmod(max(round(seconds), 0), 60)
-    clock = f"{minutes}:{rest:02}" if minutes < 120 else duration(seconds)
-    return f"{text} · {clock} {what}"
+        seconds, meaning = step_s * (total - done) - min(since_s, step_s), "left"
+    minutes, seconds_left = divmod(max(round(seconds), 0), 60)
+    clock = f"{minutes}:{seconds_left:02}" if minutes < 120 else duration(seconds)
+    return f"{text} · {clock} {meaning}"
 
 
 def duration(seconds: float) -> str:

@@ -73,11 +73,12 @@ def plain_types(annotation: Any) -> Iterator[Any]:
 
 
 def _told(problem: Any, model: type[BaseModel]) -> str:
-    kind, given = problem["type"], problem["input"]
-    message = cut(problem["msg"].removeprefix("Value error, "), given)
+    kind, value = problem["type"], problem["input"]
+    message = cut(problem["msg"].removeprefix("Value error, "), value)
     if kind == "extra_forbidden":
         *above, name = problem["loc"]
-        known = _fields_at(model, above)
+        types = _place(model, above)[1]
+        known = sorted({field for each in types for field in getattr(each, "model_fields", ())})
         near = get_close_matches(str(name), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
         return f"unknown key; {hint}"
@@ -90,7 +91,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
     if kind in (*_TOLD, "value_error"):
         return _TOLD.get(kind, message)
     reason = _EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}")
-    return f"{reason}, got {_short.repr(given)}"
+    return f"{reason}, got {_short.repr(value)}"
 
 
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
@@ -112,11 +113,6 @@ def _tag(found: Any) -> Any:
         kind = found.model_fields.get("kind")
         return kind.default if kind else found.__name__
     return getattr(found, "__name__", None)
-
-
-def _fields_at(model: type[BaseModel], location: Any) -> list[str]:
-    _, types = _place(model, location)
-    return sorted({name for each in types for name in getattr(each, "model_fields", ())})
 
 
 def _booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:

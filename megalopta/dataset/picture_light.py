@@ -5,7 +5,7 @@ frames is resized in linear light: each pixel of a smaller frame is the mean of 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -39,11 +39,10 @@ class PictureFrames:
     """Linear light (H, W, 3) of pictures at any place of a sequence; places count frames from 0."""
 
     def __init__(self, footage: "Footage", settings: Configuration) -> None:
-        self.footage, self._settings = footage, settings
-        finalize(self, footage.close)  # light is kept open from frame to frame (`light_of`)
-        self._scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
-        times_s = picture_times(footage, self._scene.picture_rate_hz or rate_hz)
-        self._places = times_s * rate_hz
+        self.footage, self.settings = footage, settings
+        scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
+        self.times_s = picture_times(footage, scene.picture_rate_hz or rate_hz)
+        self._between, self._places = scene.between, self.times_s * rate_hz
         steps = np.diff(self._places)
         self._same = _SAME_TIME * min(1.0, float(np.median(steps)) if steps.size else 1.0)
         shape = settings.camera.shape
@@ -56,20 +55,28 @@ class PictureFrames:
 
     def at(self, place: float) -> Float32:
         """Return the light at a place of the sequence."""
-        before, share = self.neighbors(place)
+        before, share = self._neighbors(place)
+        first = self._picture(before)
         if not share:
-            return self._picture(before)
-        if self._scene.between == "flow":
-            return self._moved(before, share)
-        first, second = self._picture(before), self._picture(before + 1)
-        return np.asarray(first + np.float32(share) * (second - first))
+            return first
+        second = self._picture(before + 1)
+        if self._between == "blend":
+            return np.asarray(first + np.float32(share) * (second - first))
+        from megalopta.sensor.shot import NextFrames
 
-    def neighbors(self, place: float) -> tuple[int, float]:
+        flow = self._flow(before)[np.newaxis]
+        following = NextFrames(
+            radiance=second[np.newaxis], flow=flow, hidden=np.zeros(flow.shape[:3], np.bool_)
+        )
+        moved = following.between(first[np.newaxis], 0, np.array([share]))
+        return np.asarray(moved[0], np.float32)
+
+    def _neighbors(self, place: float) -> tuple[int, float]:
         """Return the picture at or before a place, and the share of the way to the next."""
         last = len(self._places) - 1
-        found = int(np.searchsorted(self._places, place + self._same, side="right")) - 1
-        before = min(max(found, 0), last)
-        if self._scene.between == "hold" or before == last:
+        index = int(np.searchsorted(self._places, place + self._same, side="right")) - 1
+        before = min(max(index, 0), last)
+        if self._between == "hold" or before == last:
             return before, 0.0
         start, end = self._places[before : before + 2]
         share = (place - start) / (end - start)
@@ -80,24 +87,13 @@ class PictureFrames:
 
         Where light moves along a flow, as if pictures were blended.
         """
-        found: dict[int, float] = {}
-        for place in range(self._settings.trajectory.frames):
-            before, share = self.neighbors(place)
-            found[before] = found.get(before, 0.0) + 1 - share
+        weights: dict[int, float] = {}
+        for place in range(self.settings.trajectory.frames):
+            before, share = self._neighbors(place)
+            weights[before] = weights.get(before, 0.0) + 1 - share
             if share:
-                found[before + 1] = found.get(before + 1, 0.0) + share
-        return found
-
-    def _moved(self, before: int, share: float) -> Float32:
-        from megalopta.sensor.shot import NextFrames
-
-        first, second = self._picture(before), self._picture(before + 1)
-        flow = self._flow(before)[np.newaxis]
-        following = NextFrames(
-            radiance=second[np.newaxis], flow=flow, hidden=np.zeros(flow.shape[:3], np.bool_)
-        )
-        moved = following.between(first[np.newaxis], 0, np.array([share]))
-        return np.asarray(moved[0], np.float32)
+                weights[before + 1] = weights.get(before + 1, 0.0) + share
+        return weights
 
 
 def resized(picture: Float32, shape: tuple[int, int]) -> Float32:
@@ -152,10 +148,23 @@ def picture_times(footage: "Footage", rate_hz: float) -> Floats:
 
 
 @dataclass(frozen=True)
+class Brightness:
+    """Brightness of the frames of a sequence of pictures."""
+
+    mean: tuple[float, ...]
+    """Mean of linear red, green and blue over all frames, or of each channel of spectra"""
+    saturated: float
+    """Share of pixels at the largest code of any color"""
+    luminance: float
+    """Mean luminance, in the unit of the linear values; of spectra cd/m²"""
+
+
+@dataclass(frozen=True)
 class PictureLight:
     """Frames of pictures as spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹."""
 
     frames: PictureFrames
+    brightness: Brightness
     radiance_of_unit: Floats
     """(channels, B): of each channel, such as red, with the value 1"""
 
@@ -184,11 +193,8 @@ class NextPictures:
         return np.stack([self.light.at(place) * self.factor for place in places])
 
 
-@dataclass(frozen=True)
-class _Asked:
-    root: Path
-    settings: str
-    dataset: Dataset = field(compare=False)
+_last_opened: list[tuple[Dataset, PictureLight]] = []
+"""Dataset of pictures that was opened last"""
 
 
 def light_of(dataset: Dataset) -> PictureLight:
@@ -196,25 +202,35 @@ def light_of(dataset: Dataset) -> PictureLight:
 
     Raises UserError when they, or their record, are damaged.
     """
-    return _opened(_Asked(dataset.root, dataset.configuration.model_dump_json(), dataset))
+    if dataset.light:
+        return dataset.light
+    for last, light in _last_opened:
+        if last.root == dataset.root and last.configuration is dataset.configuration:
+            return light
+    _last_opened[:] = [(dataset, _opened(dataset))]
+    return _last_opened[0][1]
 
 
-@lru_cache(maxsize=2)
-def _opened(asked: _Asked) -> PictureLight:
+def _opened(dataset: Dataset) -> PictureLight:
     from megalopta.render import open_footage
 
-    dataset, settings = asked.dataset, asked.dataset.configuration
-    folder = picture_folder(dataset)
+    settings, folder = dataset.configuration, picture_folder(dataset)
     with undamaged(folder, f"run: {dataset.render_again}"):
         dataset.compare_all(f"{folder.relative_to(dataset.root).as_posix()}/")
-        mean = np.array(dataset.read_scene_record()["pictures"]["mean"], np.float64).ravel()
-        (source,) = (each for each in folder.iterdir() if not files.is_temporary(each))
+        recorded = dataset.read_scene_record()["pictures"]
+        brightness = Brightness(
+            tuple(np.array(recorded["mean"], np.float64).ravel().tolist()),
+            float(recorded["saturated"]),
+            float(recorded["luminance"]),
+        )
+        (source,) = (path for path in folder.iterdir() if not files.is_temporary(path))
     scene = cast(Pictures, settings.scene)
     frames = PictureFrames(open_footage(source, scene.unit), settings)
+    finalize(frames, frames.footage.close)
     of_unit = scene.radiance_of_unit(
-        settings.light, settings.render.bands_nm, mean, frames.footage.bands_nm
+        settings.light, settings.render.bands_nm, brightness.mean, frames.footage.bands_nm
     )
-    return PictureLight(frames, of_unit)
+    return PictureLight(frames, brightness, of_unit)
 
 
 def picture_folder(dataset: Dataset) -> Path:

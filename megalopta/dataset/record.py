@@ -7,9 +7,9 @@ sequences/SEQ.begun    the stages in progress, with settings and software, witho
 import re
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, FiniteFloat, field_validator
+from pydantic import BaseModel, Field, FiniteFloat
 
 from megalopta.config.drawing import sequence_name
 from megalopta.config.model import Configuration
@@ -27,15 +27,13 @@ KINDS = (
 )
 """Folders of a dataset with a folder per sequence, next to those in `training`."""
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
-_EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
-_MATRIX = 16
 _REMEDY = "restore it, or remove it and make the sequence again"
 
 
 class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
     """Statistics of one sensor's readings at one light level."""
 
-    name: str
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$")]
     """Base name of the exposure's files, such as "spadcam-starlight"."""
     sensor: str
     level: float | str
@@ -46,13 +44,6 @@ class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
     """Mean expected photons per pixel and exposure"""
     mean_reading: float
     saturated_fraction: float
-
-    @field_validator("name")
-    @classmethod
-    def _name_is_of_a_file(cls, name: str) -> str:
-        if not _EXPOSURE.fullmatch(name):
-            raise ValueError(f"{bounded.quoted(name, 60)!r} cannot name an exposure")
-        return name
 
 
 class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -99,16 +90,9 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
     index: int = Field(default=0, ge=0)
     split: str = "all"
     statistics: SequenceStatistics | None = None
-    poses: tuple[tuple[FiniteFloat, ...], ...] = ()
+    poses: tuple[Annotated[tuple[FiniteFloat, ...], Field(min_length=16, max_length=16)], ...] = ()
     """Pose of every frame: matrix (4, 4), row by row, from camera axes (+x right, +y down, +z
     forward) to world meters"""
-
-    @field_validator("poses")
-    @classmethod
-    def _poses_are_matrices(cls, poses: tuple[tuple[float, ...], ...]) -> Any:
-        if any(len(pose) != _MATRIX for pose in poses):
-            raise ValueError("a pose is a matrix of 16 numbers")
-        return poses
 
     @property
     def files(self) -> dict[str, tuple[int, str]]:
@@ -161,14 +145,6 @@ def read_record(path: Path, name: str) -> SequenceRecord:
     return record
 
 
-def _is_output(path: str, sequence: str) -> bool:
-    """True if a path in a dataset is output of a sequence, and does not lead elsewhere."""
-    kind, found, rest = f"{path}/".partition(f"/{sequence}/")
-    parts = set(rest.removesuffix("/").split("/")) if rest else set()
-    is_plain = not parts & {"", "..", "."} and "\0" not in path
-    return is_plain and bool(found and _KIND.fullmatch(kind))
-
-
 def stored_settings(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings in a record. Raises DamagedFileError."""
     try:
@@ -194,7 +170,9 @@ def _check_names(record: SequenceRecord, name: str) -> None:
     if record.statistics and sequence_name(record.index) != name:
         raise ValueError(f"index {record.index} is that of {sequence_name(record.index)!r}")
     for path in record.files:
-        if not _is_output(path, name) or path.endswith(f"/{name}"):
+        kind, _, below = path.partition(f"/{name}/")
+        is_plain = not set(below.split("/")) & {"", "..", "."} and "\0" not in path
+        if not (is_plain and _KIND.fullmatch(kind)):
             raise ValueError(f"{bounded.quoted(path, 60)!r} is not a file of this sequence")
 
 

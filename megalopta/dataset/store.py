@@ -29,7 +29,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
@@ -40,6 +40,9 @@ from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
 from megalopta.core.format_numbers import check_format, written
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
+
+if TYPE_CHECKING:
+    from megalopta.dataset.picture_light import PictureLight
 
 LICENSE = "CC0-1.0"
 BOOKS = ("index", "splits", "sequences", "card")
@@ -79,6 +82,8 @@ class Dataset:
     """Configuration of its content"""
     record: SequenceRecord | None = field(default=None, repr=False, compare=False)
     """Its record, whose files are compared"""
+    light: "PictureLight | None" = field(default=None, repr=False, compare=False)
+    """Light of its pictures, if they are open"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @cached_property
@@ -99,12 +104,12 @@ class Dataset:
                 "dataset of rendered frames"
             )
 
-    @property
+    @cached_property
     def record_path(self) -> Path:
         """Record of the sequence."""
         return self.root / "sequences" / f"{self.sequence}.json"
 
-    @property
+    @cached_property
     def begun_path(self) -> Path:
         """Record of the stages in progress."""
         return self.record_path.with_suffix(".begun")
@@ -118,7 +123,7 @@ class Dataset:
             configuration=self.configuration.model_dump(mode="json"),
         )
 
-    @property
+    @cached_property
     def sequence(self) -> str:
         """Name of the sequence."""
         return self.configuration.name
@@ -138,15 +143,20 @@ class Dataset:
         """Ground truth of a frame."""
         return self.frame("truth", index)
 
+    @cached_property
+    def _exposed(self) -> tuple[str, str]:
+        """Folders of the radiance and the truth that sensors see."""
+        shutter = self.configuration.shutter
+        radiance = "radiance" if shutter.is_instant else "radiance_shutter"
+        return radiance, "truth_shutter" if shutter.readout_s > 0 else "truth"
+
     def exposed_radiance(self, index: int) -> Path:
         """Spectral radiance of a frame through the shutter, as sensors see it."""
-        is_instant = self.configuration.shutter.is_instant
-        return self.frame("radiance" if is_instant else "radiance_shutter", index)
+        return self.frame(self._exposed[0], index)
 
     def exposed_truth(self, index: int) -> Path:
         """Ground truth of the frame that sensors see; with motion blur, at its middle."""
-        is_rolling = self.configuration.shutter.readout_s > 0
-        return self.frame("truth_shutter" if is_rolling else "truth", index)
+        return self.frame(self._exposed[1], index)
 
     @property
     def scene_record(self) -> Path:
@@ -189,14 +199,15 @@ class Dataset:
 
     def store(self, path: Path) -> Path:
         """Path of a store whose files and metadata are complete and unmodified."""
-        inside = self._below(path)
-        for name in inside:
-            self._check(name, is_hashed=name.endswith("zarr.json"))
+        inside = f"{path.relative_to(self.root).as_posix()}/"
+        for name in self.files:
+            if name.startswith(inside):
+                self._check(name, is_hashed=name.endswith("zarr.json"))
         return path
 
     def compared(self, path: Path) -> Path:
         """Path of a file that is unmodified, or unknown to the record."""
-        name = path.relative_to(self.root).as_posix()
+        name = path.relative_to(self.root).as_posix() if self.files else ""
         if name in self.files:
             self._check(name, is_hashed=True)
         return path
@@ -212,13 +223,8 @@ class Dataset:
         for chunk in chunks:
             key = f"{array.relative_to(self.root).as_posix()}/c/{chunk}"
             if key not in self._compared:
-                for name in self._below(array / "c" / str(chunk)):
-                    self._check(name, is_hashed=True)
+                self.compare_all(f"{key}/")
                 self._compared.add(key)
-
-    def _below(self, folder: Path) -> list[str]:
-        start = f"{folder.relative_to(self.root).as_posix()}/"
-        return [name for name in self.files if name.startswith(start)]
 
     def _check(self, name: str, is_hashed: bool) -> None:
         if name in self._compared:
@@ -277,19 +283,14 @@ class Tree:
         check_format("dataset", header, path)
         return header
 
-    @property
-    def records(self) -> Path:
-        """Folder of the records."""
-        return self.root / "sequences"
-
     def names(self) -> list[str]:
         """Names of the sequences in order."""
-        paths = self.records.glob("*.json")
+        paths = (self.root / "sequences").glob("*.json")
         return sorted(path.stem for path in paths if not files.is_temporary(path))
 
     def record_path(self, name: str) -> Path:
         """Record of a sequence."""
-        return self.records / f"{name}.json"
+        return self.root / "sequences" / f"{name}.json"
 
     def record(self, name: str) -> SequenceRecord:
         """Read the record of a sequence. Raises UserError."""
@@ -315,14 +316,13 @@ class Tree:
 
     def exists(self) -> bool:
         """True if a dataset was begun here. Raises UserError for a folder of something else."""
-
-        def is_others(path: Path) -> bool:
-            return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
-
         root = self.root
         if (root / "dataset.yaml").exists():
             return True
-        if root.exists() and (not root.is_dir() or any(map(is_others, root.iterdir()))):
+        inside = root.iterdir() if root.is_dir() else [root] if root.exists() else []
+        if any(
+            not (path.name == LOCK_NAME or files.is_temporary(Path(path.name))) for path in inside
+        ):
             raise UserError(f"{root} exists and is not a dataset; choose a new folder")
         return False
 
@@ -331,7 +331,7 @@ class Tree:
         for folder in (self.root, *(self.root / name for name in BOOKS)):
             for path in filter(files.is_temporary, folder.glob(".part-*")):
                 files.remove(path)
-        for path in self.records.glob(".*.lock"):
+        for path in (self.root / "sequences").glob(".*.lock"):
             remove_stale_lock(path)
 
 
@@ -358,18 +358,12 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
     return f"{sensor.name}-{level_text(level)}"
 
 
-def files_in(paths: Iterable[Path]) -> Iterable[Path]:
-    """Files among these paths and in folders among them, except temporary ones."""
-    for path in paths:
-        inside = path.rglob("*") if path.is_dir() else [path]
-        yield from (each for each in inside if each.is_file() and not files.is_temporary(each))
-
-
 def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
     """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
+    inside = sorted(files.files_in(paths))
     return {
-        str(path.relative_to(root)): (path.stat().st_size, _hash_of(path, _state(path.stat())))
-        for path in sorted(files_in(paths))
+        str(path.relative_to(root)): (state.st_size, _hash_of(path, _state(state)))
+        for path, state in ((path, path.stat()) for path in inside)
     }
 
 
@@ -389,18 +383,18 @@ def file_difference(path: Path, size: int, digest: str, is_hashed: bool = True) 
     A hash is computed once per process, while the file is unchanged.
     """
     try:
-        found = path.stat()
+        state = path.stat()
     except OSError:
         return "is missing"
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(state.st_mode):
         return "is missing"
-    if found.st_size != size or (is_hashed and _hash_of(path, _state(found)) != digest):
+    if state.st_size != size or (is_hashed and _hash_of(path, _state(state)) != digest):
         return "differs from its record"
     return None
 
 
-def _state(found: os.stat_result) -> tuple[int, ...]:
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+def _state(of: os.stat_result) -> tuple[int, ...]:
+    return of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns
 
 
 @lru_cache(maxsize=_KEPT_HASHES)

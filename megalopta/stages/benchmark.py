@@ -41,7 +41,14 @@ def benchmark(dataset: Dataset) -> None:
     """Measure the photons that each method needs; writes benchmark.json and benchmark.csv."""
     settings = dataset.configuration
     parts = dataset.result(_PARTS)
-    light = _kept_light(dataset, parts / "light.zarr")
+    path = parts / "light.zarr"
+    if not path.exists():
+        with files.atomic_write(path) as temporary:
+            write_photons(dataset, temporary)
+    with undamaged(path, "remove it"):
+        light = cast("Clip", open_array(path))
+        if light.shape != _shape(settings):
+            raise ValueError(f"its frames are {light.shape}, not those of the dataset")
     total = work_units(light.shape, settings.benchmark)
     with progress("Searching photon thresholds", total, "pixel") as advance:
         result = photon_benchmark(
@@ -75,17 +82,6 @@ def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Flo
     sums = work()
     store.write({str(index): each for index, each in enumerate(sums)})
     return sums
-
-
-def _kept_light(dataset: Dataset, path: Path) -> Clip:
-    if not path.exists():
-        with files.atomic_write(path) as temporary:
-            write_photons(dataset, temporary)
-    with undamaged(path, "remove it"):
-        light = open_array(path)
-        if light.shape != _shape(dataset.configuration):
-            raise ValueError(f"its frames are {light.shape}, not those of the dataset")
-        return cast("Clip", light)
 
 
 def write_photons(dataset: Dataset, path: Path) -> None:

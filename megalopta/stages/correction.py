@@ -20,8 +20,6 @@ from megalopta.dataset.frames import frames_at_once, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.calibrate.correction import (
-    Calibration,
-    Corrected,
     correct,
     simulated_calibration,
 )
@@ -51,11 +49,11 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
     with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
-        found = StoredFrames.open(path, "detections")
+        detections = StoredFrames.open(path, "detections")
         settings = dataset.configuration
-        if found.shape != (settings.trajectory.frames, *settings.camera.shape):
-            raise ValueError(f"its frames are {found.shape}, not those of the dataset")
-        return found
+        if detections.shape != (settings.trajectory.frames, *settings.camera.shape):
+            raise ValueError(f"its frames are {detections.shape}, not those of the dataset")
+        return detections
 
 
 def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:
@@ -70,7 +68,13 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
         return
     frames, at_once = len(opened[0]["counts"]), frames_at_once(dataset.configuration)
     with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
-        calibration = _calibration(dataset, sensor)
+        settings = dataset.configuration
+        device = settled(sensor) if settings.free_running else sensor
+        shape, wanted = settings.camera.shape, settings.calibration
+        with refused_as(f"sense: {sensor.name} cannot be calibrated"):
+            calibration = simulated_calibration(
+                device, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
+            )
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
@@ -79,25 +83,10 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
                     chunk = slice(first, first + at_once)
                     readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]
                     corrected = correct(readings, saturated, calibration)
-                    _write(group, first, frames, corrected)
+                    for name, unit in _UNITS.items():
+                        values = getattr(corrected, name)
+                        values = values if values.dtype == np.bool_ else values.astype(np.float32)
+                        axes = ("frame", "row", "column")
+                        described = {"dimension_names": axes, "attributes": {"unit": unit}}
+                        write_frames(group, name, first, values, frames, **described)
                     advance(len(readings))
-
-
-def _calibration(dataset: Dataset, sensor: Sensor) -> Calibration:
-    settings = dataset.configuration
-    shape = settings.camera.height, settings.camera.width
-    wanted = settings.calibration
-    device = settled(sensor) if settings.free_running else sensor
-    with refused_as(f"sense: {sensor.name} cannot be calibrated"):
-        return simulated_calibration(
-            device, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
-        )
-
-
-def _write(group: zarr.Group, first: int, frames: int, corrected: Corrected) -> None:
-    for name, unit in _UNITS.items():
-        values = getattr(corrected, name)
-        values = values if values.dtype == np.bool_ else values.astype(np.float32)
-        axes = ("frame", "row", "column")
-        described = {"dimension_names": axes, "attributes": {"unit": unit}}
-        write_frames(group, name, first, values, frames, **described)

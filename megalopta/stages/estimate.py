@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from megalopta.config.drawing import configuration_of
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
+from megalopta.core import files
 from megalopta.core.progress import duration, say, silent
-from megalopta.dataset.store import Dataset, files_in
+from megalopta.dataset.store import Dataset
 from megalopta.render import dr
 from megalopta.stages.jobs import threads_of
 from megalopta.stages.limits import needed_bytes, size
@@ -98,7 +99,7 @@ def measured(settings: Configuration, plan: Plan | None) -> tuple[float, NDArray
             STAGES["sense"].work(dataset)
             write_flow_files(dataset, plan.flow_files)
         seconds = time.perf_counter() - first
-        bytes_ = sum(file.stat().st_size for file in files_in([dataset.root])) / path.frames
+        bytes_ = sum(file.stat().st_size for file in files.files_in([dataset.root])) / path.frames
     return first - start, np.array([seconds, bytes_]) / (strip.width * strip.height)
 
 

@@ -7,21 +7,19 @@ true flow, with DIS on the clean frames. Direction detectors give the camera's y
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import zarr
 
-from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core import files
 from megalopta.core.bounded import open_store, undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
-from megalopta.dataset.frames import FrameMotion, frames_at_once, read_motion, write_frames
+from megalopta.dataset.frames import frames_at_once, read_motion, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
@@ -47,7 +45,11 @@ def measure_flow(dataset: Dataset) -> None:
     missing = [pair for pair in pairs if not responses_path(dataset, *pair).exists()]
     if missing:
         _measure(dataset, missing)
-    records = [each for pair in pairs for each in _stored_records(responses_path(dataset, *pair))]
+    records: list[Record] = []
+    for pair in pairs:
+        path = responses_path(dataset, *pair)
+        with undamaged(path, "remove it and run the command again"):
+            records += map(dict, open_store(path).attributes["records"])
     files.write_json(dataset.result("flow.json"), records)
 
 
@@ -61,8 +63,8 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
                 opened = open_exposure(dataset, sensor, level)
                 corrected = open_corrected(dataset, sensor, level)
-                found = _measure_exposure(settings, opened, corrected, truths, group, advance)
-                named = ({"sensor": sensor.name, "level": level, **each} for each in found)
+                errors = _measure_exposure(settings, opened, corrected, truths, group, advance)
+                named = ({"sensor": sensor.name, "level": level, **each} for each in errors)
                 checked = map(FlowRecord.model_validate, named)
                 records = [each.model_dump(mode="json", exclude_unset=True) for each in checked]
                 group.attrs.update(format_attribute())
@@ -109,8 +111,8 @@ def _seen_frames(
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield chunks of frames, each with the number of its first frame."""
     photons = opened["photons"] if "perfect" in settings.flow.references else None
-    seen = opened["mean_reading"], photons, corrected
-    to_one, photons_to_one, corrected_to_one = map(_to_one, seen)
+    means = (seen.mean() if seen else 0.0 for seen in (opened["mean_reading"], photons, corrected))
+    to_one, photons_to_one, corrected_to_one = (1 / mean if mean else 1.0 for mean in means)
 
     def scaled(frames: StoredFrames | None, chunk: slice, scale: float) -> Scaled | None:
         return None if frames is None else (frames[chunk].astype(np.float64), scale)
@@ -130,11 +132,6 @@ def _seen_frames(
         )
 
 
-def _to_one(frames: StoredFrames | None) -> float:
-    mean = frames.mean() if frames else 0.0
-    return 1 / mean if mean else 1.0
-
-
 def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     """True velocities of the blocks of every method that returns velocities."""
     settings = dataset.configuration
@@ -145,40 +142,22 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     pairs = settings.trajectory.frames - 1
     for index in range(pairs) if parts else ():
         motion = read_motion(dataset, index)
-        for grid, found in parts.items():
-            found.append(_block_truth(motion, grid, settings.flow))
-    truths = {grid: _joined(found) for grid, found in parts.items()}
-    return {name: truths[grid] for name, grid in grids.items()}
-
-
-def _block_truth(motion: FrameMotion, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
-    """True velocities of a pair of frames, from all pixels and by purity."""
-    flow, occluded = motion.flow[np.newaxis], motion.hidden[np.newaxis]
-    purity = motion.purity[np.newaxis]
-    every, pure, chosen = (
-        block_flow(flow, grid, occluded, weights=weights)
-        for weights in (None, settings.is_pure(purity), settings.weights(purity))
-    )
-    return BlockTruth(chosen, every, pure, block_share(occluded, grid))
-
-
-def _joined(pairs: Sequence[BlockTruth]) -> BlockTruth:
-    return BlockTruth(
-        *(
-            np.concatenate([getattr(each, field.name) for each in pairs])
-            for field in fields(BlockTruth)
-        )
-    )
+        flow, hidden = motion.flow[np.newaxis], motion.hidden[np.newaxis]
+        purity = motion.purity[np.newaxis]
+        ways = settings.flow.weights(purity), None, settings.flow.is_pure(purity)
+        for grid, truths in parts.items():
+            chosen, every, pure = (block_flow(flow, grid, hidden, weights=way) for way in ways)
+            truths.append(BlockTruth(chosen, every, pure, block_share(hidden, grid)))
+    joined = {}
+    for grid, truths in parts.items():
+        columns = zip(*(vars(truth).values() for truth in truths), strict=True)
+        joined[grid] = BlockTruth(*(np.concatenate(column) for column in columns))
+    return {name: joined[grid] for name, grid in grids.items()}
 
 
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
     """Zarr group with arrays METHOD (from counts) and METHOD-ideal (from their mean)."""
     return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
-
-
-def _stored_records(path: Path) -> list[Record]:
-    with undamaged(path, "remove it and run the command again"):
-        return [dict(each) for each in open_store(path).attributes["records"]]
 
 
 @cache

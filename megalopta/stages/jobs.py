@@ -10,13 +10,12 @@ import signal
 import sys
 import threading
 import traceback
-from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from megalopta.core.errors import UserError, machine_problem
@@ -59,7 +58,6 @@ def run_jobs(
     workers see the same files. Without both, jobs run in this process. Raises UserError if the
     cluster does not answer.
     """
-    outcomes: Generator[Outcome, None, None]
     if scheduler is not None:
         outcomes = _by_cluster(job, indices, scheduler)
     elif workers is not None:
@@ -72,8 +70,19 @@ def run_jobs(
             advance()
 
 
-def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
-    """Run a job and return its outcome; errors are reported, not raised."""
+def attempt(
+    job: Job, index: int, threads: int | None = None, wanted: Mapping[str, str] | None = None
+) -> Outcome:
+    """Run a job and return its outcome; errors are reported, not raised.
+
+    It runs with a number of threads, and in the `wanted` environment only: another might give other
+    output.
+    """
+    there = environment() if wanted else {}
+    if names := [name for name in wanted or {} if there.get(name) != (wanted or {})[name]]:
+        has, asked = (", ".join(f"{n} {e.get(n)}" for n in names) for e in (there, wanted or {}))
+        what = f"a worker has {has}, this program {asked}; install the same there"
+        return Outcome(index, what, ends_all=True)
     with _one_at_a_time:  # one renderer per process
         try:
             if threads:
@@ -102,35 +111,33 @@ def threads_of(workers: int) -> int:
 
 
 def _by_workers(job: Job, indices: Collection[int], count: int) -> Generator[Outcome, None, None]:
-    """Each process is an executor of its own, so that its death concerns one job."""
+    """When a process dies, the jobs that ran run once more, each alone."""
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # imports nothing from the working folder
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     spawn = multiprocessing.get_context("spawn")  # never fork after Mitsuba
-    left, tried = deque(indices), set[int]()
-    idle: list[ProcessPoolExecutor] = []
-    busy: dict[Future[Outcome], tuple[int, ProcessPoolExecutor]] = {}
-    try:
-        while left or busy:
-            while left and len(busy) < count:
-                worker = idle.pop() if idle else ProcessPoolExecutor(1, spawn, _begin)
-                index = left.popleft()
-                busy[worker.submit(attempt, job, index, threads_of(count))] = index, worker
-            for future in wait(busy, return_when=FIRST_COMPLETED).done:
-                index, worker = busy.pop(future)
+    left, suspects = list(indices), list[int]()
+    while left or suspects:
+        batch = [suspects.pop(0)] if (is_alone := bool(suspects)) else left
+        pool = ProcessPoolExecutor(min(count, len(batch)), spawn, _begin)
+        futures, done = dict[Future[Outcome], int](), set[int]()
+        try:
+            with suppress(BrokenProcessPool):  # at once
+                for index in batch:
+                    futures[pool.submit(attempt, job, index, threads_of(count))] = index
+            for future in as_completed(futures):
                 if not isinstance(future.exception(), BrokenProcessPool):
-                    idle.append(worker)
+                    done.add(futures[future])
                     yield future.result()
-                elif index not in tried:
-                    tried.add(index)
-                    left.append(index)
-                else:
-                    yield Outcome(index, "its process died twice; free memory, or lower --workers")
-    finally:
-        for worker in (*idle, *(worker for _, worker in busy.values())):
-            for process in list((worker._processes or {}).values()):
+        finally:
+            for process in list((pool._processes or {}).values()):
                 process.kill()  # output is complete or absent
-            worker.shutdown(cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
+        broken = [index for index in batch if index not in done]
+        if not is_alone:  # jobs begin in order
+            suspects, left = broken[:count], broken[count:]
+        elif broken:
+            yield Outcome(broken[0], "its process died twice; free memory, or lower --workers")
 
 
 def _begin() -> None:
@@ -153,29 +160,15 @@ def _end_with_parent() -> None:
 def _by_cluster(
     job: Job, indices: Collection[int], scheduler: str
 ) -> Generator[Outcome, None, None]:
-    from distributed import as_completed  # slow to load
-
     with connected(scheduler) as client:
-        futures = {
-            client.submit(attempt_alike, job, index, environment(), pure=False): index
-            for index in indices
-        }
+        work, cluster = partial(attempt, job, wanted=environment()), client.get_executor(pure=False)
+        futures = {cluster.submit(work, index): index for index in indices}
         for future in as_completed(futures):
             if problem := future.exception():  # of the cluster, not of the job
                 what = f"its workers died or cannot run it ({_brief(problem)})"
                 yield Outcome(futures[future], what)
             else:
                 yield future.result()
-
-
-def attempt_alike(job: Job, index: int, wanted: Mapping[str, str]) -> Outcome:
-    """Run a job if the environment is the wanted one: another might give other output."""
-    there = environment()
-    if names := [name for name in wanted if there.get(name) != wanted[name]]:
-        own, asked = (", ".join(f"{n} {e.get(n)}" for n in names) for e in (there, wanted))
-        what = f"a worker has {own}, this program {asked}; install the same there"
-        return Outcome(index, what, ends_all=True)
-    return attempt(job, index)
 
 
 @cache

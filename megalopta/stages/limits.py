@@ -36,9 +36,14 @@ def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
         pixels = camera.width * camera.height * frames_at_once(settings)
         check_decoded("sense at this size (--width)", (pixels,), SENSED_BYTES)
     physical = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    place = root.absolute()
+    folder = next(folder for folder in (place, *place.parents) if folder.exists())
+    # content of the folder may be part of the output
+    held = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+    room = float(shutil.disk_usage(folder).free + held)
     for needed, most, clause in (
         (memory, physical, "of memory, and this machine has"),
-        (disk, _room_bytes(root), f"on disk, and {root} has space for"),
+        (disk, room, f"on disk, and {root} has space for"),
     ):
         if needed > most:
             raise UserError(
@@ -86,12 +91,3 @@ def size(number: float) -> str:
         if number >= bytes_:
             return f"{number / bytes_:.3g} {unit}"
     return f"{number / 1e6:.0f} MB"
-
-
-def _room_bytes(root: Path) -> float:
-    """Free space at a folder, existing or not, plus its content, maybe part of the output."""
-    there = next(
-        folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists()
-    )
-    held = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
-    return float(shutil.disk_usage(there).free + held)

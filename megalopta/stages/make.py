@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from megalopta.config.drawing import (
     sequence_name,
     split_of,
 )
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import Configuration
 from megalopta.config.recipe import FlowFile, Plan
 from megalopta.config.yaml_model import validated
 from megalopta.core import files
@@ -35,11 +35,11 @@ from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.index import write_index
 from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistics
 from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
-from megalopta.dataset.store import Dataset, Tree, exposure_name, files_in, hashes_of
+from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
-from megalopta.stages.registry import STAGES, provenance, provenance_changes
+from megalopta.stages.registry import STAGES, differences_text, provenance, provenance_changes
 from megalopta.stages.run import check_stage, foresee, run, run_stage
 from megalopta.stages.sense import expose, open_exposure
 
@@ -78,14 +78,16 @@ def make(
     for configuration in check_plan(plan):
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
-    whole = _whole_plan(tree, plan)
+    plan_of_all = _whole_plan(tree, plan)
     filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
         tree.sweep()
-        tree.write_header(plan=whole.model_dump(mode="json"))
-        there = set(tree.names()) - {path.stem for path in tree.records.glob("*.begun")}
+        tree.write_header(plan=plan_of_all.model_dump(mode="json"))
+        there = set(tree.names()) - {
+            path.stem for path in (tree.root / "sequences").glob("*.begun")
+        }
         asked = range(plan.sequences) if only is None else only
         todo = [index for index in asked if sequence_name(index) not in there]
         if todo:
@@ -93,13 +95,13 @@ def make(
         try:
             _run("Making sequences", partial(_make, tree.root, plan), todo, workers, scheduler)
         finally:
-            write_index(tree, whole)
+            write_index(tree, plan_of_all)
     return tree
 
 
 def parse_indices(text: str, sequences: int) -> list[int]:
     """Parse numbers of sequences, such as "731" or "0-9,20". Raises UserError."""
-    found: set[int] = set()
+    indices: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip())
         if not match:
@@ -109,8 +111,8 @@ def parse_indices(text: str, sequences: int) -> list[int]:
             raise UserError(
                 f"--only {text}: the plan has sequences 0 to {sequences - 1}; give some of them"
             )
-        found.update(range(first, last + 1))
-    return sorted(found)
+        indices.update(range(first, last + 1))
+    return sorted(indices)
 
 
 def _run(
@@ -148,18 +150,18 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
         return plan
     if (former := tree.plan) is None:
         raise UserError(f"{root}: a dataset without a plan; choose another folder")
-    old, new = (each.model_dump(mode="json") for each in (former, plan))
-    if changes := differences({**old, "sequences": 0}, {**new, "sequences": 0}):
+    old, new = ({**each.model_dump(mode="json"), "sequences": 0} for each in (former, plan))
+    if changes := differences_text(old, new):
         raise UserError(
-            f"{root} was made from another plan ({'; '.join(changes[:3])}); choose another folder "
+            f"{root} was made from another plan ({changes}); choose another folder "
             "(only the number of sequences may grow)"
         )
     for record in map(tree.record, _some(tree)):
         drawn = configuration_of(plan, record.index).model_dump(mode="json")
-        if changes := differences(record.configuration, drawn):
+        if changes := differences_text(record.configuration, drawn):
             raise UserError(
                 f"{root}: this plan or version of the program gives another sequence "
-                f"{record.sequence} ({'; '.join(changes[:3])}); choose another folder"
+                f"{record.sequence} ({changes}); choose another folder"
             )
     return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
 
@@ -184,18 +186,18 @@ def _some(tree: Tree) -> list[str]:
 
 def _make(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or its missing output. Raises UserError and OSError."""
-    dataset = Tree(root).at(configuration_of(plan, index))
+    settings = configuration_of(plan, index)
 
     def more(made: Dataset) -> Mapping[str, Any]:
         write_flow_files(made, plan.flow_files)
-        poses = made.configuration.trajectory.poses().reshape(-1, 16).tolist()
         return {
             "index": index,
             "split": split_of(plan, index),
             "statistics": sequence_statistics(made),
-            "poses": tuple(map(tuple, poses)),
+            "poses": tuple(map(tuple, settings.trajectory.poses().reshape(-1, 16).tolist())),
         }
 
+    dataset = Tree(root).at(settings)
     with silent():
         run(dataset, foresee(dataset, MADE), more)
 
@@ -207,16 +209,14 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
     counts = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
     for source, count in counts.items():
         writers = [
-            (folder, write)
-            for kind, of, folder, write in _LAYOUTS
-            if of == source and kind in kinds
+            (to, write) for kind, of, to, write in _LAYOUTS if of == source and kind in kinds
         ]
         for index in range(count):
             places = [(dataset.frame(folder, index), write) for folder, write in writers]
-            if missing := [place for place in places if not place[0].exists()]:
-                values = READERS[source](dataset.frame(source, index))
-                for path, write in missing:
-                    write(path, values)
+            missing = [(path, write) for path, write in places if not path.exists()]
+            values = READERS[source](dataset.frame(source, index)) if missing else None
+            for path, write in missing:
+                write(path, values)
 
 
 _FRAMES_LOOKED_AT = 8
@@ -295,35 +295,30 @@ def measure(
     stage has run with other settings and `redo` is not set.
     """
     tree = Tree(root.absolute())
-    change = partial(_changed, overrides=overrides, source=str(root))
-    if tree.plan is None:
-        for dataset in _sequences(tree):
-            run_stage(root, change(dataset.configuration), stage, redo)
+    if tree.plan is not None:
+        job = partial(_measure, tree.root, overrides, stage, redo)
+        _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
         return
-    job = partial(_measure, tree.root, change, stage, redo)
-    _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
-
-
-def _changed(settings: Configuration, overrides: Mapping[str, str], source: str) -> Configuration:
-    return validated(Configuration, settings.model_dump(mode="json"), source, overrides)
-
-
-def _sequences(tree: Tree) -> list[Dataset]:
-    datasets = list(map(tree.opened, tree.names()))
+    datasets = [tree.opened(name) for name in tree.names()]
     if not datasets:
         raise UserError(f"{tree.root}: no finished sequence; run: {tree.make_again}")
-    return datasets
+    for dataset in datasets:
+        values = dataset.configuration.model_dump(mode="json")
+        changed = validated(Configuration, values, str(root), overrides)
+        run_stage(root, changed, stage, redo)
 
 
-class Job(Protocol):
-    """Work on a sequence of a plan, or the check whether it can be done."""
+def _on_all(
+    tree: Tree,
+    title: str,
+    job: Callable[..., object],
+    workers: int | None,
+    scheduler: str | None,
+) -> None:
+    """Do a job on every finished sequence of a plan, after checking all, and renew the index.
 
-    def __call__(self, index: int, is_checked: bool) -> object:
-        """Do the work, or check it. Raises UserError."""
-
-
-def _on_all(tree: Tree, title: str, job: Job, workers: int | None, scheduler: str | None) -> None:
-    """Do a job on every finished sequence of a plan, after checking all, and renew the index."""
+    `job(index, is_checked=True)` checks whether it can be done, with False does it.
+    """
     plan = tree.plan
     assert plan is not None
     with locked(tree.root):
@@ -339,19 +334,16 @@ def _on_all(tree: Tree, title: str, job: Job, workers: int | None, scheduler: st
 
 
 def _measure(
-    root: Path,
-    change: Callable[[Configuration], Configuration],
-    stage: str,
-    redo: bool,
-    index: int,
-    is_checked: bool,
+    root: Path, overrides: Mapping[str, str], stage: str, redo: bool, index: int, is_checked: bool
 ) -> None:
     made = Tree(root).opened(sequence_name(index))
-    wanted = replace(made, configuration=change(made.configuration))
+    values = made.configuration.model_dump(mode="json")
+    settings = validated(Configuration, values, str(root), overrides)
+    wanted = replace(made, configuration=settings)
     with silent():
         work = foresee(wanted, (stage,), redo)
         if is_checked:
-            check_stage(stage, wanted.configuration, root)
+            check_stage(stage, settings, root)
         else:
             run(wanted, work)
 
@@ -404,11 +396,11 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
     }
     settings = repeated(validated(Configuration, values, "sense"), exposing.repeats)
     wanted = replace(made, configuration=settings)
-    missing = False
+    missing = []
     for sensor, level in settings.exposures:
         name = exposure_name(sensor, level)
         if name not in made.exposures:
-            missing = True
+            missing.append(name)
         elif open_exposure(wanted, sensor, level).sensor != sensor:
             raise UserError(
                 f"{name} exists with other settings; give the sensor another name, such as "
@@ -432,17 +424,13 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             if product_stem(path) not in made.exposures:
                 files.remove(path)
         expose(wanted)
-        listed = record.files
-        added = [path for path in files_in(folders) if str(path.relative_to(root)) not in listed]
-        sensed = record.stages["sense"]
+        listed, sensed = record.files, record.stages["sense"]
+        there = files.files_in(folders)
+        added = [path for path in there if str(path.relative_to(root)) not in listed]
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
-        measured = [
-            exposure
-            for exposure in exposure_statistics(replace(wanted, record=None))
-            if exposure.name not in made.exposures
-        ]
-        exposures = (*record.exposures, *measured)
+        measured = exposure_statistics(replace(wanted, record=None))
+        exposures = (*record.exposures, *(each for each in measured if each.name in missing))
         update = {
             "statistics": record.statistics.model_copy(update={"exposures": exposures}),
             "stages": {**record.stages, "sense": sensed.model_copy(update={"files": files_of})},

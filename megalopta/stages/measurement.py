@@ -114,8 +114,8 @@ class SequenceMeasurement:
             record[name] = {metric: for_json(error_of(sums, metric)) for metric in METRICS}
         if self._truth is not None:
             record |= self._against_truth(self._truth)
-        if found := self._yaw.result():
-            record["rotation"] = for_json(asdict(found))
+        if rotation := self._yaw.result():
+            record["rotation"] = for_json(asdict(rotation))
         return record
 
     def _saturated(self, saturated: NDArray[np.bool_], ideal: Floats) -> NDArray[np.bool_]:
@@ -144,13 +144,13 @@ class SequenceMeasurement:
             np.where(left_out, np.nan, each)
             for each in (truth.velocities, truth.of_all_pixels, truth.without_mixed)
         )
-        found = {name: np.concatenate(each) for name, each in self._velocities.items()}
+        velocities = {name: np.concatenate(each) for name, each in self._velocities.items()}
         ideal, counts = (
-            truth_splits(found[name], known, truth.hidden) for name in ("ideal", "counts")
+            truth_splits(velocities[name], known, truth.hidden) for name in ("ideal", "counts")
         )
 
         def errors(truth: Floats) -> Record:
-            return {name: truth_error(each, truth).to_dict() for name, each in found.items()}
+            return {name: truth_error(each, truth).to_dict() for name, each in velocities.items()}
 
         return {
             "truth": errors(known),

@@ -74,27 +74,18 @@ def noise_warning(
     noisy = sorted((share, name) for name, share in shares.items() if share > LIMIT)
     if not noisy:
         return None
-    named = ", ".join(
-        f"{name} {math.sqrt(share):.2g} ({_remedy(noise, settings, share)})"
-        for share, name in noisy[:_MOST_NAMED]
-    )
+    now, named = max(noise["samples_per_pixel"]), list[str]()
+    for share, name in noisy[:_MOST_NAMED]:
+        samples = now * share / LIMIT
+        step = int(10 ** max(math.floor(math.log10(samples)) - 1, 0))  # two digits
+        remedy = f"use render.samples_per_pixel {math.ceil(samples / step) * step}, now {now}"
+        if settings.render.target_error is not None:
+            aim = noise["rms_over_mean"] * math.sqrt(LIMIT / share)
+            remedy = f"use render.target_error {aim:.2g}"
+        named.append(f"{name} {math.sqrt(share):.2g} ({remedy})")
     if len(noisy) > _MOST_NAMED:
-        named += f", and {len(noisy) - _MOST_NAMED} worse"
+        named.append(f"and {len(noisy) - _MOST_NAMED} worse")
     return (
         f"rendering noise is more than {math.sqrt(LIMIT):.1g} of shot noise and the "
-        f"scene's detail together in {len(noisy)} of {len(shares)} exposures: {named}"
+        f"scene's detail together in {len(noisy)} of {len(shares)} exposures: {', '.join(named)}"
     )
-
-
-def _remedy(noise: Mapping[str, Any], settings: Configuration, share: float) -> str:
-    if settings.render.target_error is not None:
-        aim = noise["rms_over_mean"] * math.sqrt(LIMIT / share)
-        return f"use render.target_error {aim:.2g}"
-    now = max(noise["samples_per_pixel"])
-    return f"use render.samples_per_pixel {_two_digits(now * share / LIMIT)}, now {now}"
-
-
-def _two_digits(samples: float) -> int:
-    """Round up to two digits."""
-    step = int(10 ** max(math.floor(math.log10(samples)) - 1, 0))
-    return math.ceil(samples / step) * step

@@ -5,7 +5,7 @@ LLVM and by scalar code, or counts of two sensor models, look alike and are not.
 stage, or a dataset of many sequences, continues with the same or not at all.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from megalopta.config.model import Configuration, by_content, differences
@@ -19,11 +19,11 @@ STAGES: Mapping[str, Stage] = {
 
 def with_dependents(stages: Collection[str]) -> list[str]:
     """Stages and all that need one of them, in order."""
-    found: set[str] = set()
+    dependents: list[str] = []
     for name, stage in STAGES.items():
-        if name in stages or found.intersection(stage.needs):
-            found.add(name)
-    return [name for name in STAGES if name in found]
+        if name in stages or set(dependents) & set(stage.needs):
+            dependents.append(name)
+    return dependents
 
 
 def stage_configuration(configuration: Configuration, *stages: str) -> dict[str, Any]:
@@ -32,10 +32,8 @@ def stage_configuration(configuration: Configuration, *stages: str) -> dict[str,
     fields = {field for name in names for field in STAGES[name].fields}
     # The backend changes speed and the draw of rendering noise, but not the content.
     exclude = {"render": {"backend"}}
-    found: dict[str, Any] = by_content(
-        configuration.model_dump(mode="json", include=fields, exclude=exclude)
-    )
-    return found
+    settings = configuration.model_dump(mode="json", include=fields, exclude=exclude)
+    return dict(by_content(settings))
 
 
 def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
@@ -44,9 +42,11 @@ def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
     return {"model": declared.model(), **declared.machinery(configuration)}
 
 
-def made_with(stages: Iterable[str], configuration: Configuration) -> dict[str, dict[str, str]]:
-    """Return the dependencies of stages, other than settings, here and now."""
-    return {stage: provenance(stage, configuration) for stage in stages}
+def differences_text(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """Return what differs between two dumped configurations, at most three settings; "" if none."""
+    listed = differences(old, new)
+    more = f" and {len(listed) - 3} more" if len(listed) > 3 else ""
+    return "; ".join(listed[:3]) + more
 
 
 def provenance_changes(before: Mapping[str, str], now: Mapping[str, str]) -> str:

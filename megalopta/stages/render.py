@@ -1,11 +1,11 @@
 """The render stage: radiance and ground truth of every frame, on disk."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,6 @@ from megalopta.scenes.spectra.color import linear_srgb
 from megalopta.stages.declaration import Stage
 from megalopta.stages.importing import check_pictures, import_pictures
 
-if TYPE_CHECKING:
-    from megalopta.render import SceneRenderer, Truth
-
 _REFLECTANCE = {"emissiveUnits": "1", "quantity": "diffuse reflectance"}
 """Attributes of the files of albedo, which are laid out as those of radiance"""
 # Points below the camera's path where illuminance is measured.
@@ -73,9 +70,7 @@ def render(dataset: Dataset) -> None:
         with step("measuring light"):
             record = writer.record()
         files.write_json(dataset.scene_record, record)
-        _say_illuminance(record["illuminance"])
-        _say_left_out(dataset.configuration, record["light_left_out"])
-        _say_noise(dataset.configuration, record["monte_carlo"])
+        _say_light(dataset.configuration, record)
     with step("writing previews"):
         write_previews(dataset)
 
@@ -109,14 +104,6 @@ def build(settings: Configuration) -> Scene:
     return scene
 
 
-def _load(scene: Scene, settings: Configuration, times_s: NDArray[np.float64]) -> "SceneRenderer":
-    from megalopta.render import SceneRenderer
-
-    camera, poses = settings.camera, settings.trajectory.pose_at(times_s)
-    with refused_as("render"):
-        return SceneRenderer(scene, camera, settings.render, poses, settings.seed, times_s)
-
-
 class FrameWriter:
     """Renders frames of a dataset's sequence to their files.
 
@@ -127,12 +114,21 @@ class FrameWriter:
     def __init__(self, dataset: Dataset, whole: Configuration | None = None) -> None:
         self._dataset = dataset
         settings = self._settings = whole or dataset.configuration
+        path, shutter = settings.trajectory, settings.shutter
         with step("building the scene"):
             scene = build(settings)
-        self._poses = settings.trajectory.poses()
-        self._times_s = settings.trajectory.times_s
-        with step("loading the scene"):
-            self._renderer = _load(scene, settings, _all_times(settings))
+        self._poses, self._times_s = path.poses(), path.times_s
+        seen_s = self._times_s  # with a shutter, also the ends of exposures
+        if not shutter.is_instant:
+            reach = (shutter.exposure_s + shutter.readout_s) / 2
+            seen_s = np.asarray(seen_s[:, None] + reach * np.array([-1, 0, 1])).ravel()
+        with step("loading the scene"), refused_as("render"):
+            from megalopta.render import SceneRenderer
+
+            poses, seed = path.pose_at(seen_s), settings.seed
+            self._renderer = SceneRenderer(
+                scene, settings.camera, settings.render, poses, seed, seen_s
+            )
         self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
@@ -182,44 +178,43 @@ class FrameWriter:
     def write(self, index: int) -> None:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
-        settings = self._settings
+        settings, renderer = self._settings, self._renderer
+        camera, seed, bands_nm = settings.camera, settings.seed, settings.render.bands_nm
         with step("rendering radiance"):
-            radiance, noise = self._radiance(index)
+            radiance, noise = self._until_good(
+                index,
+                lambda number: renderer.radiance(pose, frame_seed(seed, index, number), time),
+                lambda number: renderer.measured(pose, frame_seed(seed, index, number), time),
+            )
         with step("tracing truth"):
-            truth = self._renderer.truth(self._poses, index, self._times_s)
+            truth = renderer.truth(self._poses, index, self._times_s)
         attributes = {
             "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
             "timeSeconds": f"{time:.9g}",
         }
-        if noise:
-            attributes[ATTRIBUTE] = noise.to_json()
-        write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
+        measured = {ATTRIBUTE: noise.to_json()} if noise else {}
+        write_radiance(dataset.radiance(index), radiance, bands_nm, {**attributes, **measured})
         if index + 1 < len(self._poses):
             sintel.write_flow(dataset, index, truth)
         sintel.write_depth(dataset.frame("training/depth", index), truth.depth)
-        intrinsics = settings.camera.intrinsics
-        if intrinsics is not None:
+        if camera.intrinsics is not None:
             camera_path = dataset.frame("training/camdata_left", index)
-            sintel.write_camera(camera_path, intrinsics, pose)
+            sintel.write_camera(camera_path, camera.intrinsics, pose)
         clusters = None
         if "clusters" in settings.labels:
-            clusters = self._renderer.leaf_clusters(pose, time)
+            clusters = renderer.leaf_clusters(pose, time)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index), clusters)
-        self._write_labels(index, truth, clusters)
-        self._write_disparity(index)
+        labels.write_labels(dataset, index, truth, clusters)
+        if "albedo" in settings.labels:
+            albedo = renderer.albedo(pose, time)
+            write_radiance(dataset.frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
+        if (baseline_m := settings.baseline_m) is not None:  # of a rig's other camera
+            there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
+            both = np.concatenate([self._poses[index : index + 1], there])
+            flow = renderer.flow(both, 0, 1, [time, time])
+            sintel.write_disparity(dataset, index, flow, baseline_m)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
-
-    def _write_labels(
-        self, index: int, truth: "Truth", clusters: NDArray[np.uint32] | None
-    ) -> None:
-        """Write the label maps of one frame that are asked for."""
-        dataset = self._dataset
-        labels.write_labels(dataset, index, truth, clusters)
-        if "albedo" in self._settings.labels:
-            albedo = self._renderer.albedo(self._poses[index], float(self._times_s[index]))
-            file = dataset.frame("training/albedo", index)
-            write_radiance(file, albedo, self._settings.render.bands_nm, _REFLECTANCE)
 
     def write_sequence_labels(self) -> None:
         """Write names of classes and tracks of points, which belong to all frames."""
@@ -235,22 +230,17 @@ class FrameWriter:
                 ]
             labels.write_tracks(dataset.tracks, wanted, tracks)
 
-    def _write_disparity(self, index: int) -> None:
-        """Write the disparity of one frame to the rig's other camera, if any, at the same time."""
-        settings, time = self._settings, self._times_s[index]
-        baseline = settings.baseline_m
-        if baseline is not None:
-            there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
-            both = np.concatenate([self._poses[index : index + 1], there])
-            flow = self._renderer.flow(both, 0, 1, [time, time])
-            sintel.write_disparity(self._dataset, index, flow, baseline)
-
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
-        dataset, settings = self._dataset, self._settings
+        dataset, settings, renderer = self._dataset, self._settings, self._renderer
         path, shutter = settings.trajectory, settings.shutter
+        frame = path, shutter, index, settings.seed
         with step("rendering radiance"):
-            radiance, noise = self._exposed(index)
+            radiance, noise = self._until_good(
+                index,
+                lambda number: renderer.exposed(*frame, number),
+                lambda number: renderer.exposed_measured(*frame, number),
+            )
         times = {
             "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
         }  # fmt: skip
@@ -260,7 +250,7 @@ class FrameWriter:
         write_radiance(file, radiance, bands_nm, {**attributes, **times})
         if shutter.readout_s:
             with step("tracing truth"):
-                truth = self._renderer.shutter_truth(path, shutter, index)
+                truth = renderer.shutter_truth(path, shutter, index)
             file = dataset.exposed_truth(index)
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
@@ -277,24 +267,6 @@ class FrameWriter:
             "ground": [asdict(point) for point in survey.ground],
         }
 
-    def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        seed, renderer = self._settings.seed, self._renderer
-        pose, time = self._poses[index], float(self._times_s[index])
-        return self._until_good(
-            index,
-            lambda number: renderer.radiance(pose, frame_seed(seed, index, number), time),
-            lambda number: renderer.measured(pose, frame_seed(seed, index, number), time),
-        )
-
-    def _exposed(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        settings, renderer = self._settings, self._renderer
-        frame = settings.trajectory, settings.shutter, index, settings.seed
-        return self._until_good(
-            index,
-            lambda number: renderer.exposed(*frame, number),
-            lambda number: renderer.exposed_measured(*frame, number),
-        )
-
     def _until_good(
         self,
         index: int,
@@ -308,51 +280,32 @@ class FrameWriter:
         return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
 
 
-def _all_times(settings: Configuration) -> NDArray[np.float64]:
-    """Times that frames look at, s; with a shutter, also those at the ends of exposures."""
-    times_s, shutter = settings.trajectory.times_s, settings.shutter
-    if shutter.is_instant:
-        return times_s
-    reach = (shutter.exposure_s + shutter.readout_s) / 2
-    return np.asarray(times_s[:, None] + reach * np.array([-1, 0, 1])).ravel()
-
-
-def _say_illuminance(light: Mapping[str, Any] | None) -> None:
-    if not light:
-        return
-    text = f"{light['requested_lux']:g} lux requested, {three_digits(light['unshaded_lux'])}"
-    if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
-        text += f" ± {light['unshaded_standard_error_lux']:.1g}"
-    text += " measured"
-    ground = [point["lux"] for point in light["ground"]]
-    if ground:
-        text += (
-            f" in the open and {three_digits(np.mean(ground))} on the ground below the camera "
-            f"({three_digits(min(ground))} to {three_digits(max(ground))} along its path)"
+def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
+    """Say how bright the rendering is, what light is missing, and its error."""
+    rendering = settings.render
+    if light := record["illuminance"]:
+        text = f"{light['requested_lux']:g} lux requested, {three_digits(light['unshaded_lux'])}"
+        if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
+            text += f" ± {light['unshaded_standard_error_lux']:.1g}"
+        text += " measured"
+        if ground := [point["lux"] for point in light["ground"]]:
+            text += (
+                f" in the open and {three_digits(np.mean(ground))} on the ground below the camera "
+                f"({three_digits(min(ground))} to {three_digits(max(ground))} along its path)"
+            )
+        say(f"render: {text}")
+    shares = record["light_left_out"]
+    if shares and max(shares) >= _MUCH_LEFT_OUT:
+        low, high = rendering.bands_nm[int(np.argmax(shares))]
+        say(
+            f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm "
+            f"takes more hits than render.max_depth {rendering.max_depth} allows and is missing; "
+            "16 are enough in forests, and 64 in rooms"
         )
-    say(f"render: {text}")
-
-
-def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> None:
-    if not shares or max(shares) < _MUCH_LEFT_OUT:
-        return
-    low, high = settings.render.bands_nm[int(np.argmax(shares))]
-    say(
-        f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm takes "
-        f"more hits than render.max_depth {settings.render.max_depth} allows and is missing; 16 "
-        "are enough in forests, and 64 in rooms"
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
-def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
+    noise = record["monte_carlo"]
     if not noise or not noise["rms_over_mean"]:
         return
-    surface = noise["surface"]
-    if surface is None:
+    if (surface := noise["surface"]) is None:
         say(f"render: error of a pixel {_percent(noise['rms_over_mean'])} RMS, from two renderings")
     else:
         rms, median, fixed = (_percent(surface[key]) for key in ("rms", "median", "standing"))
@@ -360,44 +313,43 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
         if surface["standing"]:
             text += f", of which {fixed} RMS is the same in all frames"
         say(text)
-    target = settings.render.target_error
-    errors = noise["rms_over_mean_of_frames"]
+    target, errors = rendering.target_error, noise["rms_over_mean_of_frames"]
     if target is not None and max(errors) > target:
         missed = sum(error > target for error in errors)
         say(
             f"render: {missed} of {settings.trajectory.frames} frames did not meet target_error "
-            f"{target:g} in {settings.render.max_passes} passes; the worst has {max(errors):.2g}: "
+            f"{target:g} in {rendering.max_passes} passes; the worst has {max(errors):.2g}: "
             "raise render.max_passes or render.samples_per_pixel"
         )
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
+
 def write_previews(dataset: Dataset) -> None:
     """Write tone-mapped previews of the radiance, with one curve for all frames."""
-    configuration = dataset.configuration
-    white = configuration.scene.white(configuration.light)
-    frames = range(configuration.trajectory.frames)
-    curve = ToneCurve.of(linear_srgb(*_sharp(dataset, index), white) for index in frames)
+    settings = dataset.configuration
+    white = settings.scene.white(settings.light)
+    bands_nm, frames = settings.render.bands_nm, range(settings.trajectory.frames)
+
+    def radiance(index: int) -> Any:
+        return decoded(dataset.radiance(index), read_radiance)[0]
+
+    curve = ToneCurve.of(linear_srgb(radiance(index), bands_nm, white) for index in frames)
     for index in frames:
-        image = preview(*_sharp(dataset, index), white, curve)
+        image = preview(radiance(index), bands_nm, white, curve)
         sintel.write_png(dataset.frame("training/clean", index), image)
 
 
-def _sharp(dataset: Dataset, index: int) -> tuple[Any, Any]:
-    radiance, bands_nm = decoded(dataset.radiance(index), read_radiance)
-    return radiance, bands_nm
-
-
-def _outputs(dataset: Dataset) -> list[Path]:
-    of_frames = SUFFIXES.keys() - {"training/final"}
-    folders = sorted({*of_frames, "training/tracks", "pictures"})
-    return [dataset.root / folder / dataset.sequence for folder in folders]
+_FOLDERS = sorted({*SUFFIXES, "training/tracks", "pictures"} - {"training/final"})
 
 
 def _check(settings: Configuration) -> None:
-    if not settings.scene.has_truth:
+    if settings.scene.has_truth:
+        choose_variant(settings.render.backend)
+    else:
         check_pictures(settings)
-        return
-    choose_variant(settings.render.backend)
 
 
 def _machinery(settings: Configuration) -> dict[str, str]:
@@ -413,7 +365,7 @@ STAGE = Stage(
     command="render",
     fields=tuple(RenderingSettings.model_fields),
     needs=(),
-    outputs=_outputs,
+    outputs=lambda dataset: [dataset.root / kind / dataset.sequence for kind in _FOLDERS],
     work=render,
     model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
     machinery=_machinery,

@@ -20,17 +20,19 @@ from pathlib import Path
 from typing import Any
 
 from megalopta import __version__
-from megalopta.config.model import Configuration, differences
+from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.folders import locked
 from megalopta.core.freshness import digest
 from megalopta.core.progress import numbered_stage, say, step
+from megalopta.dataset.picture_light import PictureLight
 from megalopta.dataset.record import SequenceRecord, StageRecord, read_record, stored_settings
 from megalopta.dataset.store import Dataset, Tree, file_difference, hashes_of, whole_of
 from megalopta.stages.limits import refuse_absurd
 from megalopta.stages.registry import (
     STAGES,
+    differences_text,
     provenance,
     provenance_changes,
     stage_configuration,
@@ -42,39 +44,7 @@ def run_stage(
     root: str | Path, configuration: Configuration, name: str, redo: bool = False
 ) -> Dataset:
     """Bring one stage of a dataset of one sequence to its end. Raises UserError."""
-    check_stage(name, configuration, Path(root))
-    return _bring_to_end(Tree(Path(root)), configuration, name, redo)
-
-
-def _bring_to_end(tree: Tree, configuration: Configuration, name: str, redo: bool) -> Dataset:
-    is_new = not tree.exists()
-    if not is_new and (tree.plan or set(tree.names()) - {configuration.name}):
-        raise UserError(f"{tree.root}: holds other sequences; choose another folder")
-    try:
-        with locked(tree.root):
-            tree.sweep()
-            return _described(tree, configuration, name, redo)
-    finally:
-        if is_new and tree.root.is_dir() and not any(tree.root.iterdir()):
-            tree.root.rmdir()
-
-
-def _described(tree: Tree, configuration: Configuration, name: str, redo: bool) -> Dataset:
-    """Run a stage, and write dataset.yaml; without any output it is as before."""
-    dataset, path = tree.at(configuration), tree.root / "dataset.yaml"
-    work = foresee(dataset, (name,), redo)
-    before = path.read_text("utf-8") if path.exists() else None
-    tree.write_header(configuration=configuration.model_dump(mode="json"))
-    try:
-        return run(dataset, work)
-    except Exception:
-        with suppress(OSError):  # it has records
-            dataset.record_path.parent.rmdir()
-        if before and not dataset.begun_path.exists():
-            files.write_text(path, before)
-        elif not dataset.record_path.parent.exists():
-            files.remove(path)
-        raise
+    return run_stages(Path(root), configuration, (name,), redo)
 
 
 def run_all(
@@ -88,8 +58,50 @@ def run_all(
         check_stage(name, configuration, Path(root))
     for number, name in enumerate(STAGES, 1):
         with numbered_stage(number, len(STAGES) + later):
-            dataset = _bring_to_end(Tree(Path(root)), configuration, name, redo)
+            dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
     return dataset
+
+
+def run_stages(
+    root: Path,
+    configuration: Configuration,
+    stages: Sequence[str],
+    redo: bool = False,
+    *,
+    light: PictureLight | None = None,
+    is_checked: bool = False,
+) -> Dataset:
+    """Bring stages of a dataset of one sequence to their end, in one run. Raises UserError.
+
+    `light` is that of its pictures, if they are open. Without any output the folder and its
+    dataset.yaml are as before.
+    """
+    for name in () if is_checked else stages:
+        check_stage(name, configuration, root)
+    tree, header = Tree(root), root / "dataset.yaml"
+    is_new = not tree.exists()
+    if not is_new and (tree.plan or set(tree.names()) - {configuration.name}):
+        raise UserError(f"{root}: holds other sequences; choose another folder")
+    try:
+        with locked(root):
+            tree.sweep()
+            dataset = replace(tree.at(configuration), light=light)
+            work = foresee(dataset, stages, redo)
+            before = header.read_text("utf-8") if header.exists() else None
+            tree.write_header(configuration=configuration.model_dump(mode="json"))
+            try:
+                return run(dataset, work)
+            except Exception:
+                with suppress(OSError):  # it has records
+                    dataset.record_path.parent.rmdir()
+                if before and not dataset.begun_path.exists():
+                    files.write_text(header, before)
+                elif not dataset.record_path.parent.exists():
+                    files.remove(header)
+                raise
+    finally:
+        if is_new and root.is_dir() and not any(root.iterdir()):
+            root.rmdir()
 
 
 def check_stage(name: str, configuration: Configuration, root: Path) -> None:
@@ -122,7 +134,9 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
             f"{root} holds {' and '.join(stale)} output of another configuration ({changes}); "
             "choose another folder, or add --redo to replace it"
         )
-    begun = _begun(dataset)
+    begun = former.model_copy(update={"stages": {}})  # what is in progress: nothing, or as recorded
+    if os.path.lexists(dataset.begun_path):
+        begun = read_record(dataset.begun_path, dataset.sequence)
     todo, gone = dict[str, StageRecord](), set(stale)
     for name in stages:
         now = StageRecord(
@@ -171,14 +185,11 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
 def _differences(
     record: SequenceRecord, path: Path, settings: Configuration, stages: Collection[str]
 ) -> str:
-    """Return what stages depend on and differs from a record, at most three settings."""
+    """Return what stages depend on and differs from a record."""
     if not stages:
         return ""
     old = stored_settings(record, path)
-    before, now = (stage_configuration(each, *stages) for each in (old, settings))
-    listed = differences(before, now)
-    more = f" and {len(listed) - 3} more" if len(listed) > 3 else ""
-    return "; ".join(listed[:3]) + more
+    return differences_text(*(stage_configuration(each, *stages) for each in (old, settings)))
 
 
 More = Callable[[Dataset], Mapping[str, Any]]
@@ -187,7 +198,7 @@ More = Callable[[Dataset], Mapping[str, Any]]
 
 def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
     """Do the work on a sequence, and return it with its record."""
-    settings, former = dataset.configuration, dataset.former
+    root, settings, former = dataset.root, dataset.configuration, dataset.former
     described = {"configuration": settings.model_dump(mode="json")}
     with locked(dataset.record_path.parent, f".{dataset.sequence}.lock"):
         if not work.todo:  # stages to come may have other settings
@@ -197,27 +208,33 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
                 STAGES[name].rehearse(settings)
         kept = former.without(work.removed)
         forget(dataset, work.removed)
-        if dataset.begun_path.exists():
-            _sweep(dataset, work.todo)
+        outputs = {name: STAGES[name].outputs(dataset) for name in work.todo}
+        if dataset.begun_path.exists():  # a writer was killed
+            for path in (path for paths in outputs.values() for path in paths):
+                for part in path.parent.glob(f".part-*-{path.name}"):
+                    files.remove(part)
+                files.sweep(path)
+        spent, growing = timings(dataset), replace(dataset, record=kept.without(work.todo))
         marked = former.model_copy(update={**described, "stages": dict(work.todo)})
         files.write_text(dataset.begun_path, marked.to_json())
         try:
             for name in work.todo:
-                _remove_damaged(replace(dataset, record=kept), name)
+                broken = damaged(replace(dataset, record=kept), name) if name in kept.stages else []
+                for path in sorted({whole_of(path, root) for path in broken}):
+                    say(f"{name}: {path} is missing or damaged; recomputing")
+                    files.remove(path)
                 start = time.perf_counter()
                 with step(name):
-                    STAGES[name].work(replace(dataset, record=kept.without([name])))
-                spent = {**timings(dataset), name: round(time.perf_counter() - start, 3)}
-                files.write_json(dataset.result("timings.json"), spent)
-            fields = more(replace(dataset, record=kept)) if more else {}
+                    STAGES[name].work(growing)
+                spent[name] = round(time.perf_counter() - start, 3)
+            files.write_json(dataset.result("timings.json"), spent)
+            fields = more(growing) if more else {}
         except Exception:
             if not any(has_output(dataset, name) for name in work.todo):
                 files.remove(dataset.begun_path)
             raise
         made = {
-            name: begun.model_copy(
-                update={"files": hashes_of(dataset.root, STAGES[name].outputs(dataset))}
-            )
+            name: begun.model_copy(update={"files": hashes_of(root, outputs[name])})
             for name, begun in work.todo.items()
         }
         stages = {**kept.stages, **made}
@@ -231,13 +248,6 @@ def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
     files.write_text(dataset.record_path, record.to_json())
     files.remove(dataset.begun_path)
     return replace(dataset, record=record)
-
-
-def _remove_damaged(dataset: Dataset, name: str) -> None:
-    """Remove modified output of a finished stage, so that it is made again."""
-    for path in sorted({whole_of(path, dataset.root) for path in damaged(dataset, name)}):
-        say(f"{name}: {path} is missing or damaged; recomputing")
-        files.remove(path)
 
 
 def forget(dataset: Dataset, stages: Collection[str]) -> None:
@@ -255,23 +265,6 @@ def forget(dataset: Dataset, stages: Collection[str]) -> None:
             files.remove(path)
 
 
-def _sweep(dataset: Dataset, stages: Collection[str]) -> None:
-    """Remove temporary files of a killed writer of stages."""
-    for name in stages:
-        for path in STAGES[name].outputs(dataset):
-            for part in path.parent.glob(f".part-*-{path.name}"):
-                files.remove(part)
-            files.sweep(path)
-
-
-def _begun(dataset: Dataset) -> SequenceRecord:
-    """Record of the stages in progress; an empty one if there are none."""
-    path = dataset.begun_path
-    if not os.path.lexists(path):
-        return dataset.former.model_copy(update={"stages": {}})
-    return read_record(path, dataset.sequence)
-
-
 def has_output(dataset: Dataset, stage: str) -> bool:
     """True if any output of a stage exists, finished or not."""
     return any(map(files.holds_files, STAGES[stage].outputs(dataset)))
@@ -282,26 +275,27 @@ def entry(dataset: Dataset, stage: str) -> StageRecord | None:
 
     Raises UserError if it names a file that the stage does not write.
     """
-    found = dataset.former.stages.get(stage)
-    if not found or found.settings != stage_hash(dataset.configuration, stage):
+    known = dataset.former.stages.get(stage)
+    if not known or known.settings != stage_hash(dataset.configuration, stage):
         return None
     names = [str(path.relative_to(dataset.root)) for path in STAGES[stage].outputs(dataset)]
     inside = tuple(f"{name}/" for name in names)
-    for name in found.files or {}:
+    for name in known.files or {}:
         if name not in names and not name.startswith(inside):
             raise UserError(
                 f"{dataset.record_path} is damaged ({bounded.quoted(name, 60)!r} is no output of "
                 f"stage {stage!r}); restore it, or render into a new folder"
             )
-    return found
+    return known
 
 
 def damaged(dataset: Dataset, stage: str) -> list[Path]:
     """Files of a finished stage that are missing or have another size or hash."""
-    found = entry(dataset, stage)
+    known = entry(dataset, stage)
+    recorded = (known.files or {}).items() if known else ()
     with step(f"comparing files of {stage}"):
-        known = (found.files or {} if found else {}).items()
-        return [dataset.root / n for n, file in known if file_difference(dataset.root / n, *file)]
+        paths = [(dataset.root / name, size, digest) for name, (size, digest) in recorded]
+        return [path for path, size, digest in paths if file_difference(path, size, digest)]
 
 
 def finished(dataset: Dataset) -> list[str]:
@@ -315,15 +309,16 @@ def finished(dataset: Dataset) -> list[str]:
 def require(dataset: Dataset, stage: str) -> None:
     """Refuse, with UserError, a stage that is damaged or not finished with this configuration."""
     root, broken = dataset.root, damaged(dataset, stage)
-    if entry(dataset, stage) and not broken:
+    if broken:
+        problem = f"{broken[0]} is missing or damaged"
+    elif not entry(dataset, stage):
+        problem = f"{root}: stage {stage!r} is not finished with this configuration"
+    else:
         return
     target = (root, "--out", root) if stage == "render" else (root,)
-    what = (
-        f"{broken[0]} is missing or damaged"
-        if broken
-        else f"{root}: stage {stage!r} is not finished with this configuration"
+    raise UserError(
+        f"{problem}; run first: {shell_command(*STAGES[stage].command.split(), *target)}"
     )
-    raise UserError(f"{what}; run first: {shell_command(*STAGES[stage].command.split(), *target)}")
 
 
 def timings(dataset: Dataset) -> dict[str, float]:

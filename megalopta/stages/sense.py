@@ -59,8 +59,16 @@ def sense(dataset: Dataset) -> None:
     expose(dataset)
     if (imu := dataset.configuration.imu) and not dataset.imu.exists():
         write_imu(dataset.imu, dataset.configuration, imu)
-    if dataset.configuration.scene.has_truth:
-        _write_final_images(dataset)
+    if not dataset.configuration.scene.has_truth:
+        return
+    # counts of the first sensor at the first level as gray images, on one scale
+    sensor, level = dataset.configuration.exposures[0]
+    counts = open_exposure(dataset, sensor, level)["counts"]
+    curve = ToneCurve.of(counts[index] for index in range(len(counts)))
+    for index in range(len(counts)):
+        gray = encode_srgb(curve(np.maximum(counts[index], 0)))
+        image = np.repeat(gray[..., None], 3, axis=-1)
+        sintel.write_png(dataset.frame("training/final", index), image)
 
 
 def expose(dataset: Dataset) -> None:
@@ -80,7 +88,11 @@ def expose(dataset: Dataset) -> None:
             following = _next_frames(dataset, first, radiance)
             later_s = None
             if any(exposer.needs_depth for exposer in exposers):
-                later_s = _round_trips_s(dataset, first, len(radiance))
+                # time of light to what pixels see and back (n, H, W)
+                per_meter = settings.camera.depth(np.ones(settings.camera.shape))
+                indices = range(first, first + len(radiance))
+                depths = [read_truth_frame(dataset, index).depth for index in indices]
+                later_s = 2 * np.array(depths, np.float64) / per_meter / LIGHT_SPEED_M_S
             for exposer in exposers:
                 exposer.expose(first, radiance, following, later_s)
                 advance(len(radiance))
@@ -148,15 +160,12 @@ class _Exposer:
                 writer = product_writer(name, path, origin, shape, *timing)
                 writers.setdefault(kind_of(name), []).append(stores.enter_context(writer))
         self.products = [_Product(kind, files) for kind, files in writers.items()]
+        self.needs_depth = self.draws("histograms") and starts_at_camera(sensor)
+        """True if pulses leave from the camera"""
 
     def draws(self, kind: Kind) -> bool:
         """True if readings of a kind are written."""
         return any(product.kind == kind for product in self.products)
-
-    @property
-    def needs_depth(self) -> bool:
-        """True if pulses leave from the camera."""
-        return self.draws("histograms") and starts_at_camera(self._sensor)
 
     def expose(
         self,
@@ -199,14 +208,6 @@ class _Exposer:
 def starts_at_camera(sensor: ImageSensor) -> bool:
     """True for a sensor whose pulsed source is at the camera."""
     return isinstance(sensor, Sensor) and sensor.tcspc.is_on and sensor.tcspc.from_camera
-
-
-def _round_trips_s(dataset: Dataset, first: int, number: int) -> Floats:
-    """Return the time of light to what pixels see and back (n, H, W), s."""
-    camera = dataset.configuration.camera
-    per_meter = camera.depth(np.ones(camera.shape))
-    depths = [read_truth_frame(dataset, index).depth for index in range(first, first + number)]
-    return 2 * np.array(depths, np.float64) / per_meter / LIGHT_SPEED_M_S
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
@@ -259,18 +260,6 @@ def require_expectation(dataset: Dataset) -> None:
             f"{dataset.root}: its readings have no stored mean and variance; add "
             f"them with: {shell_command('sense', dataset.root, '--expectation', 'true', '--redo')}"
         )
-
-
-def _write_final_images(dataset: Dataset) -> None:
-    """Write counts of the first sensor at the first light level as gray images, on one scale."""
-    configuration = dataset.configuration
-    opened = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
-    counts = opened["counts"]
-    curve = ToneCurve.of(counts[index] for index in range(len(counts)))
-    for index in range(len(counts)):
-        gray = encode_srgb(curve(np.maximum(counts[index], 0)))
-        image = np.repeat(gray[..., None], 3, axis=-1)
-        sintel.write_png(dataset.frame("training/final", index), image)
 
 
 def burst_frames(settings: Configuration) -> int:

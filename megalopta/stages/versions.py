@@ -27,8 +27,8 @@ _WIDTH = max(map(len, PACKAGES)) + 2
 
 def versions() -> dict[str, str]:
     """Version of the program, of Python and of every package that shapes a result."""
-    own = {"megalopta": __version__, "python": platform.python_version()}
-    return own | {package: _version(package) for package in PACKAGES}
+    program = {"megalopta": __version__, "python": platform.python_version()}
+    return program | {package: _version(package) for package in PACKAGES}
 
 
 def _version(package: str) -> str:
@@ -40,22 +40,13 @@ def _version(package: str) -> str:
 
 def describe() -> str:
     """Return a few lines of text."""
-    lines = [f"{name:<{_WIDTH}}{number}" for name, number in versions().items()]
-    machine = f"{platform.platform()}, {os.cpu_count()} cores"
-    lines.append(f"{'machine':<{_WIDTH}}{machine}")
+    rows = [*versions().items(), ("machine", f"{platform.platform()}, {os.cpu_count()} cores")]
     if _version("mitsuba") == _MISSING:
-        return "\n".join([*lines, f"{'rendering':<{_WIDTH}}pip install 'megalopta[render]'"])
-    return "\n".join([*lines, *_rendering()])
-
-
-def _rendering() -> list[str]:
-    variant = choose_variant()
-    lines = [f"{'rendering':<{_WIDTH}}{variant.name}: {variant.reason}"]
-    library, found = llvm_in_use()
-    if library:
-        lines.append(f"{'libLLVM':<14}{found}, {library}")
-    if has_cuda_device():
-        lines.append(f"{'cuda':<14}{CUDA_NOTE}")
-    if variant.advice:
-        lines.append(f"{'faster':<{_WIDTH}}{variant.advice}")
-    return lines
+        rows.append(("rendering", "pip install 'megalopta[render]'"))
+    else:
+        variant, (library, llvm) = choose_variant(), llvm_in_use()
+        rows.append(("rendering", f"{variant.name}: {variant.reason}"))
+        rows += [("libLLVM", f"{llvm}, {library}")] if library else []
+        rows += [("cuda", CUDA_NOTE)] if has_cuda_device() else []
+        rows += [("faster", variant.advice)] if variant.advice else []
+    return "\n".join(f"{name:<{_WIDTH}}{text}" for name, text in rows)

@@ -22,7 +22,7 @@ from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset import index
-from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, files_in, whole_of
+from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, whole_of
 from megalopta.render import read_size
 from megalopta.stages.registry import STAGES
 from megalopta.stages.run import entry

@@ -10,8 +10,9 @@ full chroma, which gives wrong colors there (libswscale 9); white is then the co
 
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,13 +57,12 @@ class Film(frames.Footage):
     """Frames of a film, decoded on request."""
 
     decoder: "_Decoder"
-    first: Any = field(repr=False)
-    """Decoded frame, which all others are like."""
     reformatter: Any = field(repr=False)
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.decoder.stamps)
+    conversion: Mapping[str, Any]
+    """Arguments of `VideoReformatter.reformat` that follow the first frame"""
+    turn: tuple[bool, bool, bool]
+    """Arguments of `turned` that follow the first frame"""
+    kind: tuple[int, int, str]
 
     def close(self) -> None:
         """Free the decoder, close the file."""
@@ -71,33 +71,67 @@ class Film(frames.Footage):
 
     def _numbers(self, index: int) -> NDArray[Any]:
         frame = self.decoder.frame(index)
-        if _kind(frame) != _kind(self.first):
+        if (frame.width, frame.height, frame.format.name) != self.kind:
             raise DamagedFileError(
                 f"{self.path}: frame {index} differs from the first in size or format; cut it there"
             )
-        return _codes(self.path, frame, self.first, self.reformatter)
+        codes = self.reformatter.reformat(frame, **self.conversion).to_ndarray()
+        return frames.turned(codes, *self.turn)
 
 
 def open_film(path: Path) -> Film:
     """Return a film as footage. Raises DamagedFileError; ModuleNotFoundError without PyAV."""
-    from av.video.reformatter import VideoReformatter
+    from av.video.reformatter import Interpolation, VideoReformatter
 
     decoder = _Decoder(path)
     try:
         first = decoder.frame(0)
-        coding = _coding(path, first)
-        notes = (*_notes(path, first, coding), *decoder.notes())
-        shape = (first.width, first.height) if _turn(first)[0] else (first.height, first.width)
+        components, is_rgb = first.format.components, first.format.is_rgb
+        bits = max(component.bits for component in components)
+        is_deep, is_gray = bits > 8, len(components) == 1 and not first.format.has_palette
+        is_full = first.color_range == _FULL or first.format.name.startswith("yuvj")
+        matrix = None if is_rgb else _matrix(path, first, is_gray)
+        way = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
+        conversion = {
+            "format": "rgb48le" if is_deep else "rgb24",
+            "src_colorspace": matrix,
+            "dst_colorspace": matrix,
+            "interpolation": way if is_deep else way | Interpolation.FULL_CHR_H_INT,
+            "src_color_range": _FULL if is_full or is_rgb else _LIMITED,
+            "dst_color_range": _FULL,
+        }
+        name = transfer.TRANSFERS.get(first.color_trc)
+        if name is None:
+            raise DamagedFileError(
+                f"{path} has the transfer function {first.color_trc} of H.273, which is not "
+                "supported; convert it to BT.709"
+            )
+        # black and white in libswscale's RGB
+        black, white = 0, (2**bits - 1) << (16 - bits) if is_deep else 255
+        if is_rgb:
+            white = 65535 if is_deep else 255
+        elif is_gray:  # treated as full range, whatever is stated
+            if first.color_range == _LIMITED:
+                black, white = (16 * 256, 235 * 256) if is_deep else (16, 235)
+        elif is_deep and not is_full:
+            white = _DEEP_WHITE
+        coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
+        _, xy = transfer.PRIMARIES.get(first.color_primaries, transfer.PRIMARIES[1])
+        coding = replace(coding, matrix=transfer.to_bt709(xy))
+        turn = _turn(first)
         return Film(
             path=path,
             files=(path,),
-            shape=shape,
+            count=len(decoder.stamps),
+            shape=(first.width, first.height) if turn[0] else (first.height, first.width),
             coding=coding,
             times_s=decoder.times_s,
-            notes=notes,
+            notes=(*_notes(path, first, coding), *decoder.notes()),
             decoder=decoder,
-            first=first,
             reformatter=VideoReformatter(),
+            conversion=conversion,
+            turn=turn,
+            kind=(first.width, first.height, first.format.name),
         )
     except BaseException:
         decoder.close()
@@ -108,54 +142,62 @@ class _Decoder:
     """Decoder: `stamps` are the times of all frames, in units of the stream, increasing."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._is_avi = DEMUXERS[path.suffix.lower()] == "avi"
-        self._open()
+        from av.error import FFmpegError
+
+        bounded.check_file(path, _MOST_BYTES)
+        self._path, self._demuxer = path, DEMUXERS[path.suffix.lower()]
+        self._problem, self._file = FFmpegError, path.open("rb")
+        self._container: Any = None
         try:
-            with working(f"frames of {path}"), _told(path):
+            with working(f"frames of {path}"):
+                self._begin()
                 self._survey()
-            self._rewind()
+                self._begin()
+        except FFmpegError as problem:
+            self.close()
+            raise DamagedFileError(
+                f"{path} cannot be read as a video ({problem.strerror}); {_REMEDY}"
+            ) from None
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Free the decoder, close the file."""
-        self._container.close()
+        if self._container is not None:
+            self._container.close()
         self._file.close()
 
-    def _open(self) -> None:
+    def _begin(self) -> None:
+        """Start a decoder at the first frame."""
         import av
 
-        bounded.check_file(self._path, _MOST_BYTES)
-        self._file = self._path.open("rb")
-        try:
-            with _told(self._path):
-                self._container: Any = av.open(
-                    self._file,
-                    "r",
-                    format=DEMUXERS[self._path.suffix.lower()],
-                    buffer_size=2**20,
-                    metadata_errors="replace",  # titles may be in any encoding
-                )
-                film = self._container.streams.best("video")
-            if film is None or "attached_pic" in str(film.disposition):
-                raise DamagedFileError(f"{self._path} has only sound; give a video")
-            codec = film.codec_context
-            if codec is None:
-                raise DamagedFileError(f"{self._path} has an unknown codec; {_REMEDY}")
-            frames.check_size(self._path, (codec.height, codec.width))
-            most = int(min(bounded.budget_bytes() / PIXEL_BYTES, 2**31 - 1))
-            codec.options = {"max_pixels": str(most)}
-            film.thread_type = "AUTO"
-            self._stream: Any = film
-        except BaseException:
-            self._file.close()
-            raise
+        if self._container is not None:
+            self._container.close()
+        self._file.seek(0)
+        self._container = av.open(
+            self._file,
+            "r",
+            format=self._demuxer,
+            buffer_size=2**20,
+            metadata_errors="replace",  # titles may be in any encoding
+        )
+        film = self._container.streams.best("video")
+        if film is None or "attached_pic" in str(film.disposition):
+            raise DamagedFileError(f"{self._path} has only sound; give a video")
+        codec = film.codec_context
+        if codec is None:
+            raise DamagedFileError(f"{self._path} has an unknown codec; {_REMEDY}")
+        frames.check_size(self._path, (codec.height, codec.width))
+        most = int(min(bounded.budget_bytes() / PIXEL_BYTES, 2**31 - 1))
+        codec.options = {"max_pixels": str(most)}
+        film.thread_type = "AUTO"
+        self._stream: Any = film
+        self._next, self._frames = 0, self._container.decode(film)
 
     def _survey(self) -> None:
         """Find the stamps of all frames, from packets alone."""
-        known: list[int | None] = []
+        is_avi, known = self._demuxer == "avi", list[int | None]()
         keys: list[int] = []
         packets = 0
         for packet in self._container.demux(self._stream):
@@ -171,20 +213,20 @@ class _Decoder:
             packets += 1
             if packet.size and not is_hidden:
                 # AVI has no times for pictures that are decoded in another order than shown.
-                known.append(packet.dts if self._is_avi else packet.pts)
+                known.append(packet.dts if is_avi else packet.pts)
                 if packet.is_keyframe and packet.pts is not None:
                     keys.append(packet.pts)
             bounded.check_count(self._path, "frames", len(known), _MOST_FRAMES)
         if not known:
             raise DamagedFileError(f"{self._path} has no frame that can be read; {_REMEDY}")
-        stated = 0 if self._is_avi else self._stream.frames  # AVI counts omitted frames, too
+        stated = 0 if is_avi else self._stream.frames  # AVI counts omitted frames, too
         packets -= 1  # the last one ends the film
         if packets < stated:
             raise DamagedFileError(
                 f"{self._path} ends too early, with {packets} of {stated} frames; {_REMEDY}"
             )
         stamps = [stamp for stamp in known if stamp is not None]
-        self._counts = self._is_avi or len(stamps) < len(known)
+        self._counts = is_avi or len(stamps) < len(known)
         self.stamps: Ints = np.unique(stamps)
         if len(stamps) < len(known):
             rate, base = self._stream.average_rate, self._stream.time_base
@@ -222,130 +264,43 @@ class _Decoder:
 
     def frame(self, index: int) -> Any:
         """Return a decoded frame. Raises DamagedFileError if it is damaged or missing."""
-        ways = [self._rewind]
+        starts = [self._begin]
         if self._next <= index <= self._next + _DECODED_ON:
-            ways = [lambda: None, self._rewind]
+            starts = [lambda: None, self._begin]
         elif not self._counts:
-            ways = [lambda: self._jump(index), self._rewind]
-        for go in ways:
-            go()
-            frame = self._decoded_to(index)
-            if frame is not None and not frame.is_corrupt:
-                return frame
+            starts = [partial(self._jump, index), self._begin]
+        for start in starts:
+            with suppress(self._problem):
+                start()
+                frame = self._decoded_to(index)
+                if frame is not None and not frame.is_corrupt:
+                    return frame
         raise DamagedFileError(f"{self._path}: frame {index} cannot be decoded; {_REMEDY}")
-
-    def _rewind(self) -> None:
-        self.close()
-        self._open()
-        self._next, self._frames = 0, self._container.decode(self._stream)
 
     def _jump(self, index: int) -> None:
         """Go to the picture from which a frame is predicted."""
-        with _quiet():
-            self._container.seek(int(self.stamps[index]), stream=self._stream)
+        self._container.seek(int(self.stamps[index]), stream=self._stream)
         self._frames = self._container.decode(self._stream)
 
     def _decoded_to(self, index: int) -> Any:
-        """Return a frame further on; None if it is damaged or not there."""
-        with _quiet():
-            for frame in self._frames:
-                number = self._next
-                if not self._counts:
-                    stamp = self.stamps[0] - 1 if frame.pts is None else frame.pts
-                    number = int(np.searchsorted(self.stamps, stamp))
-                    if number == len(self.stamps) or self.stamps[number] != stamp:
-                        continue
-                self._next = number + 1
-                if number >= index:
-                    return frame if number == index else None
+        """Return a frame further on; None if it is not there."""
+        for frame in self._frames:
+            number = self._next
+            if not self._counts:
+                stamp = self.stamps[0] - 1 if frame.pts is None else frame.pts
+                number = int(np.searchsorted(self.stamps, stamp))
+                if number == len(self.stamps) or self.stamps[number] != stamp:
+                    continue
+            self._next = number + 1
+            if number >= index:
+                return frame if number == index else None
         return None
 
 
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    from av.error import FFmpegError
-
-    try:
-        yield
-    except FFmpegError as problem:
-        raise DamagedFileError(
-            f"{path} cannot be read as a video ({problem.strerror}); {_REMEDY}"
-        ) from None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    from av.error import FFmpegError
-
-    try:
-        yield
-    except FFmpegError:
-        return
-
-
-def _kind(frame: Any) -> tuple[int, int, str]:
-    return frame.width, frame.height, frame.format.name
-
-
-def _is_deep(frame: Any) -> bool:
-    return any(component.bits > 8 for component in frame.format.components)
-
-
-def _is_gray(frame: Any) -> bool:
-    return len(frame.format.components) == 1 and not frame.format.has_palette
-
-
-def _is_full(frame: Any) -> bool:
-    return bool(frame.color_range == _FULL or frame.format.name.startswith("yuvj"))
-
-
-def _codes(path: Path, frame: Any, first: Any, reformatter: Any) -> NDArray[Any]:
-    """Return codes (H, W, 3), of 8 or 16 bits, upright, converted as the first frame states."""
-    from av.video.reformatter import Interpolation
-
-    is_rgb, is_deep = first.format.is_rgb, _is_deep(first)
-    matrix = None if is_rgb else _matrix(path, first)
-    way = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
-    converted = reformatter.reformat(
-        frame,
-        format="rgb48le" if is_deep else "rgb24",
-        src_colorspace=matrix,
-        dst_colorspace=matrix,
-        interpolation=way if is_deep else way | Interpolation.FULL_CHR_H_INT,
-        src_color_range=_FULL if _is_full(first) or is_rgb else _LIMITED,
-        dst_color_range=_FULL,
-    )
-    return frames.turned(converted.to_ndarray(), *_turn(first))
-
-
-def _coding(path: Path, first: Any) -> frames.Coding:
-    """Return how codes become light, from black and white in libswscale's RGB on."""
-    name = transfer.TRANSFERS.get(first.color_trc)
-    if name is None:
-        raise DamagedFileError(
-            f"{path} has the transfer function {first.color_trc} of H.273, which is not "
-            "supported; convert it to BT.709"
-        )
-    _matrix(path, first)
-    bits, is_deep = max(each.bits for each in first.format.components), _is_deep(first)
-    black, white = 0, (2**bits - 1) << (16 - bits) if is_deep else 255
-    if first.format.is_rgb:
-        white = 65535 if is_deep else 255
-    elif _is_gray(first):  # treated as full range, whatever is stated
-        if first.color_range == _LIMITED:
-            black, white = (16 * 256, 235 * 256) if is_deep else (16, 235)
-    elif is_deep and not _is_full(first):
-        white = _DEEP_WHITE
-    coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
-    primaries = transfer.PRIMARIES
-    _, xy = primaries.get(first.color_primaries, primaries[1])
-    return replace(coding, matrix=transfer.to_bt709(xy))
-
-
-def _matrix(path: Path, frame: Any) -> int:
+def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
     """Number in libswscale of the matrix between Y'CbCr and RGB. Raises DamagedFileError."""
     stated = frame.colorspace
-    if stated in _MATRICES or frame.format.is_rgb or _is_gray(frame):
+    if stated in _MATRICES or is_gray:
         return _MATRICES.get(stated, _BT709)
     if stated != transfer.UNSTATED:
         raise DamagedFileError(

@@ -20,6 +20,7 @@ from megalopta.render.footage.transfer import light_of, to_bt709
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, Bands, luminances
 from megalopta.scenes.stimuli.pictures import Unit as Unit
 
+_KEPT_BYTES = 2**27
 _MOST_NEGATIVE = 0.01
 """Largest share of the light that values below 0 may sum to."""
 
@@ -38,6 +39,8 @@ class Header(NamedTuple):
     """Numbers of the pages of the file that are frames"""
     times_s: tuple[float, ...] | None = None
     """Time of every frame, the first 0"""
+    last_s: float | None = None
+    """Duration of the last frame"""
     transfer: str | None = None
     """Transfer function of codes"""
     limits: tuple[float, float] = (0, 1)
@@ -89,12 +92,14 @@ def coding_of(transfer: str, codes: int, black: int = 0, white: int = 0) -> Codi
 class Footage(ABC):
     """Frames of linear light, from one file or from the pictures of a folder.
 
-    Access is fast for increasing indices. Only the last frame is cached.
+    Access is fast for increasing indices. The last frames are cached, as many as fit `_KEPT_BYTES`.
     """
 
     path: Path
     files: tuple[Path, ...]
     """The file, or those of the folder in order."""
+    count: int
+    """Number of frames."""
     shape: tuple[int, int]
     """Rows and columns, as the picture is viewed."""
     coding: Coding
@@ -106,7 +111,7 @@ class Footage(ABC):
     """Edges of each channel of spectral radiance, W·m⁻²·sr⁻¹·nm⁻¹; None: red, green and blue."""
     last_s: float | None = None
     """Duration of the last frame; None if the file does not state it."""
-    _kept: tuple[int, NDArray[Any]] | None = field(default=None, init=False, repr=False)
+    _kept: dict[int, NDArray[Any]] = field(default_factory=dict, init=False, repr=False)
     _decoding: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @property
@@ -129,9 +134,9 @@ class Footage(ABC):
         """Luminance of each channel with the value 1, (3,); of spectra in cd/m², (B,)."""
         return np.array(LUMINANCE_SHARES) if self.bands_nm is None else luminances(self.bands_nm)
 
-    @abstractmethod
     def __len__(self) -> int:
         """Return the number of frames."""
+        return self.count
 
     @abstractmethod
     def _numbers(self, index: int) -> NDArray[Any]:
@@ -167,8 +172,8 @@ class Footage(ABC):
         return 1 - cv2.countNonZero(is_below) / is_below.size
 
     def close(self) -> None:
-        """Free the decoder and the cached frame."""
-        self._kept = None
+        """Free the decoder and the cached frames."""
+        self._kept.clear()
 
     def __enter__(self) -> Self:
         """Return the footage itself, to be closed at the end."""
@@ -181,11 +186,13 @@ class Footage(ABC):
     def _held(self, index: int) -> NDArray[Any]:
         # Decoders have one place in their file; threads of Dask and of `sense` ask for frames.
         with self._decoding:
-            index = range(len(self))[index]
-            if self._kept is None or self._kept[0] != index:
-                self._kept = None  # before the next one is decoded
-                self._kept = index, np.ascontiguousarray(self._numbers(index))
-            return self._kept[1]
+            index = range(self.count)[index]
+            if index not in self._kept:
+                held = next(iter(self._kept.values()), np.empty(0)).nbytes
+                while self._kept and held * (len(self._kept) + 1) > _KEPT_BYTES:
+                    del self._kept[next(iter(self._kept))]  # before the next one is decoded
+                self._kept[index] = np.ascontiguousarray(self._numbers(index))
+            return self._kept[index]
 
     def _note(self, text: str) -> None:
         self.notes = self.notes if text in self.notes else (*self.notes, text)
@@ -221,23 +228,24 @@ def check_size(path: Path, shape: tuple[int, ...]) -> None:
         raise DamagedFileError(f"{path} has {shape[1]} × {shape[0]} pixels; save it again")
 
 
-def converted(path: Path, chromaticities: Sequence[float]) -> tuple[tuple[float, ...] | None, str]:
-    """Return stated chromaticities and a note; None and "" if they are those of BT.709.
+def converted(
+    path: Path, chromaticities: Sequence[float]
+) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
+    """Return stated chromaticities and notes; None and no note if they are those of BT.709.
 
     Raises DamagedFileError for chromaticities in which light has no color.
     """
-    given = tuple(float(each) for each in chromaticities)
+    xy = tuple(map(float, chromaticities))
     try:
-        matrix = to_bt709(given)
+        matrix = to_bt709(xy)
     except ValueError as problem:
-        stated = ", ".join(f"{each:.4g}" for each in given)
         raise DamagedFileError(
-            f"{path} states primaries without colors (x, y of red, green, blue and white: {stated};"
-            f" {problem}); save it in sRGB"
+            f"{path} states primaries without colors (x, y of red, green, blue and white: "
+            f"{', '.join(f'{value:.4g}' for value in xy)}; {problem}); save it in sRGB"
         ) from None
     if matrix is None:
-        return None, ""
-    return given, f"{path} states its primaries; its light is converted to those of sRGB"
+        return None, ()
+    return xy, (f"{path} states its primaries; its light is converted to those of sRGB",)
 
 
 def not_square(path: Path, width_to_height: float) -> Iterator[str]:

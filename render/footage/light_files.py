@@ -1,11 +1,11 @@
-"""Pictures of light in floating point: OpenEXR, Radiance and PFM.
+"""Pictures of light in floating point: OpenEXR and Radiance.
 
-EXR: channels R, G, B, or Y alone, or Y with RY and BY (luminance and chroma), in the main layer or,
-without it, in the first that has them. Spectra follow the layout of Fichet, Pacanowski and Wilkie
-(JCGT 10(3), 2021), which pbrt-v4 writes as well: `S0.<wavelength>`, a decimal comma.
+EXR: channels R, G, B, or Y, which is gray, in the main layer or, without it, in the first that has
+them. Spectra follow the layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021), which pbrt-v4
+writes as well: `S0.<wavelength>nm`, with a decimal comma.
 
-Radiance: light is divided by every EXPOSURE and COLORCORR of the header; the resolution line states
-the orientation (Ward, the file `picture` of Radiance's reference manual).
+Radiance: light is divided by every EXPOSURE and COLORCORR of the header; pictures are upright, as
+almost all are: "-Y … +X …" (Ward, the file `picture` of Radiance's reference manual).
 """
 
 import re
@@ -20,38 +20,26 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.pictures import read_pfm
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage.frames import (
     Header,
     converted,
     not_square,
-    turned,
     unused,
     without_log,
 )
-from megalopta.render.footage.transfer import PRIMARIES, XYZ_XY, to_xyz
+from megalopta.render.footage.transfer import XYZ_XY
 from megalopta.scenes.spectra.color import Bands
 
 _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
-    *(
-        "version",
-        "preview",
-        "generatedBy",
-        "spectralLayoutVersion",
-        "emissiveUnits",
-        "bandEdgesNm",
-        "comments",
-    ),
-    *("owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
+    *("version", "preview", "generatedBy", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm"),
+    *("comments", "owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
-_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d*,?\d*(?:[eE][+-]?\d+)?)([munpkMGTPEZ]?)(m|Hz)")
-_PREFIXES = dict(zip("munpkMGTPEZ", (-3, -6, -9, -12, 3, 6, 9, 12, 15, 18, 21), strict=True))
-_LIGHT_NM_HZ = 299_792_458e9
+_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d+,?\d*)nm")
 _UNITS = (RADIANCE_UNIT, "W.m^-2.sr^-1")
 
 
@@ -61,7 +49,7 @@ class _Picture(NamedTuple):
     part: int
     attributes: Mapping[str, Any]
     names: tuple[str, ...]
-    """Channels: R, G, B; Y; Y, RY, BY; or spectral ones"""
+    """Channels: R, G, B; Y; or spectral ones"""
     alpha: str | None
     wavelengths_nm: tuple[float, ...]
     others: tuple[str, ...]
@@ -72,15 +60,12 @@ def exr_header(path: Path) -> Header:
     """Return what an EXR file states. Raises DamagedFileError."""
     picture = _chosen(path, read_headers(path))
     stated, notes = picture.attributes, []
-    (left, top), (right, bottom) = np.asarray(stated["dataWindow"]).tolist()
-    (first_x, first_y), (last_x, last_y) = np.asarray(stated["displayWindow"]).tolist()
-    shape = last_y - first_y + 1, last_x - first_x + 1
+    (left, top), (right, bottom) = window = np.asarray(stated["dataWindow"]).tolist()
+    shape = bottom - top + 1, right - left + 1
     check_decoded(path, (*shape, len(picture.names)), VALUE_BYTES)
-    if (left, top, right, bottom) != (first_x, first_y, last_x, last_y):
-        notes.append(
-            f"{path} places {right - left + 1} × {bottom - top + 1} px at "
-            f"({left - first_x}, {top - first_y}) of {shape[1]} × {shape[0]} px: what lies outside "
-            "is left out, what is lacking is black"
+    if window != np.asarray(stated["displayWindow"]).tolist():
+        raise DamagedFileError(
+            f"{path} has pixels in a part of its displayWindow, or beyond it; save it whole"
         )
     if picture.others:
         notes.append(
@@ -95,7 +80,7 @@ def exr_header(path: Path) -> Header:
             notes.append(f"{path} states {units}; its values are taken as {RADIANCE_UNIT}")
     elif "chromaticities" in stated:
         chromaticities, note = converted(path, np.ravel(stated["chromaticities"]).tolist())
-        notes += [note] * bool(note)
+        notes += note
     white_cd_m2 = stated.get("whiteLuminance")
     if white_cd_m2 is not None and not 0 < white_cd_m2 < np.inf:
         raise DamagedFileError(f"{path} states a whiteLuminance of {white_cd_m2:g}; remove it")
@@ -122,36 +107,13 @@ def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     with OpenEXR.File(str(path), separate_channels=True) as file:
         picture = _chosen(path, [dict(part.header) for part in file.parts])
         channels, stated = file.parts[picture.part].channels, picture.attributes
-        window = np.asarray(stated["dataWindow"])
-        columns, rows = (window[1] - window[0] + 1).tolist()
-        planes = [
-            cv2.resize(plane, (columns, rows), interpolation=cv2.INTER_LINEAR)
-            if plane.shape != (rows, columns)  # a channel of fewer samples
-            else plane
-            for plane in (
-                np.asarray(channels[name].pixels, np.float32)
-                for name in (*picture.names, *filter(None, [picture.alpha]))
-            )
-        ]
+        names = (*picture.names, *filter(None, [picture.alpha]))
+        planes = [np.asarray(channels[name].pixels, np.float32) for name in names]
     is_transparent = picture.alpha is not None and planes.pop().min() < 1
-    if [name.rpartition(".")[2] for name in picture.names] == ["Y", "RY", "BY"]:
-        y, red, blue = planes[0], (planes[1] + 1) * planes[0], (planes[2] + 1) * planes[0]
-        given = stated.get("chromaticities", PRIMARIES[1][1])
-        shares = to_xyz(np.ravel(given).tolist())[1]
-        planes = [red, (y - shares[0] * red - shares[2] * blue) / shares[1], blue]
     light = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
     if not picture.wavelengths_nm:
         light = light * np.float32(stated.get("whiteLuminance", 1))
-    # Both windows are (2, 2), first and last (x, y).
-    display = np.asarray(stated["displayWindow"])
-    outside = ((display - window) * [[1], [-1]]).clip(0)[:, ::-1]  # rows, columns to cut
-    lacking = ((window - display) * [[1], [-1]]).clip(0)[:, ::-1]
-    ends = np.array(light.shape[:2]) - outside[1]
-    cut = light[outside[0, 0] : max(ends[0], 0), outside[0, 1] : max(ends[1], 0)]
-    if not cut.size:
-        raise DamagedFileError(f"{path} has no pixel within its displayWindow; save it again")
-    widths = [*lacking.T.tolist(), *[(0, 0)] * (light.ndim - 2)]
-    return np.pad(cut, widths), is_transparent
+    return light, is_transparent
 
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
@@ -170,15 +132,16 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
         matches = [match for match in map(_SPECTRAL.fullmatch, names) if match]
         if matches:
             first = min(match[1] or "" for match in matches)
-            known = sorted((_wavelength_nm(m), m[0]) for m in matches if (m[1] or "") == first)
+            of_first = [match for match in matches if (match[1] or "") == first]
+            known = sorted((float(match[2].replace(",", ".")), match[0]) for match in of_first)
             wavelengths_nm, spectral = zip(*known, strict=True)
             candidates.append((0, part, attributes, spectral, None, wavelengths_nm))
         for layer, channels in layers.items():
-            for rank, wanted in enumerate(("R G B", "Y RY BY", "Y"), 1):
+            for rank, wanted in enumerate(("R G B", "Y"), 1):
                 if set(wanted.split()) <= channels.keys():
                     used = tuple(channels[name] for name in wanted.split())
                     candidates.append(
-                        (rank + 3 * bool(layer), part, attributes, used, channels.get("A"), ())
+                        (rank + 2 * bool(layer), part, attributes, used, channels.get("A"), ())
                     )
                     break
     if not candidates:
@@ -191,21 +154,14 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
         )
     _, part, attributes, used, alpha, wavelengths_nm = min(candidates, key=lambda c: c[:2])
     others = [
-        name if len(headers) == 1 else f"{headers[number].get('name', number)}: {name}"
+        name
         for number, names in all_names
         for name in names
         if number != part or name not in (*used, alpha)
     ]
-    others += [f"{len(headers) - len(all_names)} parts of deep data"] * (
-        len(headers) > len(all_names)
-    )
+    if len(headers) > len(all_names):
+        others.append("deep data")
     return _Picture(part, attributes, used, alpha, wavelengths_nm, tuple(others))
-
-
-def _wavelength_nm(match: re.Match[str]) -> float:
-    """Return the wavelength in the name of a spectral channel."""
-    number = float(match[2].replace(",", ".")) * 10.0 ** _PREFIXES.get(match[3], 0)
-    return _LIGHT_NM_HZ / number if match[4] == "Hz" else 1e9 * number
 
 
 def _bands_nm(path: Path, picture: _Picture) -> Bands:
@@ -227,69 +183,54 @@ def _bands_nm(path: Path, picture: _Picture) -> Bands:
     return tuple(zip(lower.round(6).tolist(), upper.round(6).tolist(), strict=True))
 
 
-_RESOLUTION = re.compile(rb"\n\n([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\n")
+_RESOLUTION = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 _HEADER_BYTES = 65536
 
 
 class _Radiance(NamedTuple):
-    turn: tuple[bool, bool, bool]
-    """Arguments of `turned` for the picture as stored"""
-    stored: tuple[int, int]
-    """Number of scanlines, and pixels of each"""
+    shape: tuple[int, int]
     divisor: NDArray[np.float32]
     """(3,): product of exposures and corrections"""
-    stated: Mapping[str, str]
+    stated: dict[str, str]
+    """Other statements"""
     end: int
     """Bytes of header and resolution line"""
 
 
 def _radiance(path: Path, content: bytes) -> _Radiance:
     size = _RESOLUTION.search(content[:_HEADER_BYTES])
-    axes = size and (size[1][1:] + size[3][1:])
-    if not (content.startswith(b"#?") and size and axes in (b"XY", b"YX")):
+    if not (content.startswith(b"#?") and size):
         raise DamagedFileError(f"{path} is no Radiance picture (-Y … +X …); save it again")
-    stated, divisor, aspect = {}, np.ones(3), 1.0
+    stated, divisor = dict[str, str](), np.ones(3)
     for line in content[: size.start()].decode("latin-1").splitlines()[1:]:
         name, is_stated, value = (part.strip() for part in line.partition("="))
-        if not is_stated or line.startswith("#"):
-            continue
         if name in ("EXPOSURE", "COLORCORR"):
             divisor = divisor * np.array(value.split(), np.float64)
-        elif name == "PIXASPECT":
-            aspect *= float(value)
-        else:
+        elif is_stated and not line.startswith("#"):
             stated[name] = value
     if not ((divisor > 0) & (divisor < np.inf)).all():
         raise DamagedFileError(f"{path} states an exposure that is not positive; correct it")
-    if aspect != 1:
-        stated["PIXASPECT"] = str(aspect)
-    is_turned = axes == b"XY"
-    x, y = (size[1], size[3]) if is_turned else (size[3], size[1])
-    turn = is_turned, x == b"-X", y == b"+Y"
-    return _Radiance(turn, (int(size[2]), int(size[4])), divisor.astype("f4"), stated, size.end())
+    return _Radiance((int(size[1]), int(size[2])), divisor.astype("f4"), stated, size.end())
 
 
 def radiance_header(path: Path) -> Header:
     """Return what a Radiance file states. Raises DamagedFileError."""
     with path.open("rb") as file:
         picture = _radiance(path, file.read(_HEADER_BYTES))
-    stated, notes = dict(picture.stated), list[str]()
+    stated, notes = picture.stated, list[str]()
     layout = stated.pop("FORMAT", "32-bit_rle_rgbe")
     if layout not in ("32-bit_rle_rgbe", "32-bit_rle_xyze"):
         raise DamagedFileError(f"{path} is of {quoted(layout)}; save it as 32-bit_rle_rgbe")
-    given = stated.pop("PRIMARIES", "").split()
-    xy = XYZ_XY if layout == "32-bit_rle_xyze" else tuple(map(float, given))
-    chromaticities, note = converted(path, xy) if xy else (None, "")
+    xy = tuple(map(float, stated.pop("PRIMARIES", "").split()))
+    xy = XYZ_XY if layout == "32-bit_rle_xyze" else xy
+    chromaticities, note = converted(path, xy) if xy else (None, ())
     if not (picture.divisor == 1).all():
-        factors = ", ".join(f"{each:.4g}" for each in dict.fromkeys(picture.divisor.tolist()))
+        factors = ", ".join(f"{value:.4g}" for value in dict.fromkeys(picture.divisor.tolist()))
         notes.append(f"{path} states exposures; its values are divided by {factors}")
-    notes += [note] * bool(note)
-    notes += not_square(path, 1 / float(stated.pop("PIXASPECT", 1)))
+    notes += (*note, *not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
     stated.pop("SOFTWARE", None)
-    (lines, length), is_by_columns = picture.stored, picture.turn[0]
-    shape = (length, lines) if is_by_columns else (lines, length)
     notes += unused(path, stated)
-    return Header(shape, "light", chromaticities=chromaticities, notes=tuple(notes))
+    return Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 
 
 def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
@@ -297,7 +238,7 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     content = read_bytes(path, ARRAY_BYTES)
     picture = _radiance(path, content)
     # OpenCV reads files only, and only this header.
-    plain = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n".format(*picture.stored)
+    plain = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n".format(*picture.shape)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "plain.hdr"
         file.write_bytes(plain.encode() + content[picture.end :])
@@ -305,15 +246,4 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
             numbers = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
-    return turned(numbers[..., ::-1] / picture.divisor, *picture.turn), False
-
-
-def pfm_header(path: Path) -> Header:
-    """Return what a PFM file states. Raises ValueError."""
-    rows, columns = read_pfm(path).shape[:2]
-    return Header((rows, columns), "light")
-
-
-def pfm_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
-    """Return light (H, W) or (H, W, 3), and False: nothing is transparent."""
-    return read_pfm(path), False
+    return numbers[..., ::-1] / picture.divisor, False

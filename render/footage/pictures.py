@@ -1,12 +1,14 @@
-"""Single pictures, and pictures in a folder.
+"""Single pictures, pictures in a folder, and animations.
 
 8 bits are read with Pillow, 16-bit PNG with OpenCV; `tiff.py` and `light_files.py` read the rest.
 """
 
+import math
 import re
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import ARRAY_BYTES, check_file, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
@@ -45,23 +47,21 @@ from megalopta.render.footage.tiff import (
 from megalopta.render.footage.transfer import HDR_NOTES, PRIMARIES, TRANSFERS, to_bt709
 
 KINDS: Mapping[str, str] = {
-    **dict.fromkeys((".png",), "PNG"),
+    ".png": "PNG",
     **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
     **dict.fromkeys((".tif", ".tiff"), "TIFF"),
-    **dict.fromkeys((".bmp",), "BMP"),
+    ".bmp": "BMP",
     **dict.fromkeys((".ppm", ".pgm"), "PPM"),
-    **dict.fromkeys((".webp",), "WebP"),
-    **dict.fromkeys((".gif",), "GIF"),
-    **dict.fromkeys((".exr",), "EXR"),
-    **dict.fromkeys((".hdr",), "Radiance"),
-    **dict.fromkeys((".pfm",), "PFM"),
+    ".webp": "WebP",
+    ".gif": "GIF",
+    ".exr": "EXR",
+    ".hdr": "Radiance",
 }
 """Kind of picture by the suffix of its file."""
 
 _LIGHT_READERS: Mapping[str | None, Callable[[Path], tuple[NDArray[Any], bool]]] = {
     "EXR": light_files.exr_light,
     "Radiance": light_files.radiance_light,
-    "PFM": light_files.pfm_light,
 }
 _UNITS: Mapping[Depth, tuple[Unit, ...]] = {
     "8 bits": ("srgb",),
@@ -74,6 +74,9 @@ _EXIF_TOLD = {0x829A: "ExposureTime", 0x829D: "FNumber", 0x8827: "ISO", 0xA500: 
 _PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
 """Chunks on place and light without effect."""
+_MOST_FRAMES = 10_000
+_SHORTEST_S = 0.1
+"""Duration that browsers use for a frame with a duration of zero."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -83,10 +86,15 @@ class PictureFiles(Footage):
     depth: Depth
     pages: tuple[int, ...] = (0,)
     """Pages of each file that are frames."""
+    _opened: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
+    _image: tuple[Path, Image.Image] | None = field(default=None, init=False, repr=False)
+    """Picture of 8 bits that is open: frames of an animation build on the former ones."""
 
-    def __len__(self) -> int:
-        """Return the number of pictures."""
-        return len(self.files) * len(self.pages)
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        self._opened.close()
+        self._image = None
 
     def _numbers(self, index: int) -> NDArray[Any]:
         file, page = divmod(index, len(self.pages))
@@ -107,9 +115,13 @@ class PictureFiles(Footage):
         if read := _LIGHT_READERS.get(kind):
             return read(path)
         if self.depth == "8 bits":
-            with opened_picture(path) as image:
-                image.seek(page)
-                return over_black(ImageOps.exif_transpose(image))
+            # Pillow cannot always seek backwards.
+            if not self._image or self._image[0] != path or page < self._image[1].tell():
+                self._opened.close()
+                self._image = path, self._opened.enter_context(opened_picture(path))
+            image = self._image[1]
+            image.seek(page)
+            return over_black(ImageOps.exif_transpose(image))
         numbers, alpha = tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
         if not alpha:
             return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
@@ -140,18 +152,17 @@ def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
         footage = _pictures(path, files, unit, _common_header(files))
-    others = sorted({each.name for each in visible} - {each.name for each in files})
-    if others:
-        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(others))})"
+    omitted = sorted({each.name for each in visible} - {each.name for each in files})
+    if omitted:
+        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(omitted))})"
         footage.notes += (left_out,)
-    names = [file.name for file in files]
-    ends = f"{names[0]} first, {names[-1]} last"
+    names, order = [file.name for file in files], ""
     if len(names) > 1 and not all(re.search("[0-9]", name) for name in names):
-        order = f"not all names have a number, so pictures are in alphabetical order: {ends}"
-        footage.notes += (order,)
+        order = "not all names have a number, so pictures are in alphabetical order"
     elif names != sorted(names):
-        order = f"pictures are in order of the numbers in their names, not alphabetical: {ends}"
-        footage.notes += (order,)
+        order = "pictures are in order of the numbers in their names, not alphabetical"
+    if order:
+        footage.notes += (f"{order}: {names[0]} first, {names[-1]} last",)
     footage.frame(0)
     return footage
 
@@ -186,6 +197,7 @@ def _pictures(
     return PictureFiles(
         path=path,
         files=files,
+        count=len(files) * len(header.pages),
         shape=header.shape,
         coding=coding,
         depth=header.depth,
@@ -193,6 +205,7 @@ def _pictures(
         times_s=None if header.times_s is None else np.array(header.times_s),
         notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
         bands_nm=header.bands_nm,
+        last_s=header.last_s,
     )
 
 
@@ -200,9 +213,9 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
     """Return how a picture's values become light. Raises UserError for an impossible unit."""
     units = _UNITS[header.depth]
     if unit is not None and unit not in units:
-        what = header.depth if header.depth != "light" else "light in floating point"
+        content = header.depth if header.depth != "light" else "light in floating point"
         raise UserError(
-            f"{path} holds {what}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
+            f"{path} holds {content}, whose unit can be {' or '.join(units)}, not {unit}; omit it"
         )
     if header.bands_nm is not None:
         if unit is not None:
@@ -222,8 +235,10 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
 def _common_header(files: tuple[Path, ...]) -> Header:
     kinds = {picture_kind(each): each for each in files}
     if len(kinds) > 1:
-        one, other = list(kinds.values())[:2]
-        raise UserError(f"{one} and {other.name} differ in kind; give a folder with one kind")
+        first_path, other_path = list(kinds.values())[:2]
+        raise UserError(
+            f"{first_path} and {other_path.name} differ in kind; give a folder with one kind"
+        )
     first, notes = header_of(files[0]), dict[str, str]()
     for path in files:
         header = header_of(path) if path != files[0] else first
@@ -235,15 +250,11 @@ def _common_header(files: tuple[Path, ...]) -> Header:
                 f"{files[0]} and {path.name} differ in size ({' and '.join(sizes)} px); "
                 "give pictures of one size"
             )
-        if _read_alike(header) != _read_alike(first):
+        if header._replace(notes=()) != first._replace(notes=()):
             raise UserError(f"{files[0]} and {path.name} differ in bits or colors; save all alike")
         for note in header.notes:  # those that differ by a number are told once
             notes.setdefault(re.sub("[0-9.]+", "", note.replace(str(path), "")), note)
     return first._replace(notes=tuple(notes.values()))
-
-
-def _read_alike(header: Header) -> Header:
-    return header._replace(notes=())
 
 
 def header_of(path: Path) -> Header:
@@ -258,7 +269,6 @@ def header_of(path: Path) -> Header:
         readers = {
             "EXR": light_files.exr_header,
             "Radiance": light_files.radiance_header,
-            "PFM": light_files.pfm_header,
             "TIFF": tiff_header,
         }
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
@@ -291,21 +301,46 @@ def pillow_header(path: Path) -> Header:
         if inner.get(0xA001, 1) not in (1, 0xFFFF):
             stated["ColorSpace"] = inner[0xA001]
         if image.format == "MPO":
-            notes.append(
-                f"{path} holds {getattr(image, 'n_frames', 1)} pictures; the first is read"
-            )
-        header = Header((rows, columns), depth, tuple(range(frames_in(image))))
+            notes.append(f"{path} holds several pictures; the first is read")
+        header = Header((rows, columns), depth)
         if image.format == "PNG":
-            header, told = _png_colors(path, header)
-            stated |= told
+            header, statements = _png_colors(path, header)
+            stated |= statements
         if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
             notes += not_square(path, (aspect + 15) / 64)
+        if getattr(image, "n_frames", 1) > 1 and image.format in ("GIF", "PNG", "WEBP"):
+            if is_deep:
+                raise DamagedFileError(f"{path} is an animation of 16 bits; save it with 8 bits")
+            header = _animated(path, image, header)
         return header._replace(notes=(*header.notes, *notes, *unused(path, stated)))
 
 
-def frames_in(image: Image.Image) -> int:
-    """Return the number of frames of a possibly animated picture; otherwise 1."""
-    return getattr(image, "n_frames", 1) if image.format in ("GIF", "PNG", "WEBP") else 1
+def _animated(path: Path, image: Image.Image, header: Header) -> Header:
+    """Return a header with the times of the frames of an animation, which are all decoded."""
+    first, frames, size = int(bool(image.info.get("default_image"))), image.n_frames, image.size  # type: ignore[attr-defined]
+    check_count(path, "frames", frames, _MOST_FRAMES)
+    check_count(path, "pixels in its frames", frames * math.prod(size), 10**9)
+    lasts_s, notes = list[float](), list(header.notes)
+    with working(f"frames of {path}"):
+        for page in range(first, frames):
+            image.seek(page)
+            image.load()  # for WebP, sets the duration
+            if image.size != size:
+                raise ValueError("a frame reaches beyond the picture")
+            lasts_s.append(float(image.info.get("duration") or 0) / 1000)
+    if first:
+        notes.append(f"{path} holds a picture that is no part of its animation, and is not read")
+    if 0.0 in lasts_s:
+        notes.append(
+            f"{path} has frames of no duration; they last {_SHORTEST_S:g} s, as in browsers"
+        )
+        lasts_s = [last_s or _SHORTEST_S for last_s in lasts_s]
+    return header._replace(
+        pages=tuple(range(first, frames)),
+        times_s=tuple(np.cumsum([0.0, *lasts_s[:-1]]).tolist()),
+        last_s=lasts_s[-1],
+        notes=tuple(notes),
+    )
 
 
 def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
@@ -317,7 +352,7 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
     for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
-    told = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
+    statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
     if b"cICP" in chunks:
         primaries, number, matrix, is_full = chunks[b"cICP"]
         if number not in TRANSFERS or primaries not in PRIMARIES or matrix:
@@ -328,12 +363,12 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         limits = (0.0, 1.0) if is_full else (16 / 255, 235 / 255)
         if not is_full and header.depth == "16 bits":
             limits = 4096 / 65535, 60160 / 65535
-        xy, note = converted(path, PRIMARIES[primaries][1])
+        xy, notes = converted(path, PRIMARIES[primaries][1])
         return header._replace(
-            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=(note,) * bool(note)
-        ), told
+            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=notes
+        ), statements
     if b"iCCP" in chunks or b"sRGB" in chunks:
-        return header, told
+        return header, statements
     if b"gAMA" in chunks:
         (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
         if not gamma:
@@ -344,9 +379,9 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         white_x, white_y, *colors = (
             each / 100_000 for each in struct.unpack(">8I", chunks[b"cHRM"])
         )
-        xy, note = converted(path, (*colors, white_x, white_y))
-        header = header._replace(chromaticities=xy, notes=(note,) * bool(note))
-    return header, told
+        xy, notes = converted(path, (*colors, white_x, white_y))
+        header = header._replace(chromaticities=xy, notes=notes)
+    return header, statements
 
 
 def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:

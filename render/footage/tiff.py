@@ -58,13 +58,13 @@ def tiff_header(path: Path) -> Header:
             file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
             check_count(path, "pages", len(file.pages), _MOST_PAGES)
         page: Any = file.pages.first
-        pages = tuple(n for n, other in enumerate(file.pages) if _kind(other) == _kind(page))
+        pages = tuple(n for n, each in enumerate(file.pages) if _kind(each) == _kind(page))
         count = len(pages)
         depth, notes = _depth(path, page), []
-        if other := len(file.pages) - count:
+        if omitted := len(file.pages) - count:
             notes.append(
-                f"{path} holds {count + other} pictures; {other} differ from the first in size or "
-                "kind, and are not read"
+                f"{path} holds {count + omitted} pictures; {omitted} differ from the first in "
+                "size or kind, and are not read"
             )
         x, y = (page.tags.get(name) for name in ("XResolution", "YResolution"))
         if x and y and all(tag.value[0] and tag.value[1] for tag in (x, y)):
@@ -76,11 +76,11 @@ def tiff_header(path: Path) -> Header:
         if 34675 in page.tags:
             notes += profile_left_out(path, bytes(page.tags[34675].value))
         notes += unused(path, {tag.name: tag.value for tag in page.tags if tag.name in _TOLD})
-        times_s, told = _imagej(path, file, count)
+        times_s, more = _imagej(path, file, count)
         tag = page.tags.get(_ORIENTATION)
         shape = page.imagelength, page.imagewidth
         shape = shape[::-1] if tag and int(tag.value) >= 5 else shape
-        return Header(shape, depth, pages, times_s, notes=(*notes, *told))
+        return Header(shape, depth, pages, times_s, notes=(*notes, *more))
 
 
 def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:

@@ -27,9 +27,9 @@ from scipy.special import expit
 from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.spectrum import (
     MAXIMUM_EFFICACY_LM_W,
+    PHOTOPIC_NM,
     TABLES,
     Spectrum,
-    luminous,
     luminous_efficiency,
 )
 
@@ -119,11 +119,16 @@ def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Spectra of red, green and blue that add up to that of white, with sRGB's luminances."""
     red_share, _, blue_share = LUMINANCE_SHARES
     values = light(_GRID_NM)
-    total = luminous(Spectrum.of(_GRID_NM, values))
+    seen = luminous_efficiency(PHOTOPIC_NM)
+
+    def luminous(values: Floats) -> float:
+        visible = np.interp(PHOTOPIC_NM, _GRID_NM, values) * seen
+        return float(MAXIMUM_EFFICACY_LM_W * np.trapezoid(visible, PHOTOPIC_NM))
+
+    total = luminous(values)
 
     def luminance_below(edge_nm: float) -> float:
-        below = values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM)
-        return luminous(Spectrum.of(_GRID_NM, below)) / total
+        return luminous(values * expit((edge_nm - _GRID_NM) / _STEP_WIDTH_NM)) / total
 
     blue_edge = brentq(lambda edge: luminance_below(edge) - blue_share, 400.0, 700.0)
     red_edge = brentq(lambda edge: luminance_below(edge) - 1 + red_share, 400.0, 700.0)

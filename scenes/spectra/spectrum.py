@@ -138,6 +138,8 @@ MAXIMUM_EFFICACY_LM_W = 683.0
 _V_FIRST_NM = 380.0
 _V_STEP_NM = 10.0
 _V = TABLES["luminous efficiency"]
+PHOTOPIC_NM = np.arange(_V_FIRST_NM, _V_FIRST_NM + _V_STEP_NM * len(_V))
+"""Wavelengths at which photometric integrals are summed, nm"""
 
 
 def luminous_efficiency(wavelength_nm: Floats) -> Floats:
@@ -152,7 +154,5 @@ def luminous(spectrum: Spectrum) -> float:
     Irradiance in W·m⁻²·nm⁻¹ gives lux, radiance in W·m⁻²·sr⁻¹·nm⁻¹ gives cd/m². The trapezoidal
     rule in steps of 1 nm is exact to 1e-4 for spectra without narrow lines.
     """
-    grid = np.arange(_V_FIRST_NM, _V_FIRST_NM + _V_STEP_NM * len(_V))
-    return float(
-        MAXIMUM_EFFICACY_LM_W * np.trapezoid(spectrum(grid) * luminous_efficiency(grid), grid)
-    )
+    seen = spectrum(PHOTOPIC_NM) * luminous_efficiency(PHOTOPIC_NM)
+    return float(MAXIMUM_EFFICACY_LM_W * np.trapezoid(seen, PHOTOPIC_NM))

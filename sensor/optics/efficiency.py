@@ -94,7 +94,8 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
     middle = (nodes[:-1] + nodes[1:]) / 2
 
     def seen(at: Floats) -> Floats:
-        return np.asarray(np.prod([at, *(curve(at) for curve in curves)], 0))
+        passing = [np.interp(at, curve.wavelengths_nm, curve.values) for curve in curves]
+        return np.asarray(np.prod([at, *passing], 0))
 
     if len(curves) < 3:
         at_nodes = seen(nodes)

@@ -77,7 +77,7 @@ READ: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("deep.png", "light.exr", "light.hdr"), (SENSE, PANORAMA)),
     **dict.fromkeys(("moving.gif", "moving.png", "moving.webp"), (SENSE, NO_TRUTH)),
     **dict.fromkeys(("film.mp4", "film.avi"), (SENSE, NO_TRUTH)),
-    **dict.fromkeys(("light.npy", "light.npz"), (SENSE + " --unit=linear",)),
+    "light.npy": (SENSE + " --unit=linear",),
     **dict.fromkeys(("f.flo", "f.flo5", "f.png", "f.pfm", "f.npy"), (TRUTH, SUBMIT, AS_TRUTH)),
     "t.glb": (EXPORT, ANIMATED, MESHES),
     **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "t.stl", "text.stl"), (EXPORT,)),
@@ -189,7 +189,6 @@ def write_pictures(here):
     for name, codec in (("film.mp4", "libx264"), ("film.avi", "mpeg4")):
         film(here / name, codec)
     np.save(here / "light.npy", light[None])
-    np.savez_compressed(here / "light.npz", light[None])
     for folder in ("flows", "good_flows"):
         (here / folder).mkdir()
     for path in (here / "f.flo", here / "good.flo", here / "good_flows/frame_0001.flo"):

@@ -15,13 +15,6 @@ def test_settings_are_told_from_own_options():
     assert overrides == {"scene.trees": "50", "camera.fov_deg": "60"}
 
 
-def test_several_words_make_a_list_and_negative_numbers_are_values():
-    _, overrides = split_overrides(
-        ["--light-levels", "starlight", "0.5", "--seed", "-3"], OWN, DEMO
-    )
-    assert overrides == {"light_levels": "[starlight, 0.5]", "seed": "-3"}
-
-
 @pytest.mark.parametrize(
     "setting",
     [

@@ -1,7 +1,6 @@
 """Arrays kept on disk for several processes at once."""
 
 import os
-import threading
 
 import numpy as np
 
@@ -17,18 +16,6 @@ def test_what_is_kept_comes_back(tmp_path):
         np.testing.assert_array_equal(found[name], values, strict=True)
     assert ArrayStore(tmp_path / "new", "key", 10**6).read(["d"]) is None
     assert ArrayStore(tmp_path / "new", "other", 10**6).read() is None
-
-
-def test_readers_beside_many_writers_see_whole_files_only(tmp_path):
-    arrays = {"a": np.arange(50_000)}
-    stores = [ArrayStore(tmp_path, "key", 10**9) for _ in range(4)]
-    writers = [threading.Thread(target=store.write, args=(arrays,)) for store in stores]
-    stores[0].write(arrays)
-    for writer in writers:
-        writer.start()
-    while any(writer.is_alive() for writer in writers):
-        np.testing.assert_array_equal(ArrayStore(tmp_path, "key", 10**9).read()["a"], arrays["a"])
-    assert [path.name for path in tmp_path.iterdir()] == ["key.npz"]
 
 
 def test_damage_is_noticed(tmp_path):

@@ -161,14 +161,6 @@ def test_a_plan_leads_nowhere(place):
         load_plan(place / "plan.yaml", {"sequences": "1"})
 
 
-def test_content_in_the_folder_is_not_quoted_either(place):
-    (place / "curve.csv").write_text(SECRET)
-    for text in ("sensors: [{preset: spadcam, efficiency: {path: curve.csv}}]", "trajectory: {kind: recorded, csv: curve.csv}"):  # fmt: skip
-        with pytest.raises(UserError, match=r"curve\.csv") as refused:
-            read_scene(place / "own.yaml", text)
-        assert "hunter2" not in str(refused.value)
-
-
 def test_the_command_line_names_any_file_beside_those_of_the_file(place):
     (place.parent / "curve.csv").write_text("400,0.1\n1000,0.2\n")
     (place / "own.csv").write_text("400,0.3\n1000,0.4\n")

@@ -14,13 +14,12 @@ from megalopta.core import freshness
 from megalopta.core.bounded import (
     check_file,
     read_bytes,
-    read_text,
     sentence,
 )
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.files import atomic_write, sweep, write_json, write_text
+from megalopta.core.files import atomic_write, sweep, write_text
 from megalopta.core.folders import ensure_directory, locked
-from megalopta.core.format_numbers import FORMATS, Format, check_format, written
+from megalopta.core.format_numbers import FORMATS, Format, check_format
 from megalopta.core.pictures import read_codes
 
 from ..harm import claiming
@@ -46,12 +45,6 @@ def test_ctrl_c_stays_ctrl_c_while_threads_still_write(tmp_path, monkeypatch):
         raise KeyboardInterrupt
     monkeypatch.undo()
     sweep(tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_json_refuses_what_json_cannot_hold(tmp_path):
-    with pytest.raises(ValueError, match="JSON"):
-        write_json(tmp_path / "a.json", {"a": float("nan")})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -112,11 +105,6 @@ def test_a_file_in_the_way_is_named(tmp_path):
         ensure_directory(tmp_path / "a" / "b")
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_what_is_written_today_is_read(kind: str) -> None:
-    check_format(kind, {"format": written(kind)}, "file")
-
-
 def test_a_newer_and_an_older_format_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(FORMATS, "dataset", Format(3, 2))  # type: ignore[arg-type]
     with pytest.raises(UserError, match="dataset format 99 is newer than 3.*; update megalopta"):
@@ -161,17 +149,6 @@ def test_code_in_the_rooms_of_a_package_counts(package):
     assert freshness.code_digest("some_package") != before
 
 
-def test_libraries_count(package, monkeypatch):
-    before = freshness.code_digest("some_package")
-    monkeypatch.setattr(freshness, "version", lambda library: f"{library} of tomorrow")
-    freshness.code_digest.cache_clear()
-    assert freshness.code_digest("some_package") != before
-
-
-def test_borders_of_parts_count():
-    assert freshness.digest("ab", "c") != freshness.digest("a", "bc")
-
-
 def test_a_picture_that_claims_too_many_pixels_is_refused(tmp_path):
     Image.new("L", (2, 2)).save(tmp_path / "a.png")
     claim = claiming((tmp_path / "a.png").read_bytes(), 60_000, 60_000)
@@ -191,11 +168,6 @@ def test_what_is_no_picture_is_refused(tmp_path, content):
     (tmp_path / "a.png").write_bytes(content)
     with pytest.raises(DamagedFileError, match="cannot be read as a picture"):
         read_codes(tmp_path / "a.png", "RGB")
-
-
-def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
-    (tmp_path / "a").write_text("ä", encoding="utf-8")
-    assert read_text(tmp_path / "a", 2) == "ä"
 
 
 def test_a_larger_file_is_refused(tmp_path: Path) -> None:

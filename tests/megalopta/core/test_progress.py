@@ -2,7 +2,6 @@
 
 import re
 import sys
-import threading
 import time
 
 import pytest
@@ -39,15 +38,6 @@ def test_only_the_innermost_work_speaks(capsys):
     assert "render: at work for 0 s" in capsys.readouterr().err
 
 
-def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
-    threads = threading.active_count()
-    with pytest.raises(ZeroDivisionError), working("render"):
-        raise ZeroDivisionError
-    time.sleep(0.15)
-    assert capsys.readouterr().err == ""
-    assert threading.active_count() == threads
-
-
 def test_a_line_shows_share_and_time_left():
     assert progress_line(12, 300, "frame", 24) == "4 % of 300 frames · 9:36 left"
     assert progress_line(1, 1001, "pair", 10) == "0 % of 1001 pairs · 3 hours left"
@@ -58,16 +48,6 @@ def test_a_line_shows_share_and_time_left():
 def test_a_long_step_does_not_lengthen_the_time_left(since_s):
     left = progress_line(3, 10, "figure", 30, since_s).partition("· ")[2]
     assert left == {0: "1:10 left", 5: "1:05 left"}.get(since_s, "1:00 left")
-
-
-def test_a_line_begins_with_the_number_of_its_stage(capsys):
-    with progress.numbered_stage(2, 5), progress.progress("Exposing sensors", 300, "frame"):
-        time.sleep(0.2)
-    line = "stage 2 of 5 · Exposing sensors: 0 % of 300 frames · 0:00 so far"
-    assert line in capsys.readouterr().err.splitlines()
-    with progress.numbered_stage(1, 1), working("sense"):
-        time.sleep(0.2)
-    assert capsys.readouterr().err.startswith("sense: at work")
 
 
 def test_a_line_names_the_innermost_step(capsys):

@@ -6,7 +6,6 @@ import zarr
 
 from megalopta.config.model import load, parse
 from megalopta.report.page import write_report
-from megalopta.sensor import DacBias, FloatingGateBias
 from megalopta.stages.run import run_all
 from megalopta.stages.sense import STAGE, open_exposure
 
@@ -50,16 +49,6 @@ def test_report_speaks_of_electrons(night):
     assert "it is invisible" in text
 
 
-def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():
-    gate = parse("sensors: [{preset: ctia_si, bias: {pulse_s: 1.0e-4}}]\n" + SWIR, "x")
-    assert gate.sensors[0].bias == FloatingGateBias(pulse_s=1e-4)
-    dac = parse("sensors: [{preset: ctia_si, bias: {kind: dac, bits: 10}}]\n" + SWIR, "x")
-    assert dac.sensors[0].bias == DacBias(bits=10)
-
-
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():
     with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
         STAGE.check(parse("sensors: [ctia_ingaas]", "x"))
-
-
-SWIR = "render: {bands_nm: [[900, 1100]]}"

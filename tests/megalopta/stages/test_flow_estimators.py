@@ -49,15 +49,6 @@ def test_estimators_find_the_motion_of_rendered_dots(name, records):
     assert truth["counts"]["relative_error_median"] < 0.25
 
 
-def test_errors_are_told_with_mixed_pixels_and_without(records):
-    for record in records.values():
-        if "truth" not in record:
-            continue
-        with_mixed, without = (record["truth_by_mixture"][n] for n in ("all", "without_mixed"))
-        assert with_mixed == record["truth"]  # by default all pixels count
-        assert 0 < without["ideal"]["blocks"] <= with_mixed["ideal"]["blocks"]
-
-
 def test_yaw_rate_is_found_by_all_that_tell_directions(records):
     blind = {"NDM", "NDS", "IM"}
     told = {name for name, record in records.items() if "rotation" in record}

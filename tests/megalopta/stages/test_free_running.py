@@ -4,7 +4,6 @@ import shutil
 
 import numpy as np
 import pytest
-import zarr
 
 from megalopta.cli import main
 from megalopta.config.model import load
@@ -111,14 +110,6 @@ def test_light_in_an_exposure_moves_with_the_true_flow(reset, running):
     expected = sub_frames(still, np.array(flow), 2, np.array(hidden)).mean(axis=1)
     np.testing.assert_allclose(moved[:-1], expected, rtol=1e-5)
     assert np.abs(still[:-1] / expected - 1).mean() > 0.05
-
-
-def test_the_store_says_how_it_was_made(reset, running):
-    said = zarr.open_group(beside(running, "lux.zarr"), mode="r").attrs["extra"]
-    assert said["sub_frames"] == 2 and said["free_running"] is True
-    assert "count" in said["sub_frames_error"] and "count" in said["free_running_error"]
-    plain = zarr.open_group(beside(reset, "lux.zarr"), mode="r").attrs["extra"]
-    assert plain == {"level": LEVEL}
 
 
 def test_what_a_kill_left_out_is_made_again_alike(running):

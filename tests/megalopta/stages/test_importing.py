@@ -4,7 +4,6 @@ import json
 import shutil
 
 import numpy as np
-import OpenEXR
 import pytest
 from PIL import Image
 
@@ -186,15 +185,6 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
     assert rising[80:].mean() > 3 * rising[:20].mean()
 
 
-def test_a_small_picture_is_shown_without_flow(here):
-    main(
-        ["sense", "clip.npy", "--unit", "srgb", "--photons", "2", "--width", "8", "--out", "small"]
-    )
-    main(["view", "small"])
-    main(["report", "small"])
-    assert (here / "out/view/small/view.html").exists() and (here / "small/report.html").exists()
-
-
 def test_size_rate_and_number_of_frames_are_changed(here):
     how = ["--unit", "srgb", "--photons", "2", "--width", "32", "--frames", "4"]
     main(["sense", "clip.npy", *how, "--frame-rate", "50", "--out", "out"])
@@ -268,26 +258,6 @@ def test_changed_pictures_are_refused(here, refused):
 def write_gif(path, lasts_ms):
     frames = [Image.fromarray(each) for each in moving_texture()]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=lasts_ms)
-
-
-def write_folder(path, suffix):
-    path.mkdir()
-    for index, each in enumerate(moving_texture()):
-        if suffix == "exr":
-            light = (each / np.float32(255)).astype(np.float32)
-            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            OpenEXR.File(header, {"RGB": light}).write(str(path / f"{index}.exr"))
-        else:
-            Image.fromarray(each).save(path / f"{index}.jpg", quality=95)
-
-
-@pytest.mark.parametrize("suffix", ["jpg", "exr"])
-def test_folders_of_other_pictures_become_photons(here, suffix):
-    write_folder(here / suffix, suffix)
-    main(["sense", suffix, "--photons", "2", "--out", "out"])
-    (sequence,) = open_dataset("out")
-    assert (sequence.shape, len(sequence)) == ((48, 64), 6)
-    assert photons_of("out").mean() == pytest.approx(2, rel=1e-3)
 
 
 def test_frames_show_the_picture_of_their_time(here):

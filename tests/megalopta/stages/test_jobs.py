@@ -110,7 +110,7 @@ def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_pat
 
 def test_a_cluster_of_other_versions_does_nothing(jobs, tmp_path):
     wanted = {**module.environment(), "numba": "9.9"}
-    outcome = module.attempt_alike(jobs.Job(tmp_path), 0, wanted)
+    outcome = module.attempt(jobs.Job(tmp_path), 0, wanted=wanted)
     assert outcome.ends_all
     assert outcome.problem.startswith("a worker has numba ")
     assert "this program numba 9.9; install the same" in outcome.problem

@@ -10,10 +10,8 @@ import trimesh
 import megalopta
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
-from megalopta.dataset.store import Tree
 from megalopta.render import read_truth
 from megalopta.stages.run import run_stage
-from megalopta.verification.files import check_files
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +66,6 @@ def test_maps_are_those_of_the_truth(labeled):
     hit = truth.object_id > 0
     np.testing.assert_allclose(normals[hit], truth.normal[hit], atol=1.01 / 65535)
     assert (normals[~hit] == -1).all()
-
-
-def test_every_file_is_in_the_record(labeled):
-    assert check_files(Tree(labeled.dataset.root)) == []
 
 
 def test_albedo_is_that_of_each_surface(labeled):

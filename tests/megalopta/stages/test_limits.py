@@ -100,13 +100,6 @@ def test_more_than_the_disk_holds_is_refused(tmp_path, monkeypatch):
         refuse_absurd(load("demo"), "render", tmp_path / "out")
 
 
-def test_what_is_there_already_takes_no_more_room(tmp_path, monkeypatch):
-    (tmp_path / "part").write_bytes(bytes(100_000_000))
-    full = shutil.disk_usage(tmp_path)._replace(free=1000)
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
-    refuse_absurd(load("demo"), "render", tmp_path)
-
-
 @pytest.mark.parametrize("stage", ["render", "sense", "flow", "benchmark"])
 def test_disk_grows_with_the_frames_and_memory_does_not(stage):
     few, many = (
@@ -114,31 +107,6 @@ def test_disk_grows_with_the_frames_and_memory_does_not(stage):
     )
     assert many[0] == pytest.approx(few[0], rel=1e-3)
     assert many[1] == pytest.approx(2 * few[1])
-
-
-def test_bits_of_a_burst_take_their_room():
-    burst = {"products": "[counts, burst_npy]", "sub_frames": "8", "burst_hz": "1e5"}
-    plain, large = (needed_bytes(load("grating", each), "sense")[1] for each in ({}, burst))
-    settings = load("grating")
-    exposures = len(settings.sensors) * len(settings.light_levels)
-    pixels = settings.trajectory.frames * settings.camera.width * settings.camera.height
-    assert large - plain == pytest.approx(exposures * pixels * 10_000 / 8)
-
-
-def test_histograms_and_colors_take_their_room():
-    sensor = "{preset: ideal, exposure_s: 0.001, tcspc: {bins: 1000}}"
-    own = {"sensors": f"[{sensor}]", "light_levels": "[1, 2]"}
-    plain, *more = (
-        needed_bytes(load("grating", own | {"products": f"[counts{each}]"}), "sense")
-        for each in ("", ", histograms_npy", ", color_npy")
-    )
-    settings = load("grating")
-    pixels = settings.camera.width * settings.camera.height
-    values = 2 * settings.trajectory.frames * pixels  # two levels
-    assert more[0][1] - plain[1] == pytest.approx(4 * 1000 * values)
-    assert more[1][1] - plain[1] == pytest.approx(12 * values)
-    # probabilities, with the rest and without, and draws of 8 bytes, histograms of 4
-    assert more[0][0] - plain[0] > (3 * 8 + 4) * 1000 * pixels
 
 
 def test_a_sweep_of_too_many_trials_is_refused():

@@ -137,13 +137,6 @@ def test_every_kind_of_range_is_drawn_within_its_limits():
     assert {split_of(plan, index) for index in range(200)} == set(plan.splits)
 
 
-def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
-    (tmp_path / "letter.txt").write_text("dear reader")
-    with pytest.raises(UserError, match="not a dataset"):
-        make(tmp_path, small_plan)
-    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
-
-
 def test_numbers_of_sequences():
     assert parse_indices("7, 0-2", 10) == [0, 1, 2, 7]
     for text, told in (("3-x", "'3-x'"), ("12", "0 to 9"), ("5-3", "0 to 9")):
@@ -276,16 +269,6 @@ def test_more_sequences_of_another_model_are_refused(single_copy, single_plan, m
     make(single_copy, single_plan)  # nothing is missing, and nothing is mixed
     with pytest.raises(UserError, match=r"000000 was made by other software .*render: model: .*99"):
         make(single_copy, single_plan.model_copy(update={"sequences": 2}))
-
-
-def test_the_index_is_made_again_from_the_records(single_copy, single_plan):
-    before = content(single_copy)
-    for name in ("index", "splits"):
-        shutil.rmtree(single_copy / name)
-    (single_copy / "croissant.json").unlink()
-    assert check_files(Tree(single_copy))
-    make(single_copy, single_plan)
-    assert content(single_copy) == before
 
 
 def test_other_verbs_take_many_too(small_copy, capsys, refused):

@@ -105,12 +105,3 @@ def test_a_bad_map_is_refused_before_anything_is_removed(folder, refused, make, 
     assert said.startswith("megalopta: sense: sensor 'mine': ") or "device.yaml" in said
     assert re.search(message, said) and said.count("\n") == 1 and "MapFile" not in said, said
     assert content(folder / "data") == before
-
-
-def test_a_map_that_changed_since_is_refused(folder, refused):
-    sense()
-    before = content(folder / "data")
-    np.save(folder / "dark.npy", np.zeros((50, 50)))
-    told = refused("sense", "data", "--redo")
-    assert "dark.npy has changed since it was first read" in told
-    assert content(folder / "data") == before

@@ -126,19 +126,6 @@ def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, lim
     assert np.median(found[name]) > limit
 
 
-def test_a_level_horizon_across_all_columns_is_no_error(moving):
-    # A row of 64 pixels, half of each below the horizon: its centers are all sky.
-    right = read_truth(moving.truth(0))
-    sky, ids = np.zeros_like(right.footprint.sky), np.ones_like(right.object_id)
-    sky[:20], sky[20], ids[:21] = 1, 0.55, 0
-    level = replace(right, object_id=ids, footprint=replace(right.footprint, sky=sky))
-    name = "sky share, in standard errors"
-    assert dict(footprint_residuals(level))[name] < 1
-    # Two rows more are not there by chance.
-    ids[21:23] = 0
-    assert dict(footprint_residuals(level))[name] > 5
-
-
 def test_sensors_see_the_frames_of_the_shutter(moving):
     blurred, bands = read_radiance(moving.exposed_radiance(1))
     sharp, _ = read_radiance(moving.radiance(1))

@@ -93,14 +93,6 @@ def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
     assert middle[1] < -0.1
 
 
-@pytest.mark.parametrize("name", ["a.stl", "a.glb"])
-def test_without_an_animation_nothing_can_move(tmp_path, name):
-    trimesh.creation.box().export(tmp_path / name)
-    scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / name}, animate: true}}}}"
-    with pytest.raises(UserError, match=r"omit (it|animate)"):
-        run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")
-
-
 @pytest.fixture
 def box(tmp_path):
     """Configuration of a box, with a vertex far away that no triangle has, seen along a path."""
@@ -158,12 +150,3 @@ def test_a_view_of_one_frame_is_a_sequence(tmp_path, box, capsys):
     assert "A single frame has no motion" in (dataset.root / "report.html").read_text()
     with pytest.raises(UserError, match="trajectory.frames 1 leaves fewer than two"):
         run_stage(dataset.root, settings, "flow")
-
-
-def test_what_has_no_effect_is_in_the_record(tmp_path, capsys):
-    (tmp_path / "pin.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\nl 1 2\n")
-    scene = f"scene: {{kind: meshes, files: {tmp_path / 'pin.obj'}}}\ntrajectory: {{kind: fit}}"
-    dataset = run_stage(tmp_path / "data", parse(scene, "test", small(8, 6, 1)), "render")
-    (note,) = json.loads(dataset.scene_record.read_text())["notes"]
-    assert note.endswith("these have no effect: statements (l)")
-    assert capsys.readouterr().err.count(note) == 1

@@ -84,13 +84,6 @@ def test_a_panorama_whose_file_changed_is_another_configuration(sky, tmp_path):
         run_stage(tmp_path / "other", first, "render")
 
 
-def test_a_target_out_of_reach_is_told(yard, tmp_path, capsys):
-    changes = {"render.target_error": "1e-4", "render.max_passes": "2"}
-    run_stage(tmp_path / "data", load("demo", SMALL | changes), "render")
-    told = " ".join(capsys.readouterr().err.split())
-    assert "3 of 3 frames did not meet target_error 0.0001 in 2 passes" in told
-
-
 def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
     settings = load("demo", SMALL | {"light_levels": "[1000]"})
     run_stage(tmp_path / "data", settings, "render")

@@ -96,14 +96,6 @@ def test_a_mount_turns_about_the_path_s_camera_axes(rig):
     np.testing.assert_allclose(step[:, :3, 3], [[0, 0.1, -0.2]] * 2, atol=1e-6)
 
 
-def test_cameras_share_scene_light_and_split_but_not_noise(rig):
-    own = {"name", "seed", "trajectory", "stereo_with"}
-    first, second, third = (each.configuration.model_dump(mode="json", exclude=own) for each in rig)
-    assert first == second == third
-    assert len({each.split for each in rig}) == 1
-    assert len({each.configuration.seed for each in rig}) == 3
-
-
 def test_other_paths_and_odd_pairs_are_refused(rig, tmp_path):
     with pytest.raises(ValueError, match="sequences 5: a rig of 3 cameras"):
         Plan.model_validate({**plan_of(tmp_path).model_dump(), "sequences": 5})

@@ -2,15 +2,7 @@
 
 from importlib.metadata import PackageNotFoundError
 
-from megalopta.render import choose_variant
 from megalopta.stages import versions
-
-
-def test_a_cuda_device_is_told_of_and_left_alone_by_auto(monkeypatch):
-    monkeypatch.setattr(versions, "has_cuda_device", lambda: True)
-    monkeypatch.setattr("megalopta.render.variant.has_cuda_device", lambda: True)
-    assert "cuda" not in choose_variant("auto").name
-    assert "auto stays with llvm" in versions.describe()
 
 
 def test_what_an_extra_would_install_is_said(monkeypatch):

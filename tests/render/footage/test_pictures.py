@@ -98,13 +98,6 @@ def test_transparency_stands_before_black(tmp_path, codes):
             assert footage.notes == ("transparent parts are shown over black",)
 
 
-def test_light_behind_glass_is_not_rounded(tmp_path):
-    light = np.full((4, 4, 4), 0.3, np.float32)
-    light[..., 3] = 0.5
-    tifffile.imwrite(tmp_path / "a.tif", light, photometric="rgb", extrasamples=["unassalpha"])
-    np.testing.assert_allclose(light_of(tmp_path / "a.tif"), 0.15, rtol=1e-6)
-
-
 def write_exr(path, **planes):
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
