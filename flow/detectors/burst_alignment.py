@@ -20,7 +20,7 @@ from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
-from megalopta.flow.likelihood import halved
+from megalopta.flow.likelihood.roots import halved
 
 _SUMS = 4
 _DOWN, _RIGHT = np.array([[0, -1, 1, 0, 0], [0, 0, 0, -1, 1]])

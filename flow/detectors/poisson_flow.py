@@ -14,7 +14,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames, stacked
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.detectors.libraries import DenseInverseSearch
-from megalopta.flow.likely_flow import flow_and_covariance, likelihood_flow, refined_flow
+from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood_flow, refined_flow
 
 _FAST_START = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
 _SMALLEST_FAST_PX = 12

@@ -35,7 +35,7 @@ from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
-from megalopta.flow.likelihood import root_noise, suited_blur_px
+from megalopta.flow.likelihood.roots import root_noise, suited_blur_px
 
 BLURS_PX = (0.7, 1.0, 1.4, 2.0)
 """Standard deviations to choose from. Less than 0.7 px leaves too little to interpolate between
