@@ -56,15 +56,3 @@ def test_errors_are_told_with_mixed_pixels_and_without(records):
         with_mixed, without = (record["truth_by_mixture"][n] for n in ("all", "without_mixed"))
         assert with_mixed == record["truth"]  # by default all pixels count
         assert 0 < without["ideal"]["blocks"] <= with_mixed["ideal"]["blocks"]
-
-
-def test_yaw_rate_is_found_by_all_that_tell_directions(records):
-    blind = {"NDM", "NDS", "IM"}
-    told = {name for name, record in records.items() if "rotation" in record}
-    assert told == set(QUICK) - blind
-    for name in ("LK", "FB", "DIS", "PC"):
-        rotation = records[name]["rotation"]
-        assert rotation["true_deg_s"] == pytest.approx(6)
-        # Light enough that photons do not matter. LK now and then takes one dot for another, in
-        # blocks that did not while the weights were learned.
-        assert rotation["counts_deg_s"] < (0.3 if name == "LK" else 0.1) * 6
