@@ -182,7 +182,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
 
     place: ClassVar[float] = 3
     _combination: ClassVar[int] = _ELEMENTARY
-    tells_direction: ClassVar[bool] = True
 
     name: str = "EMD"
     label: str = "Elementary motion detector"
