@@ -109,8 +109,8 @@ def make_octaves(
 
     Bands are shortest and longest wavelength (m) and their share of the contrast.
     """
-    whole = np.sqrt(sum(part**2 for _, part in bands))
-    waves = [plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands]
+    norm = np.sqrt(sum(part**2 for _, part in bands))
+    waves = [plane_waves(lengths, rms * part / norm, WAVES, rng) for lengths, part in bands]
 
     def field(points: FloatArray, step_m: FloatArray) -> FloatArray:
         total = np.zeros(len(points))

@@ -243,7 +243,8 @@ class BenchmarkResult:
     def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Return the result that `to_dict` wrote; raises as `ErrorCurve.from_dict` does."""
         methods = (
-            type(METHODS[name]).model_validate(own) for name, own in fields["methods"].items()
+            type(METHODS[name]).model_validate(parameters)
+            for name, parameters in fields["methods"].items()
         )
         curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
         return TypeAdapter(cls).validate_python(

@@ -315,7 +315,7 @@ class _Search:
         def flow_of(changes: list[Floats]) -> Floats:
             """Flow of each change of the directions of nodes, (n, m, 2, changes), px."""
             flows = [
-                camera.displacement(toward + _SMALL * each, nodes) / _SMALL for each in changes
+                camera.displacement(toward + _SMALL * change, nodes) / _SMALL for change in changes
             ]
             return np.nan_to_num(np.stack(flows, axis=-1))
 

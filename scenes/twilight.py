@@ -4,8 +4,9 @@ The sun is below the local horizon but still shines on the air above it. Along a
 parcel of air scatters the light that reaches it past the Earth, in proportion to its density and to
 Rayleigh's phase function; air and ozone dim it before and after. Multiply scattered light is nearly
 uniform over the sky. At this depth of the sun it is about half of the light at the zenith
-(approximate; it grows from a third at sunset to nearly all at a depth of 10°). The model: clean air at 550 nm in spherical shells, without refraction and
-without aerosol, which would redden and broaden the glow above the sunset.
+(approximate; it grows from a third at sunset to nearly all at a depth of 10°). The model: clean air
+at 550 nm in spherical shells, without refraction and without aerosol, which would redden and
+broaden the glow above the sunset.
 """
 
 import numpy as np

@@ -130,8 +130,10 @@ def stacked(frames: Sequence[Frames]) -> Frames:
     """
     shapes = {each.shape for each in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
-        found = " and ".join(map(str, sorted(shapes)))
-        raise ValueError(f"frames of shape {found}: give images (H, W) of one channel and one size")
+        differing = " and ".join(map(str, sorted(shapes)))
+        raise ValueError(
+            f"frames of shape {differing}: give images (H, W) of one channel and one size"
+        )
     for number, frame in enumerate(frames, 1):
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")

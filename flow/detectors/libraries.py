@@ -72,10 +72,10 @@ class LucasKanade(GrayDetector, frozen=True):
         sides, coarsest = (side, side), self.pyramid_levels - 1
         first, second = eight_bits(pair)
         with one_thread():
-            found, status, _ = cv2.calcOpticalFlowPyrLK(
+            tracked, status, _ = cv2.calcOpticalFlowPyrLK(
                 first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
             )
-        moved = np.where(status > 0, found - centers, np.nan)
+        moved = np.where(status > 0, tracked - centers, np.nan)
         return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
 
@@ -272,10 +272,10 @@ def contrib_detector(name: str) -> ContribFlow | None:
     Raises ValueError if OpenCV comes without it.
     """
     known = {each.casefold(): each for each in get_args(Algorithm)}
-    if (found := known.get(name.casefold())) is None:
+    if (algorithm := known.get(name.casefold())) is None:
         return None
     import cv2
 
     if not hasattr(cv2, "optflow"):
-        raise ValueError(f"{found} needs OpenCV's contributed modules; run: {_REMEDY}")
-    return ContribFlow(name=found, label=f"{found}, OpenCV contrib", algorithm=found)
+        raise ValueError(f"{algorithm} needs OpenCV's contributed modules; run: {_REMEDY}")
+    return ContribFlow(name=algorithm, label=f"{algorithm}, OpenCV contrib", algorithm=algorithm)

@@ -453,9 +453,9 @@ def _inside(start: int, size: int, length: int) -> tuple[int, int]:
 @compiled
 def _cubic(shift: float) -> tuple[int, NDArray[np.float32], NDArray[np.float32]]:
     """Return the integer part of a shift, and four coefficients' weights for value and slope."""
-    whole = math.floor(shift)
-    f = shift - whole
+    integer = math.floor(shift)
+    f = shift - integer
     g = 1 - f
     value = (g**3 / 6, 2 / 3 - f * f * (2 - f) / 2, 2 / 3 - g * g * (2 - g) / 2, f**3 / 6)
     slope = (-g * g / 2, f * (3 * f - 4) / 2, -g * (3 * g - 4) / 2, f * f / 2)
-    return whole, np.array(value, np.float32), np.array(slope, np.float32)
+    return integer, np.array(value, np.float32), np.array(slope, np.float32)

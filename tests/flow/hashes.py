@@ -1,8 +1,6 @@
-"""Print a SHA-256 a line of what every method makes of small fixed counts: run it before and after a change.
+"""Print a SHA-256 of what every method makes of small fixed counts, to run before a change and after.
 
-    python tests/flow/hashes.py > before.txt
-
-Lines of NumPy's, SciPy's and OpenCV's arithmetic: equal on one machine with one set of versions.
+python tests/flow/hashes.py > before.txt
 """
 
 import hashlib
@@ -22,7 +20,7 @@ from megalopta.scenes import PerspectiveCamera
 SHAPE = (64, 90)
 
 
-def counts(photons: float, frames: int = 9, moved: int = 2, dtype: type = np.uint16) -> np.ndarray:
+def counts(photons: float, moved: int, frames: int = 9) -> np.ndarray:
     """Counts (T, H, W) of a texture that moves to the right, before a strip at rest."""
     rng = np.random.default_rng(7)
     texture = gaussian_filter(rng.normal(size=(SHAPE[0], SHAPE[1] + moved * frames)), 1.5)
@@ -30,7 +28,7 @@ def counts(photons: float, frames: int = 9, moved: int = 2, dtype: type = np.uin
     clips = [light[:, moved * (frames - t) :][:, : SHAPE[1]].copy() for t in range(frames)]
     for clip in clips:
         clip[:, 30:50] = 2 * light[:, :20]
-    return rng.poisson(photons * np.stack(clips)).astype(dtype)
+    return rng.poisson(photons * np.stack(clips)).astype(np.uint16)
 
 
 def say(name: str, *arrays: object) -> None:
@@ -39,7 +37,7 @@ def say(name: str, *arrays: object) -> None:
 
 
 for photons, moved in ((1.5, 1), (40, 2), (3000, 5)):
-    drawn = counts(photons, moved=moved)
+    drawn = counts(photons, moved)
     for name, method in METHODS.items():
         say(f"{name} {photons:g} responses", method.respond(drawn))
         if method.gives == "velocity":
