@@ -25,7 +25,6 @@ puts more points in front.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -148,10 +147,13 @@ def _fitted(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
         """Motion across the planes that a translation along t allows, (n,) in radians."""
         return np.asarray(np.sum(Rotation.from_rotvec(rotation).apply(e) * _normals(t, d), axis=1))
 
-    def near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
+    def near(parameters: Floats, t: Floats, sideways: Floats) -> tuple[Floats, Floats]:
         """Heading displaced sideways from t, and rotation vector."""
         moved = t + parameters[:2] @ sideways
         return moved / np.linalg.norm(moved), parameters[2:]
+
+    def residuals(parameters: Floats, t: Floats, sideways: Floats, noise: float) -> Floats:
+        return across(*near(parameters, t, sideways)) / noise
 
     normals = _normals(t, d)
     # least squares of (e + ω × e) · n = 0
@@ -159,15 +161,10 @@ def _fitted(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     for _ in range(_ROUNDS):  # each with the noise that the previous one left
         noise = robust_sigma(across(t, rotation)) or _NOISELESS
         # two directions across t, along which it may move
-        moved = partial(near, t, np.linalg.svd(t[np.newaxis])[2][1:])
-        fit = least_squares(
-            lambda parameters, moved, noise: across(*moved(parameters)) / noise,
-            np.concatenate(([0.0, 0.0], rotation)),
-            loss="cauchy",
-            f_scale=_CAUCHY,
-            args=(moved, noise),
-        )
-        t, rotation = moved(fit.x)
+        sideways = np.linalg.svd(t[np.newaxis])[2][1:]
+        start, args = np.concatenate(([0.0, 0.0], rotation)), (t, sideways, noise)
+        fit = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY, args=args)
+        t, rotation = near(fit.x, t, sideways)
     return t, rotation, float(np.median(np.abs(across(t, rotation))))
 
 

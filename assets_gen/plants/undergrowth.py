@@ -176,11 +176,11 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
     index, ends = np.arange(sides), []
     faces = np.stack([np.full_like(index, sides), index, np.roll(index, -1)], axis=-1)
     uv = 0.5 + 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    for at, sign in ((0, -1), (rings - 1, 1)):
-        facing = tangents[at] * sign
-        binormal = cross(facing, normals[at])
-        circle = np.cos(angle)[:, None] * normals[at] + np.sin(angle)[:, None] * binormal
-        center = axis[at] + 0.02 * facing
-        rim = center + 0.97 * profile[at].mean() * circle
+    for end, sign in ((0, -1), (rings - 1, 1)):
+        facing = tangents[end] * sign
+        binormal = cross(facing, normals[end])
+        circle = np.cos(angle)[:, None] * normals[end] + np.sin(angle)[:, None] * binormal
+        center = axis[end] + 0.02 * facing
+        rim = center + 0.97 * profile[end].mean() * circle
         ends.append(Surface(np.vstack([rim, center]), faces, np.vstack([uv, [0.5, 0.5]])))
     return join(wood), join(ends)

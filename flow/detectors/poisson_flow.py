@@ -100,13 +100,9 @@ class FastPoissonFlow(BlockDetector, frozen=True):
         """
         pair = self.checked(frames)
         self.grid((pair.shape[1], pair.shape[2]))
-        return _fast_flow(pair)
+        start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast
+        return refined_flow(pair, start, PoissonFlow().smoothness)
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the means of the flow over blocks."""
-        return mean_over_blocks(_fast_flow(stacked(window)), grid)
-
-
-def _fast_flow(pair: Frames) -> Floats:
-    # NaN without contrast
-    return refined_flow(pair, np.nan_to_num(_FAST_START.dense(*pair)), PoissonFlow().smoothness)
+        return mean_over_blocks(self.dense(*window), grid)

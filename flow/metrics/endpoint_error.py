@@ -171,7 +171,9 @@ def truth_error(
     defined = np.asarray(np.isfinite(measured).all(axis=-1))
     difference = measured[defined] - truth[defined]
     endpoint = np.hypot(*difference.T)
-    relative = _relative_errors(measured, truth)
+    speed = np.hypot(*truth.T)
+    relative = np.hypot(*(measured - truth)[speed > 0].T) / speed[speed > 0]
+    relative = np.where(np.isnan(relative), 1.0, relative)
     return TruthError(
         blocks=len(truth),
         missing_fraction=_of(np.mean, ~defined),
@@ -218,13 +220,6 @@ def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Float
         index = np.floor((centers - start) / grid.block_px)
         memberships.append(np.where(index == np.arange(number)[:, np.newaxis], 1.0, 0.0))
     return memberships[0], memberships[1]
-
-
-def _relative_errors(measured: Floats, truth: Floats) -> Floats:
-    speed = np.hypot(*truth.T)
-    moving = speed > 0
-    relative = np.hypot(*(measured - truth)[moving].T) / speed[moving]
-    return np.where(np.isnan(relative), 1.0, relative)
 
 
 def angles_deg(first: Floats, second: Floats) -> Floats:

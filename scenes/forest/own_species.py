@@ -4,7 +4,6 @@ An entry has the fields of `flora.yaml`. With `like`, it names a species of this
 only what differs. Numbers are bounded: a file may come from a stranger.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -171,17 +170,15 @@ SpeciesByName = Annotated[
 
 def flora_of(species: Mapping[str, OwnSpecies]) -> Flora:
     """Return the plants of this program and species of the user's own."""
-    plain = {name: each.model_dump(mode="json") for name, each in species.items()}
-    return _flora(json.dumps(plain))
+    return _flora(tuple(species.items()))
 
 
 @lru_cache(maxsize=8)
-def _flora(species: str) -> Flora:
-    entries = json.loads(species)
-    if not entries:
+def _flora(species: tuple[tuple[str, OwnSpecies], ...]) -> Flora:
+    if not species:
         return FLORA
     named = (
-        replace(woody(name, entry), variety=digest(json.dumps(entry)))
-        for name, entry in entries.items()
+        replace(woody(name, kind.model_dump(mode="json")), variety=digest(kind.model_dump_json()))
+        for name, kind in species
     )
     return Flora.of([*FLORA.trees.values(), *FLORA.bushes.values(), *named])
