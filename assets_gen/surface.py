@@ -94,11 +94,11 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the cross products of vectors (…, 3); much faster than numpy's on few vectors."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    found = np.empty(np.broadcast(a, b).shape)
-    found[..., 0] = ay * bz - az * by
-    found[..., 1] = az * bx - ax * bz
-    found[..., 2] = ax * by - ay * bx
-    return found
+    product = np.empty(np.broadcast(a, b).shape)
+    product[..., 0] = ay * bz - az * by
+    product[..., 1] = az * bx - ax * bz
+    product[..., 2] = ax * by - ay * bx
+    return product
 
 
 def lengths(vectors: FloatArray) -> FloatArray:

@@ -199,18 +199,10 @@ def _cover(
         radius = (least + rng.random() * (most - least)) ** -0.5
         row, column = rng.random() * height, rng.random() * width
         value = values[0] + (values[1] - values[0]) * rng.random()
-        bare -= paint_leaf(image, (row, column), radius, value)
-
-
-@compiled
-def paint_leaf(image: FloatArray, center: tuple[float, float], radius: float, value: float) -> int:
-    """Paint the bare part (0) of a disk on a torus; return its number of samples."""
-    (height, width), (row, column), painted = image.shape, center, 0
-    # samples are at the centers of their squares
-    for y in range(math.ceil(row - radius - 0.5), math.ceil(row + radius - 0.5)):
-        for x in range(math.ceil(column - radius - 0.5), math.ceil(column + radius - 0.5)):
-            seen = (y + 0.5 - row) ** 2 + (x + 0.5 - column) ** 2 < radius**2
-            if seen and image[y % height, x % width] == 0:
-                image[y % height, x % width] = value
-                painted += 1
-    return painted
+        # the bare part (0) of a disk on the torus; samples are at the centers of their squares
+        for y in range(math.ceil(row - radius - 0.5), math.ceil(row + radius - 0.5)):
+            for x in range(math.ceil(column - radius - 0.5), math.ceil(column + radius - 0.5)):
+                seen = (y + 0.5 - row) ** 2 + (x + 0.5 - column) ** 2 < radius**2
+                if seen and image[y % height, x % width] == 0:
+                    image[y % height, x % width] = value
+                    bare -= 1

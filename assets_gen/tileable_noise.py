@@ -109,8 +109,8 @@ def make_octaves(
 
     Bands are shortest and longest wavelength (m) and their share of the contrast.
     """
-    whole = np.sqrt(sum(part**2 for _, part in bands))
-    waves = [plane_waves(lengths, rms * part / whole, WAVES, rng) for lengths, part in bands]
+    norm = np.sqrt(sum(part**2 for _, part in bands))
+    waves = [plane_waves(lengths, rms * part / norm, WAVES, rng) for lengths, part in bands]
 
     def field(points: FloatArray, step_m: FloatArray) -> FloatArray:
         total = np.zeros(len(points))
@@ -162,39 +162,25 @@ def strew(
     lengths = np.sort(np.exp(rng.uniform(shortest, longest, count)))[::-1]
     for start in range(0, count, CHUNK):
         length = lengths[start : start + CHUNK]
-        n = len(length)
-        angle = marks.heading + marks.spread * rng.standard_normal(n)
-        center = rng.random((n, 2)) * size_m
-        shade = 0.5 * rng.standard_normal(n)
-        for few in (slice(first, first + PAINTED) for first in range(0, n, PAINTED)):
-            laid = center[few], length[few], angle[few], shade[few]
-            flat, value = _paint(shape, texel, marks.aspect, *laid)
+        angle = marks.heading + marks.spread * rng.standard_normal(len(length))
+        center = rng.random((len(length), 2)) * size_m
+        shade = 0.5 * rng.standard_normal(len(length))
+        for first in range(0, len(length), PAINTED):
+            painted = slice(first, first + PAINTED)
+            long = length[painted, None]
+            reach = np.ceil(long.max() / 2 / texel).astype(int)
+            offsets = np.stack(
+                np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1
+            ).reshape(-1, 2)
+            index = np.floor(center[painted] / texel).astype(int)[:, None] + offsets
+            away = (index + 0.5) * texel - center[painted, None]
+            cosine, sine = np.cos(angle[painted, None]), np.sin(angle[painted, None])
+            along = 2 * (away[..., 0] * cosine + away[..., 1] * sine) / long
+            across = 2 * (away[..., 1] * cosine - away[..., 0] * sine) / (marks.aspect * long)
+            # A lens, pointed at both ends; one half is darker, as of a folded leaf.
+            inside = np.abs(across) < 1 - along**2
+            value = shade[painted, None] + 0.12 * np.sign(across) + 0.1 * along
+            flat = (index[..., 0] % shape[0]) * shape[1] + index[..., 1] % shape[1]
             # For repeated indices numpy keeps the last value, so later marks are on top.
-            image[flat] = value
+            image[flat[inside]] = value[inside]
     return image.reshape(shape)
-
-
-def _paint(
-    shape: tuple[int, int],
-    texel: FloatArray,
-    aspect: float,
-    center: FloatArray,
-    length: FloatArray,
-    angle: FloatArray,
-    shade: FloatArray,
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return the texels covered by each mark and their shades, in the order of the marks."""
-    reach = np.ceil(length.max() / 2 / texel).astype(int)
-    offsets = np.stack(
-        np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1
-    ).reshape(-1, 2)
-    index = np.floor(center / texel).astype(int)[:, None] + offsets
-    away = (index + 0.5) * texel - center[:, None]
-    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    along = 2 * (away[..., 0] * cosine + away[..., 1] * sine) / length[:, None]
-    across = 2 * (away[..., 1] * cosine - away[..., 0] * sine) / (aspect * length[:, None])
-    # Lens outline, pointed at both ends; one half darker than the other, like a folded leaf.
-    inside = np.abs(across) < 1 - along**2
-    value = shade[:, None] + 0.12 * np.sign(across) + 0.1 * along
-    flat = (index[..., 0] % shape[0]) * shape[1] + index[..., 1] % shape[1]
-    return flat[inside], value[inside]

@@ -101,30 +101,22 @@ def make_trail(
     start, end = ends
     if np.linalg.norm(np.ptp(path_xy, axis=0)) < CHORD_M:
         start = -end
-    behind, ahead = (
-        _winding(place, direction, reach_m, rng)
-        for place, direction in ((path_xy[0], start), (path_xy[-1], end))
-    )
-    line = np.concatenate([behind[::-1], path_xy, ahead])
+    way = np.arange(STEP_M, reach_m, STEP_M)
+    extensions = []
+    for place, direction in ((path_xy[0], start), (path_xy[-1], end)):
+        turning = plane_waves((9.0, 25.0), 1.0, 8, rng)(np.column_stack([way, np.zeros_like(way)]))
+        swing = TURN_RAD_M * turning * np.clip(way / STRAIGHT_M, 0, 1)
+        # A path swings about its direction: part of each turn is reversed.
+        angle = np.zeros(len(way))
+        for i in range(1, len(way)):
+            angle[i] = angle[i - 1] + STEP_M * (swing[i] - 0.12 * angle[i - 1])
+        azimuth = np.arctan2(direction[1], direction[0]) + angle
+        steps = STEP_M * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+        extensions.append(place + np.cumsum(steps, axis=0))
+    behind, ahead = extensions
     return Trail(
-        cKDTree(line),
+        cKDTree(np.concatenate([behind[::-1], path_xy, ahead])),
         width_m / 2,
         margin=plane_waves((0.5, 4.0), 0.12 * width_m**0.5, 40, rng),
         fringe=plane_waves((0.12, 0.6), FRINGE_M, 40, rng),
     )
-
-
-def _winding(
-    place: FloatArray, direction: FloatArray, reach_m: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return the points (n, 2) of a line that continues from a place, swinging to both sides."""
-    way = np.arange(STEP_M, reach_m, STEP_M)
-    turning = plane_waves((9.0, 25.0), 1.0, 8, rng)(np.column_stack([way, np.zeros_like(way)]))
-    swing = TURN_RAD_M * turning * np.clip(way / STRAIGHT_M, 0, 1)
-    # A path swings about its direction: part of each turn is reversed.
-    angle = np.zeros(len(way))
-    for i in range(1, len(way)):
-        angle[i] = angle[i - 1] + STEP_M * (swing[i] - 0.12 * angle[i - 1])
-    first = np.arctan2(direction[1], direction[0])
-    steps = STEP_M * np.column_stack([np.cos(first + angle), np.sin(first + angle)])
-    return np.asarray(place + np.cumsum(steps, axis=0))

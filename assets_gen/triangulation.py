@@ -78,36 +78,30 @@ class Triangulation:
 
         Raises ValueError for places outside.
         """
-        found = np.empty(len(places))
+        interpolated = np.empty(len(places))
         left = np.arange(len(places))
         for nearest in NEAREST:
             faces = self.faces[self._near.query(places[left], k=nearest)[1]]
-            weights = _barycentric(self.points[faces], places[left])
+            # weights of the corners of each candidate, barycentric
+            edges = self.points[faces] - places[left][:, None, None]
+            parts = [_area(edges[..., i - 2, :], edges[..., i - 1, :]) for i in range(3)]
+            weights = np.stack(parts, axis=-1)
+            weights = weights / weights.sum(axis=-1, keepdims=True)
             worst = weights.min(axis=-1)
             best = worst.argmax(axis=-1)
             rows = np.arange(len(left))
             inside = worst[rows, best] > -ROUNDING
             here = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
-            found[left[inside]] = here[inside]
+            interpolated[left[inside]] = here[inside]
             left = left[~inside]
             if not len(left):
-                return found
+                return interpolated
         raise ValueError(f"places: {len(left)} are outside the triangles; give others")
 
 
 def _area(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the signed area (…) of triangles with two edges (…, 2)."""
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]) / 2
-
-
-def _barycentric(corners: FloatArray, places: FloatArray) -> FloatArray:
-    """Return the weights (k, q, 3) of the corners (k, q, 3, 2) of q triangles for each place."""
-    to_corners = corners - places[:, None, None]
-    parts = [
-        _area(to_corners[..., (i + 1) % 3, :], to_corners[..., (i + 2) % 3, :]) for i in range(3)
-    ]
-    weights = np.stack(parts, axis=-1)
-    return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
 
 
 def triangulated(
@@ -117,10 +111,21 @@ def triangulated(
     rings = [0.0, fineness.near_m]
     while rings[-1] < reach_m:
         rings.append(rings[-1] * RING)
+    inner = np.stack(np.meshgrid(*[np.arange(TILE_STEPS) + 0.5] * 2), axis=-1).reshape(-1, 2)
     lattices = []
     for near, far in pairwise(rings):
-        step_m = float(fineness.step(np.sqrt(near * far)))
-        lattices.append(_ring(path, near, min(far, reach_m), step_m, rng))
+        step_m, far_m = float(fineness.step(np.sqrt(near * far))), min(far, reach_m)
+        tile = TILE_STEPS * step_m
+        low, high = np.floor((path.mins - far_m) / tile), np.ceil((path.maxes + far_m) / tile)
+        corners = np.stack(
+            np.meshgrid(*(np.arange(low[i], high[i]) for i in range(2))), axis=-1
+        ).reshape(-1, 2)
+        away = distance_to(path, (corners + 0.5) * tile)
+        corners = corners[(away < far_m + tile) & (away > near - tile)]
+        lattice = ((corners * TILE_STEPS)[:, None] + inner).reshape(-1, 2)
+        jittered = (lattice + rng.uniform(-JITTER, JITTER, lattice.shape)) * step_m
+        distance = distance_to(path, jittered)
+        lattices.append(jittered[(distance >= near) & (distance < far_m)])
     points = np.concatenate(lattices)
     # Relative to the path, for precision anywhere.
     faces = Delaunay(points - (path.mins + path.maxes) / 2).simplices.astype(np.int64)
@@ -128,22 +133,3 @@ def triangulated(
     turned = _area(b - a, c - a) < 0
     faces[turned] = faces[turned][:, ::-1]
     return Triangulation(points, faces)
-
-
-def _ring(
-    path: cKDTree, near_m: float, far_m: float, step_m: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return points (n, 2) of a jittered lattice whose distance from a path is within a ring."""
-    tile = TILE_STEPS * step_m
-    low, high = np.floor((path.mins - far_m) / tile), np.ceil((path.maxes + far_m) / tile)
-    corners = np.stack(
-        np.meshgrid(*(np.arange(low[i], high[i]) for i in range(2))), axis=-1
-    ).reshape(-1, 2)
-    away = distance_to(path, (corners + 0.5) * tile)
-    corners = corners[(away < far_m + tile) & (away > near_m - tile)]
-    steps = np.arange(TILE_STEPS) + 0.5
-    inner = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    lattice = ((corners * TILE_STEPS)[:, None] + inner).reshape(-1, 2)
-    points = (lattice + rng.uniform(-JITTER, JITTER, lattice.shape)) * step_m
-    distance = distance_to(path, points)
-    return np.asarray(points[(distance >= near_m) & (distance < far_m)])

@@ -74,4 +74,3 @@ from .stimuli.photons import (
     resize as resize,
     triangular_pool as triangular_pool,
 )
-from .wide_field import WideField as WideField, fit_wide_field as fit_wide_field

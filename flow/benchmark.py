@@ -27,12 +27,11 @@ import numpy as np
 from pydantic import BaseModel, Field, PositiveInt, TypeAdapter, field_validator, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, Frames
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
 from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
 from megalopta.flow.stimuli.photons import (
-    Counts,
     Normalization,
     ResizeKind,
     divisors,
@@ -244,7 +243,8 @@ class BenchmarkResult:
     def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Return the result that `to_dict` wrote; raises as `ErrorCurve.from_dict` does."""
         methods = (
-            type(METHODS[name]).model_validate(own) for name, own in fields["methods"].items()
+            type(METHODS[name]).model_validate(parameters)
+            for name, parameters in fields["methods"].items()
         )
         curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
         return TypeAdapter(cls).validate_python(
@@ -283,8 +283,22 @@ def photon_benchmark(
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
-        for detector, sums in zip(detectors, at_size.measured(detectors, books), strict=True):
-            curves += [at_size.curve(detector, sums, each, warm_up) for each in settings.metrics]
+        repeats = [
+            books.part(f"{at_size.key[-1]}-{n}", partial(at_size.sums, n, detectors, books))
+            for n in range(settings.repeats)
+        ]
+        for detector, repeated in zip(detectors, zip(*repeats, strict=True), strict=True):
+            sums = np.stack(repeated, axis=2)[..., warm_up:]
+            # independent blocks of frames are longer than the detector's memory
+            scored = sums.shape[-1]
+            blocks = max(1, scored // (detector.memory_frames + 1))
+            starts = [block * scored // blocks for block in range(blocks)]
+            for metric in settings.metrics:
+                measured = measured_errors(metric, settings.fluxes, sums, starts)
+                levels = settings.bits, settings.confidence
+                curves.append(
+                    error_curve(detector, at_size.shape, metric, measured, *levels, at_size.key)
+                )
     return BenchmarkResult(
         sequence=sequence,
         seed=seed,
@@ -304,78 +318,62 @@ class _AtSize:
     ) -> None:
         self._frames, self._settings = frames, settings
         rows, columns = frames.shape[1], frames.shape[2]
-        self._shape = resized_shape((rows, columns), size)
-        self._pixels = self._shape[0] * self._shape[1]
+        self.shape = resized_shape((rows, columns), size)
+        self._pixels = self.shape[0] * self.shape[1]
         # per resized pixel and frame
         self._dark_counts = settings.dark_counts * rows * columns / self._pixels
-        # names the sequence at this size in random streams
-        self._key = seed, sequence, f"{self._shape[0]}x{self._shape[1]}"
+        self.key = seed, sequence, f"{self.shape[0]}x{self.shape[1]}"
+        """Names the sequence at this size in random streams"""
         self._of_means: dict[tuple[str, float, int], Floats] = {}
         """Velocities in mean counts by method, scale and first frame: the same in every repeat"""
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
-        """Return the sums of each method, (4, fluxes, repeats, T)."""
-        repeats = [
-            books.part(f"{self._key[-1]}-{each}", partial(self._repeat, each, methods, books))
-            for each in range(self._settings.repeats)
+    def sums(self, repeat: int, detectors: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
+        """Return the sums of each method, (4, fluxes, T), over one draw of the sequence."""
+        fluxes = self._settings.fluxes
+        to_light = [detector.start(self.shape) for detector in detectors]
+        # responders to the counts, and to their means, of each flux
+        started = [
+            [(detector.start(self.shape), detector.start(self.shape)) for detector in detectors]
+            for _ in fluxes
         ]
-        return [np.stack(sums, axis=2) for sums in zip(*repeats, strict=True)]
-
-    def _repeat(self, repeat: int, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
-        """Return the sums of each method, (4, fluxes, T)."""
-        fluxes, shape = self._settings.fluxes, self._shape
-        to_light = [method.start(shape) for method in methods]
-        comparisons = [[self._comparison(each) for each in methods] for _ in fluxes]
         sums: defaultdict[tuple[str, float], list[Floats]] = defaultdict(list)
         for first, frames in self._resized():
             light = frames / self._divisors[first : first + len(frames), None, None]
             ideals = [respond(light, self._pixels) for respond in to_light]
             # bright light first, which takes longest: the time left then only falls
-            for flux, at_flux in zip(reversed(fluxes), reversed(comparisons), strict=True):
+            for flux, at_flux in zip(reversed(fluxes), reversed(started), strict=True):
+                scale = self._pixels / flux
                 means = light * flux + self._dark_counts
-                key = *self._key, f"{flux:.6g}", repeat
+                key = *self.key, f"{flux:.6g}", repeat
                 counts = draw_counts(means, *key, first_frame=first)
-                for each, ideal, errors in zip(methods, ideals, at_flux, strict=True):
-                    found = errors(ideal, means, counts, self._pixels / flux, first)
-                    sums[each.name, flux].append(found)
+                for detector, ideal, (respond, to_means) in zip(
+                    detectors, ideals, at_flux, strict=True
+                ):
+                    reference = ideal
+                    if self._settings.compares_with_means(detector):
+                        reference = self._mean_response(detector, to_means, means, scale, first)
+                    errors = error_sums(detector, reference, respond(counts, scale))
+                    sums[detector.name, flux].append(errors)
                 books.on_progress(counts.size)
         return [
-            np.stack([np.concatenate(sums[each.name, flux], axis=1) for flux in fluxes], axis=1)
-            for each in methods
+            np.stack([np.concatenate(sums[detector.name, flux], axis=1) for flux in fluxes], axis=1)
+            for detector in detectors
         ]
 
-    def _comparison(
-        self, method: Detector
-    ) -> Callable[[Floats, Floats, Counts, float, int], Floats]:
-        """Return a function that gives the errors of a detector at one flux, chunk by chunk."""
-        to_counts, to_means = method.start(self._shape), method.start(self._shape)
-        has_own = self._settings.compares_with_means(method)
-
-        def errors(
-            ideal: Floats, means: Floats, counts: Counts, scale: float, first: int
-        ) -> Floats:
-            reference = self._of_means.get((method.name, scale, first)) if has_own else ideal
-            if reference is None:
-                reference = to_means(means, scale)
-                if method.gives == "velocity":  # a few numbers a block; responses are frames
-                    self._of_means[method.name, scale, first] = reference
-            return error_sums(method, reference, to_counts(counts, scale))
-
-        return errors
-
-    def curve(self, method: Detector, sums: Floats, metric: Metric, warm_up: int) -> ErrorCurve:
-        """Return the curve of a method, with standard errors of blocks longer than its memory."""
-        frames = sums.shape[-1] - warm_up
-        blocks = max(1, frames // (method.memory_frames + 1))
-        starts = [block * frames // blocks for block in range(blocks)]
-        measured = measured_errors(metric, self._settings.fluxes, sums[..., warm_up:], starts)
-        asked = dict.fromkeys(self._settings.bits, self._settings.confidence)
-        return error_curve(method, self._shape, metric, measured, asked, self._key)
+    def _mean_response(
+        self, detector: Detector, respond: Responder, means: Floats, scale: float, first: int
+    ) -> Floats:
+        kept = self._of_means.get((detector.name, scale, first))
+        response = respond(means, scale) if kept is None else kept
+        if detector.gives == "velocity":  # a few numbers a block; responses are frames
+            self._of_means[detector.name, scale, first] = response
+        return response
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
+        """Yield the numbers of first frames of chunks, and the chunks."""
         length = self._settings.chunk_frames
         for first in range(0, self._frames.shape[0], length):
             chunk = np.asarray(self._frames[first : first + length])
-            yield first, resize(chunk, self._shape, self._settings.resize)
+            yield first, resize(chunk, self.shape, self._settings.resize)

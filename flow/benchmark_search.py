@@ -186,53 +186,105 @@ def _warm_up_frames(method: Detector) -> int:
     return method.memory_frames if method.memory_frames > 1 else 0
 
 
-class _DetectorErrors:
-    """Responses of one detector to counts, against those to clean frames."""
+class _Search:
+    """The errors of one detector over the flux, measured where its thresholds need them."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
-        self._settings, before = sequences.settings, _warm_up_frames(method)
-        self._phases = range(self._settings.phases)
-        self._frames = method.noise_memory_frames + self._settings.frames
-        clean = [sequences.clean(phase, before, self._frames) for phase in self._phases]
+        settings, before = sequences.settings, _warm_up_frames(method)
+        self._frames = method.noise_memory_frames + settings.frames
+        clean = [sequences.clean(phase, before, self._frames) for phase in range(settings.phases)]
         self._before = [frames[:before] for frames in clean]
         self._clean = [frames[before:] for frames in clean]
         self._after: list[Callable[[float], Responder]] = []
         if method.gives == "response" and not method.takes_counts:
             # at the common brightness that they need, clean frames are the same at any flux
-            gain = sequences.pixels / self._settings.summed_frames
+            gain = sequences.pixels / settings.summed_frames
             self._after = [method.after(frames, gain) for frames in self._before]
-        brightest = self._settings.flux_max
-        self._ideal = [self._to_light(phase, brightest, 0.0) for phase in self._phases]
+        self._ideal = [
+            self._scored(frames * settings.flux_max, phase, settings.flux_max, 0.0)
+            for phase, frames in enumerate(self._clean)
+        ]
+        self._is_exact = method.expected_deviation(self._clean[0][:1], 1.0) is not None
+        """Whether errors come from a closed form, and no counts are drawn"""
+        if self._is_exact:
+            settings = settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})
+        self._settings, self._fluxes = settings, settings.fluxes
+        self._step = _shortest_stride(settings.fluxes_per_decade)
+        self._last = len(self._fluxes) - 1
+        self._measured: dict[int, Floats] = {}
 
-    @property
-    def is_defined(self) -> bool:
-        """True if the detector responds to the clean frames.
-
-        Velocities of rest in most blocks do not count: the remaining ones are those few in which
-        the subsampling of `nearest` happens to show a whole pixel.
-        """
+    def curves(self) -> list[ErrorCurve]:
+        """Return one curve per metric."""
+        # Velocities of rest in most blocks do not count as responses to clean frames: the remaining
+        # ones are those few in which the subsampling of `nearest` happens to show a whole pixel.
         _, _, magnitude, scored = sum(
             error_sums(self._method, ideal, ideal).sum(axis=1) for ideal in self._ideal
         )
         possible = sum(self._method.scored(ideal)[..., 0].size for ideal in self._ideal)
-        return bool(2 * scored >= possible and magnitude > 0)
+        if 2 * scored >= possible and magnitude > 0:
+            for metric, bits in product(self._settings.metrics, self._settings.bits):
+                self._search(metric, bits)
+        else:
+            nothing = np.zeros((4, self._settings.repeats, self._settings.phases, 1))
+            self._measured = {0: nothing, self._last: nothing}
+        return [self._curve(metric, self._settings.bits) for metric in self._settings.metrics]
 
-    @property
-    def is_exact(self) -> bool:
-        """True if errors come from a closed form, and no counts are drawn."""
-        return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
+    def _search(self, metric: Metric, bits: int) -> None:
+        """Measure as many fluxes as the threshold of an accuracy and its interval need."""
+        settings, pixels = self._settings, self._sequences.pixels
+        # start where the brightness of a pixel is known to this many bits
+        needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * pixels
+        dark = self._sequences.dark_counts * pixels
+        flux = (needed + math.sqrt(needed**2 + 4 * needed * dark)) / 2  # F²/(F + dark) = needed
+        start = round(math.log10(flux / settings.flux_min) * _STRIDES_PER_DECADE) * self._step
+        # the curve of a matcher may be flat, then steep, yet fall as F^−½ overall
+        bisects_always = self._is_exact or self._method.gives == "velocity"
+        straight = 0.0 if bisects_always else _STRAIGHT
+        index: int | None = min(max(start, 0), self._last)
+        while index is not None:
+            self._measure(index)
+            errors = {index: error_of(sums, metric) for index, sums in self._measured.items()}
+            per_decade = settings.fluxes_per_decade
+            index = next_index(errors, 2.0**-bits, self._last, per_decade, straight, self._is_exact)
+        if len(self._measured) == 1:  # a curve has two points
+            self._measure(0)
+            self._measure(self._last)
+        while True:  # until fluxes on both sides bound the interval
+            threshold = self._curve(metric, (bits,)).thresholds[bits]
+            lowest, highest = min(self._measured), max(self._measured)
+            if threshold.kind == "crossing" and threshold.low is None and lowest > 0:
+                self._measure(max(lowest - self._step, 0))
+            elif threshold.kind == "crossing" and threshold.high is None and highest < self._last:
+                self._measure(min(highest + self._step, self._last))
+            else:
+                return
 
-    def sums(self, flux: float) -> Floats:
-        """Return the sums for the error at a flux, (4, repeats, places, scored frames)."""
-        dark = self._sequences.dark_counts * self._settings.summed_frames
-        return np.stack([self._at_place(phase, flux, dark) for phase in self._phases], axis=2)
+    def _curve(self, metric: Metric, bits: Sequence[int]) -> ErrorCurve:
+        """Return the curve through the measured points."""
+        indices = sorted(self._measured)
+        sums = np.stack([self._measured[index] for index in indices], axis=1)
+        *axes, places, frames = sums.shape
+        starts = range(0, places * frames, frames)
+        fluxes = [self._fluxes[index] for index in indices]
+        measured = measured_errors(metric, fluxes, sums.reshape(*axes, -1), starts)
+        levels, sequences = (bits, self._settings.confidence), self._sequences
+        return error_curve(self._method, sequences.shape, metric, measured, *levels, sequences.key)
 
-    def _at_place(self, phase: int, flux: float, dark: float) -> Floats:
+    def _measure(self, index: int) -> None:
+        """Keep the sums for the error at a flux, (4, repeats, places, scored frames)."""
+        if index not in self._measured:
+            flux, phases = self._fluxes[index], range(self._settings.phases)
+            dark = self._sequences.dark_counts * self._settings.summed_frames
+            sums = [self._sums_at_place(phase, flux, dark) for phase in phases]
+            self._measured[index] = np.stack(sums, axis=2)
+
+    def _sums_at_place(self, phase: int, flux: float, dark: float) -> Floats:
         """Return sums of errors, (4, repeats, scored frames)."""
         method, repeats = self._method, self._settings.repeats
-        has_own = self._settings.compares_with_means(method)
-        ideal = self._to_light(phase, flux, dark) if has_own else self._ideal[phase]
+        ideal = self._ideal[phase]
+        if self._settings.compares_with_means(method):
+            ideal = self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
         # if frames are independent, one represents those of a place
         means = self._clean[phase][:1] * flux + dark
         if (deviation := method.expected_deviation(means, self._scale(flux))) is not None:
@@ -244,10 +296,6 @@ class _DetectorErrors:
             draws.append(error_sums(method, ideal, self._scored(counts, phase, flux, dark)))
         return np.stack(draws, axis=1)
 
-    def _to_light(self, phase: int, flux: float, dark: float) -> Floats:
-        """Return the scored responses at a place to the mean counts."""
-        return self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
-
     def _scored(self, frames: Frames, phase: int, flux: float, dark: float) -> Floats:
         """Return the scored responses at a place."""
         scale = self._scale(flux)
@@ -255,83 +303,7 @@ class _DetectorErrors:
             respond = self._after[phase](dark * scale)
         else:
             respond = self._method.after(self._before[phase], flux)(dark)
-        return respond(frames, scale)[-self._settings.frames :]
+        return respond(frames, scale)[-self._sequences.settings.frames :]
 
     def _scale(self, flux: float) -> float:
-        return self._sequences.pixels / (flux * self._settings.summed_frames)
-
-
-class _Search:
-    """The thresholds of one detector."""
-
-    def __init__(self, sequences: ShortSequences, method: Detector) -> None:
-        self._sequences, self._method = sequences, method
-        self._errors = _DetectorErrors(sequences, method)
-        self._settings, self._is_exact = sequences.settings, self._errors.is_exact
-        if self._is_exact:
-            finer = {"fluxes_per_decade": _EXACT_PER_DECADE}
-            self._settings = self._settings.model_copy(update=finer)
-        self._step = _shortest_stride(self._settings.fluxes_per_decade)
-        # the curve of a matcher may be flat, then steep, yet fall as F^−½ overall
-        bisects_always = self._is_exact or method.gives == "velocity"
-        self._straight = 0.0 if bisects_always else _STRAIGHT
-        self._fluxes = self._settings.fluxes
-        self._last = len(self._fluxes) - 1
-        self._measured: dict[int, Floats] = {}
-
-    def curves(self) -> list[ErrorCurve]:
-        """Return one curve per metric."""
-        if not self._errors.is_defined:
-            nothing = np.zeros((4, self._settings.repeats, self._settings.phases, 1))
-            self._measured = {0: nothing, self._last: nothing}
-        else:
-            for metric, bits in product(self._settings.metrics, self._settings.bits):
-                self._search(metric, bits)
-        return [self._curve(metric, self._settings.bits) for metric in self._settings.metrics]
-
-    def _search(self, metric: Metric, bits: int) -> None:
-        """Measure as many fluxes as the threshold of an accuracy and its interval need."""
-        # start where the brightness of a pixel is known to this many bits
-        needed = _MEAN_AT_TWO_BITS * 4.0 ** (bits - 2) * self._sequences.pixels
-        dark = self._sequences.dark_counts * self._sequences.pixels
-        flux = (needed + math.sqrt(needed**2 + 4 * needed * dark)) / 2  # F²/(F + dark) = needed
-        decades = math.log10(flux / self._settings.flux_min)
-        start = round(decades * _STRIDES_PER_DECADE) * self._step
-        self._measure(min(max(start, 0), self._last))
-
-        def following() -> int | None:
-            errors = {index: error_of(sums, metric) for index, sums in self._measured.items()}
-            per_decade, last = self._settings.fluxes_per_decade, self._last
-            return next_index(errors, 2.0**-bits, last, per_decade, self._straight, self._is_exact)
-
-        while (index := following()) is not None:
-            self._measure(index)
-        if len(self._measured) == 1:  # a curve has two points
-            self._measure(0, self._last)
-        while True:  # until fluxes on both sides bound the interval
-            threshold = self._curve(metric, (bits,)).thresholds[bits]
-            lowest, highest = min(self._measured), max(self._measured)
-            if threshold.kind == "crossing" and threshold.low is None and lowest > 0:
-                self._measure(max(lowest - self._step, 0))
-            elif threshold.kind == "crossing" and threshold.high is None and highest < self._last:
-                self._measure(min(highest + self._step, self._last))
-            else:
-                return
-
-    def _measure(self, *indices: int) -> None:
-        for index in indices:
-            if index not in self._measured:
-                self._measured[index] = self._errors.sums(self._fluxes[index])
-
-    def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
-        """Return the curve through the measured points."""
-        indices = sorted(self._measured)
-        sums = np.stack([self._measured[index] for index in indices], axis=1)
-        *rest, places, frames = sums.shape
-        starts = range(0, places * frames, frames)
-        fluxes = [self._fluxes[index] for index in indices]
-        measured = measured_errors(metric, fluxes, sums.reshape(*rest, -1), starts)
-        asked = dict.fromkeys(bits, self._settings.confidence)
-        return error_curve(
-            self._method, self._sequences.shape, metric, measured, asked, self._sequences.key
-        )
+        return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)

@@ -25,7 +25,6 @@ puts more points in front.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -38,19 +37,39 @@ from scipy.spatial.transform import Rotation
 from skimage.filters import threshold_otsu
 
 from megalopta.core.arrays import Floats, Mask, robust_sigma
-from megalopta.flow import likelihood, likely_flow
 from megalopta.flow.detectors.base import Frames
+from megalopta.flow.likelihood import dense_flow, roots
 from megalopta.flow.metrics.endpoint_error import angles_deg
 from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400
-_TRIED_ON = 400
+"""Headings of the half sphere, and most velocities on which each is tried"""
 _REFINED = 3
+"""Best of these headings, which are refined"""
 _FEWEST = 8
 _ROUNDS = 2
 _NOISELESS = _STABLE = 1e-9
 _CAUCHY = 2.385
 """Scale of the loss in standard deviations: 95 % efficient on normal noise"""
+
+_SMOOTHNESS, _DEPTH_SMOOTHNESS = 0.2, 0.02
+"""Smoothness of Poisson flow, and that of the inverse depth instead. Set on other forests: parallax
+that a smooth inverse depth cannot show passes for rotation, by a tenth of it in low light."""
+_FIRST_STEPS, _STEPS = 3, 6
+_CONTINUED = 2
+"""Starts that continue after the first steps"""
+_FITS, _LEAST_RESIDUAL_PX = 8, 0.05
+_LONGEST_STEP_PX = 1.0
+_PART, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
+"""Share of the view in an omitted part, and where strips begin, in widths and heights of it"""
+_RIDGE = 1e-2
+_DAMPING = 1e-6
+_SMALL = 1e-5
+_PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
+"""Time dependence of ω, the direction of t, and α"""
+_SMALLEST_PX = 12
+_NOWHERE = -1e6
+"""Place (px) of points that a camera does not see"""
 
 
 @dataclass(frozen=True)
@@ -61,6 +80,16 @@ class CameraMotion:
     """Rotation vector (3,), degrees per frame"""
     heading: Floats
     """Direction of translation, unit vector (3,)"""
+
+
+@dataclass(frozen=True)
+class CameraMotionError:
+    """Standard errors of a camera's motion."""
+
+    rotation_deg: Floats
+    """Standard error of the rotation vector (3,), degrees per frame, about each axis"""
+    heading_deg: float
+    """Standard error of the heading, degrees"""
 
 
 def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
@@ -79,7 +108,7 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
             f"{known.sum()} velocities are defined; the camera's motion needs {_FEWEST}"
         )
     d, e = d[known], e[known]
-    fits = (_refined(t, d, e) for t in _promising(d, e))
+    fits = (_fitted(t, d, e) for t in _promising_headings(d, e))
     heading, rotation, _ = min(fits, key=itemgetter(2))
     # points in front, which are most, move away from the heading
     moved = Rotation.from_rotvec(rotation).apply(e) - d
@@ -88,21 +117,21 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
     return CameraMotion(np.degrees(rotation), heading if is_ahead else -heading)
 
 
-def _promising(d: Floats, e: Floats) -> Floats:
-    """Headings to refine, (n, 3)."""
-    some = slice(None, None, max(1, len(d) // _TRIED_ON))
-    d, e = d[some], e[some]
+def _promising_headings(d: Floats, e: Floats) -> Floats:
+    """Return the headings (n, 3) of least median residual, with a rotation linear in ω."""
+    few = slice(None, None, max(1, len(d) // _TRIED))
+    d, e = d[few], e[few]
     # evenly spread over half of the sphere: the other half are their opposites
     z = (np.arange(_TRIED) + 0.5) / _TRIED
-    turn, radius = np.pi * (1 + 5**0.5) * np.arange(_TRIED), np.sqrt(1 - z**2)
-    tried = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
-    normals = _normals(tried[:, np.newaxis], d)
+    azimuth, radius = np.pi * (1 + 5**0.5) * np.arange(_TRIED), np.sqrt(1 - z**2)
+    headings = np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), z))
+    normals = _normals(headings[:, np.newaxis], d)
     # least squares of (e + ω × e) · n = 0, for every heading at once
-    rows, left = np.cross(e, normals), np.sum(e * normals, axis=-1)
+    rows, residuals = np.cross(e, normals), np.sum(e * normals, axis=-1)
     powers = np.swapaxes(rows, 1, 2) @ rows + _STABLE * np.eye(3)
-    turns = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ left[..., np.newaxis])
-    costs = np.median(np.abs(left + (rows @ turns)[..., 0]), axis=1)
-    return tried[np.argsort(costs)[:_REFINED]]
+    rotations = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ residuals[..., np.newaxis])
+    costs = np.median(np.abs(residuals + (rows @ rotations)[..., 0]), axis=1)
+    return headings[np.argsort(costs)[:_REFINED]]
 
 
 def _normals(t: Floats, d: Floats) -> Floats:
@@ -111,77 +140,32 @@ def _normals(t: Floats, d: Floats) -> Floats:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6))
 
 
-def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
-    """Motion across the planes that a translation along t allows, (n,) in radians."""
-    return np.asarray(np.sum(Rotation.from_rotvec(turn).apply(e) * _normals(t, d), axis=1))
-
-
-def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
+def _fitted(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     """Return the heading and rotation near t with the least residual, and their median distance."""
+
+    def across(t: Floats, rotation: Floats) -> Floats:
+        """Motion across the planes that a translation along t allows, (n,) in radians."""
+        return np.asarray(np.sum(Rotation.from_rotvec(rotation).apply(e) * _normals(t, d), axis=1))
+
+    def near(parameters: Floats, t: Floats, sideways: Floats) -> tuple[Floats, Floats]:
+        """Heading displaced sideways from t, and rotation vector."""
+        moved = t + parameters[:2] @ sideways
+        return moved / np.linalg.norm(moved), parameters[2:]
+
+    def residuals(parameters: Floats, t: Floats, sideways: Floats, noise: float) -> Floats:
+        return across(*near(parameters, t, sideways)) / noise
+
     normals = _normals(t, d)
     # least squares of (e + ω × e) · n = 0
-    turn = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
+    rotation = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
     for _ in range(_ROUNDS):  # each with the noise that the previous one left
-        noise = robust_sigma(_across(t, turn, d, e)) or _NOISELESS
+        noise = robust_sigma(across(t, rotation)) or _NOISELESS
         # two directions across t, along which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
-        start = np.concatenate(([0.0, 0.0], turn))
-        residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
-        found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
-        t, turn = _near(t, sideways, found.x)
-    return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
-
-
-def _scaled_residuals(
-    t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
-) -> Floats:
-    return _across(*_near(t, sideways, parameters), d, e) / noise
-
-
-def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
-    """Heading displaced sideways from t, and rotation vector."""
-    moved = t + parameters[:2] @ sideways
-    return moved / np.linalg.norm(moved), parameters[2:]
-
-
-_SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
-"""Smoothness of Poisson flow, and that of the inverse depth instead. Set on other forests: parallax
-that a smooth inverse depth cannot show passes for rotation, by a tenth of it in low light."""
-_FIRST_STEPS, _STEPS = 3, 6
-_GOING_ON = 2
-_FITS, _LEAST_LEFT_PX = 8, 0.05
-_LONGEST_STEP_PX = 1.0
-_PART, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
-"""Share of the view in an omitted part, and where strips begin, in widths and heights of it"""
-_RIDGE = 1e-2
-_DAMPING = 1e-6
-_SMALL = 1e-5
-_PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
-"""Time dependence of ω, the direction of t, and α"""
-_SMALLEST_PX = 12
-_NOWHERE = -1e6
-"""Place (px) of points that a camera does not see"""
-
-
-class _Motion(NamedTuple):
-    turn: Floats
-    """ω (3,), radians per frame, in the axes of the camera"""
-    change: Floats
-    """α (3,), radians per frame and frame"""
-    heading: Floats
-    """t/|t| (3,)"""
-    nearness: Floats
-    """ρ|t| at nodes, (n, m)"""
-
-
-@dataclass(frozen=True)
-class CameraMotionError:
-    """Standard errors of a camera's motion."""
-
-    rotation_deg: Floats
-    """Standard error of the rotation vector (3,), degrees per frame, about each axis"""
-    heading_deg: float
-    """Standard error of the heading, degrees"""
+        start, args = np.concatenate(([0.0, 0.0], rotation)), (t, sideways, noise)
+        fit = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY, args=args)
+        t, rotation = near(fit.x, t, sideways)
+    return t, rotation, float(np.median(np.abs(across(t, rotation))))
 
 
 def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
@@ -193,8 +177,7 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     Raises ValueError if frames have another size than the camera, or fewer than 12 pixels along a
     side, there is only one, or they hold no counts, or all the same.
     """
-    _check(counts, camera)
-    return _Search.of(counts, camera).best().seen
+    return _Search.of(counts, camera).best().camera_motion
 
 
 def camera_motion_with_error(
@@ -208,54 +191,39 @@ def camera_motion_with_error(
     distances. The largest change is part of the error, with the inverse of the information. Takes
     some eleven times as long. Raises as `likely_camera_motion`.
     """
-    _check(counts, camera)
     search = _Search.of(counts, camera)
     best = search.best()
-    motion, shape = best.seen, counts.shape[1:]
+    motion, shape = best.camera_motion, counts.shape[1:]
     # variances of the parameters; of those without information, that of a half turn
     values, vectors = np.linalg.eigh(best.information)
     variance = (vectors**2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
-    near = _dense(best.motion.nearness, shape)
+    near = _at_pixels(best.motion.inverse_depth, shape)
     layers = (
         near > np.quantile(near, 1 - _PART),
         near > threshold_otsu(near),
         near < np.quantile(near, _PART),
     )
     partial_motions = [
-        replace(search, used=~part).best().seen for part in (*_strips(shape), *layers)
+        replace(search, used=~part).best().camera_motion for part in (*_strips(shape), *layers)
     ]
-    turns = [(each.rotation_deg - motion.rotation_deg) ** 2 for each in partial_motions]
-    angles = angles_deg(np.array([each.heading for each in partial_motions]), motion.heading)
+    rotations = np.array([partial.rotation_deg for partial in partial_motions])
+    headings = np.array([partial.heading for partial in partial_motions])
+    turned = ((rotations - motion.rotation_deg) ** 2).max(axis=0)
+    swung = (angles_deg(headings, motion.heading) ** 2).max()
     error = CameraMotionError(
-        np.sqrt(np.degrees(1) ** 2 * variance[:3] + np.max(turns, axis=0)),
-        float(np.sqrt(np.degrees(1) ** 2 * variance[3:5].sum() + (angles**2).max())),
+        np.sqrt(np.degrees(1) ** 2 * variance[:3] + turned),
+        float(np.sqrt(np.degrees(1) ** 2 * variance[3:5].sum() + swung)),
     )
     return motion, error
 
 
-def tell_motion(counts: Frames) -> bool:
+def has_contrast(counts: Frames) -> bool:
     """Return whether frames (T, H, W) have contrast, and each of them counts."""
-    return bool(np.ptp(counts)) and not likelihood.has_dark_frame(counts)
-
-
-def _check(counts: Frames, camera: Camera) -> None:
-    if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
-        raise ValueError(
-            f"counts of shape {counts.shape}: give two or more frames of the camera's"
-            f" {camera.height} × {camera.width} px"
-        )
-    if min(counts.shape[1:]) < _SMALLEST_PX:
-        raise ValueError(
-            f"frames of {camera.height} × {camera.width} px: give {_SMALLEST_PX} px along each side"
-        )
-    if not (np.isfinite(counts).all() and counts.min() >= 0):
-        raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
-    if not tell_motion(counts):
-        raise ValueError("frames, or one of them, have no contrast; give textured frames")
+    return bool(np.ptp(counts)) and not roots.has_dark_frame(counts)
 
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
-    """Yield the pixels (H, W) of each of some strips, which overlap."""
+    """Yield the pixels (H, W) of each of the strips, which overlap."""
     height, width = shape
     for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
         for start in starts:
@@ -266,12 +234,23 @@ def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
             yield part
 
 
-def _dense(nearness: Floats, shape: tuple[int, ...]) -> Floats:
+def _at_pixels(inverse_depth: Floats, shape: tuple[int, ...]) -> Floats:
     """Return the inverse depth at pixels (H, W), given that at nodes."""
-    return np.asarray(likelihood.finer(nearness[np.newaxis], shape, likelihood.NODE_PX)[0])
+    return np.asarray(dense_flow.finer(inverse_depth[np.newaxis], shape, roots.NODE_PX)[0])
 
 
-class _Found(NamedTuple):
+class _Motion(NamedTuple):
+    rotation: Floats
+    """ω (3,), radians per frame, in the axes of the camera"""
+    change: Floats
+    """α (3,), radians per frame and frame"""
+    heading: Floats
+    """t/|t| (3,)"""
+    inverse_depth: Floats
+    """ρ|t| at nodes, (n, m)"""
+
+
+class _Estimate(NamedTuple):
     cost: float
     """Negative log-likelihood, before the last step"""
     motion: _Motion
@@ -279,8 +258,8 @@ class _Found(NamedTuple):
     """(8, 8), of ω, the direction of t, and α, whatever the inverse depth"""
 
     @property
-    def seen(self) -> CameraMotion:
-        return CameraMotion(np.degrees(self.motion.turn), self.motion.heading)
+    def camera_motion(self) -> CameraMotion:
+        return CameraMotion(np.degrees(self.motion.rotation), self.motion.heading)
 
 
 @dataclass(frozen=True)
@@ -288,172 +267,196 @@ class _Search:
     """Constants of the search for the motion."""
 
     camera: Camera
-    level: likelihood.Level
+    level: roots.Level
     times: Floats
-    charge: float
+    smoothness: float
     flow: Floats
     """Poisson flow at nodes, (n, m, 2)"""
-    centers: Floats
+    nodes: Floats
     """Image coordinates of the nodes, (n, m, 2)"""
-    seen: Floats
+    directions: Floats
     """Directions of the pixels, (H, W, 3)"""
-    turning: Floats
-    """Flow of a turn about each axis, (n, m, 2, 3), px"""
-    going: Floats
+    rotation_flow: Floats
+    """Flow of a rotation about each axis, (n, m, 2, 3), px"""
+    translation_flow: Floats
     """Flow of translation along each axis past points at distance 1, (n, m, 2, 3), px"""
     used: Mask
     """Pixels that count, (H, W)"""
 
     @classmethod
     def of(cls, counts: Frames, camera: Camera) -> "_Search":
-        sides = [
-            np.minimum(
-                likelihood.NODE_PX * (np.arange(-(-side // likelihood.NODE_PX)) + 0.5), side - 0.5
+        height, width = camera.height, camera.width
+        if counts.shape[1:] != (height, width) or len(counts) < 2:
+            raise ValueError(
+                f"counts of shape {counts.shape}: give two or more frames of the camera's"
+                f" {height} × {width} px"
             )
-            for side in counts.shape[1:]
-        ]
-        y, x = np.meshgrid(*sides, indexing="ij")
-        centers = np.stack((x, y), axis=-1)
-        seen = camera.toward(centers)
-        dense = likely_flow.likelihood_flow(counts, _SMOOTHNESS)
+        if min(height, width) < _SMALLEST_PX:
+            raise ValueError(
+                f"frames of {height} × {width} px: give {_SMALLEST_PX} px along each side"
+            )
+        if not (np.isfinite(counts).all() and counts.min() >= 0):
+            raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
+        if not has_contrast(counts):
+            raise ValueError("frames, or one of them, have no contrast; give textured frames")
+        y, x = np.meshgrid(
+            *(
+                np.minimum(roots.NODE_PX * (np.arange(-(-side // roots.NODE_PX)) + 0.5), side - 0.5)
+                for side in (height, width)
+            ),
+            indexing="ij",
+        )
+        nodes = np.stack((x, y), axis=-1)
+        toward = camera.toward(nodes)
+
+        def flow_of(changes: list[Floats]) -> Floats:
+            """Flow of each change of the directions of nodes, (n, m, 2, changes), px."""
+            flows = [
+                camera.displacement(toward + _SMALL * change, nodes) / _SMALL for change in changes
+            ]
+            return np.nan_to_num(np.stack(flows, axis=-1))
+
+        dense = dense_flow.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
-            map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
-            for along in np.moveaxis(dense, -1, 0)
+            map_coordinates(component, (y - 0.5, x - 0.5), order=1, mode="nearest")
+            for component in np.moveaxis(dense, -1, 0)
         ]
         return cls(
-            camera,
-            likelihood.level_of(likelihood.without_defects(counts)),
-            likelihood.times_from_reference(len(counts)),
-            likely_flow.charge_of(counts, _NEARNESS_SMOOTHNESS),
-            np.stack(flow, axis=-1),
-            centers,
-            camera.directions(),
-            _flows(camera, centers, seen, [np.cross(seen, axis) for axis in np.eye(3)]),
-            _flows(camera, centers, seen, [-axis for axis in np.eye(3)]),
-            np.ones(counts.shape[1:], np.bool_),
+            camera=camera,
+            level=roots.level_of(roots.without_defects(counts)),
+            times=dense_flow.times_from_reference(len(counts)),
+            smoothness=dense_flow.smoothness_of(counts, _DEPTH_SMOOTHNESS),
+            flow=np.stack(flow, axis=-1),
+            nodes=nodes,
+            directions=camera.directions(),
+            rotation_flow=flow_of([np.cross(toward, axis) for axis in np.eye(3)]),
+            translation_flow=flow_of([-axis for axis in np.eye(3)]),
+            used=np.ones((height, width), np.bool_),
         )
 
-    def best(self) -> _Found:
+    def best(self) -> _Estimate:
         """Return the most likely motion."""
-        cost = itemgetter(0)
-        starts = sorted((self.steps(each, _FIRST_STEPS) for each in self.starts()), key=cost)
-        return min((self.steps(each.motion, _STEPS) for each in starts[:_GOING_ON]), key=cost)
-
-    @property
-    def _used_nodes(self) -> Mask:
-        """Nodes whose pixels count, (n, m)."""
-        x, y = (self.centers[..., axis].astype(np.intp) for axis in range(2))
-        return np.asarray(self.used[y, x])
-
-    def starts(self) -> list[_Motion]:
-        """Return initial motions, of which one may be near the most likely."""
+        x, y = (self.nodes[..., axis].astype(np.intp) for axis in range(2))
+        used = self.used[y, x]
         headings = [sign * axis for axis in np.eye(3) for sign in (1, -1)]
-        known = np.where(self._used_nodes[..., np.newaxis], self.flow, np.nan)
+        known = np.where(used[..., np.newaxis], self.flow, np.nan)
         try:
-            found = motion_of_flow(self.camera, self.centers, known).heading
+            heading = motion_of_flow(self.camera, self.nodes, known).heading
+            headings = [heading, -heading, *headings]
         except ValueError:  # too few nodes: only the axes
-            return [self._fitted(each) for each in headings]
-        return [self._fitted(each) for each in (found, -found, *headings)]
+            pass
+        cost = itemgetter(0)
+        starts = (self._start(heading, used) for heading in headings)
+        begun = sorted((self._stepped(start, _FIRST_STEPS) for start in starts), key=cost)
+        return min((self._stepped(each.motion, _STEPS) for each in begun[:_CONTINUED]), key=cost)
 
-    def _fitted(self, heading: Floats) -> _Motion:
+    def _start(self, heading: Floats, used: Mask) -> _Motion:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
-        along = self.going @ heading
-        power = (along**2).sum(axis=-1)
+        depth_flow = self.translation_flow @ heading
+        power = (depth_flow**2).sum(axis=-1)
         power = power + _RIDGE * power.mean()
-        used = self._used_nodes
-        nearness, weight = np.zeros(power.shape), used.astype(np.float64)
+        inverse_depth, weight = np.zeros(power.shape), used.astype(np.float64)
         for _ in range(_FITS):
             root = np.sqrt(weight)[..., np.newaxis]
-            left = root * (self.flow - nearness[..., np.newaxis] * along)
-            rows = (root[..., np.newaxis] * self.turning).reshape(-1, 3)
-            turn = np.linalg.lstsq(rows, left.ravel(), rcond=None)[0]
-            left = self.flow - self.turning @ turn
-            nearness = np.maximum((left * along).sum(axis=-1) / power, 0)
-            rest = np.linalg.norm(left - nearness[..., np.newaxis] * along, axis=-1)
-            weight = used / np.maximum(rest, _LEAST_LEFT_PX)
-        return _Motion(np.asarray(turn, np.float64), np.zeros(3), heading, nearness)
+            residual = root * (self.flow - inverse_depth[..., np.newaxis] * depth_flow)
+            rows = (root[..., np.newaxis] * self.rotation_flow).reshape(-1, 3)
+            rotation = np.linalg.lstsq(rows, residual.ravel(), rcond=None)[0]
+            residual = self.flow - self.rotation_flow @ rotation
+            inverse_depth = np.maximum((residual * depth_flow).sum(axis=-1) / power, 0)
+            residual = residual - inverse_depth[..., np.newaxis] * depth_flow
+            weight = used / np.maximum(np.linalg.norm(residual, axis=-1), _LEAST_RESIDUAL_PX)
+        return _Motion(np.asarray(rotation, np.float64), np.zeros(3), heading, inverse_depth)
 
-    def steps(self, motion: _Motion, count: int) -> _Found:
-        """Return the motion after `count` steps."""
+    def _stepped(self, motion: _Motion, count: int) -> _Estimate:
         for _ in range(count):
-            found = self._step(motion)
-            motion = found.motion
-        return found
+            estimate = self._newton_step(motion)
+            motion = estimate.motion
+        return estimate
 
-    def _step(self, motion: _Motion) -> _Found:
-        """Return the cost of a motion, and a better motion."""
-        heading, nearness = motion.heading, motion.nearness
-        near = _dense(nearness, self.level.roots.shape[1:])
-        # rotation of the camera by ω and α
-        patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
-        turns = patterns.T @ np.stack((motion.turn, motion.change))
-        at_times = zip(self.times, turns, strict=True)
-        places = (self._places(heading, near, time, turn) for time, turn in at_times)
-        found = likelihood.evidence(self.level, patterns, places)
-        xx, xy, yy = likelihood.to_nodes(found.information)
+    def _newton_step(self, motion: _Motion) -> _Estimate:
+        """Return the cost of a motion, and a better motion.
+
+        Newton's system of the eight parameters m and the inverse depth ρ of all nodes,
+
+            [ M  Cᵀ ] [ δm ]   [ slope of m ]
+            [ C  D  ] [ δρ ] = [ slope of ρ ],
+
+        is solved for δm by the Schur complement M − Cᵀ·D⁻¹·C, the information on m.
+        """
+        heading, inverse_depth = motion.heading, motion.inverse_depth
+        evidence = self._evidence(motion)
+        xx, xy, yy = dense_flow.to_nodes(evidence.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
-        slopes = np.stack([np.moveaxis(likelihood.to_nodes(each), 0, -1) for each in found.slope])
+        slopes = np.stack(
+            [np.moveaxis(dense_flow.to_nodes(slope), 0, -1) for slope in evidence.slope]
+        )
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
-        going = nearness[..., np.newaxis, np.newaxis] * (self.going @ sideways)
-        eight = np.concatenate((self.turning, going, self.turning), axis=-1)
-        along = self.going @ heading
-        scale = float(np.sqrt((along**2).sum(axis=-1).mean()))  # px of flow per inverse depth
-        charged, held = self._prior(nearness, scale)
-        weighed = information @ eight
-        products = found.products[np.ix_(_PATTERN, _PATTERN)]
-        eight_eight = products * np.einsum("nmki,nmkj->ij", eight, weighed)
-        eight_near = products[0] * np.einsum("nmki,nmk->nmi", weighed, along).reshape(-1, 8)
-        near_near = products[0, 0] * np.einsum("nmk,nmkl,nml->nm", along, information, along)
-        to_eight = np.einsum("nmki,inmk->i", eight, slopes[_PATTERN])
-        to_near = (along * slopes[0]).sum(axis=-1).ravel() - held @ nearness.ravel()
-        diagonal, nodes = near_near.ravel() + _DAMPING * scale**2, np.arange(nearness.size)
-        matrix = held + coo_array((diagonal, (nodes, nodes)))
-        # the steps of the eight parameters and of the inverse depth, which is eliminated
-        options = {"SymmetricMode": True}
-        factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options=options)
-        solved = factors.solve(np.column_stack((to_near, eight_near)))
-        left = eight_eight - eight_near.T @ solved[:, 1:]
-        left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
-        change = np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0])
-        step = solved[:, 0] - solved[:, 1:] @ change
-        longest = _LONGEST_STEP_PX / scale
-        nearer = nearness + np.clip(step.reshape(nearness.shape), -longest, longest)
-        way = heading + sideways @ change[3:5]
-        length = np.linalg.norm(way)
-        misfit = 2 * self.level.noise * (len(self.times) - 1) * found.misfit * near.size
+        heading_flow = inverse_depth[..., np.newaxis, np.newaxis] * (
+            self.translation_flow @ sideways
+        )
+        motion_flow = np.concatenate(
+            (self.rotation_flow, heading_flow, self.rotation_flow), axis=-1
+        )
+        depth_flow = self.translation_flow @ heading
+        scale_px = float(np.sqrt((depth_flow**2).sum(axis=-1).mean()))  # of flow per inverse depth
+        prior_cost, prior = self._depth_prior(inverse_depth, scale_px)
+        weighed = information @ motion_flow
+        products = evidence.products[np.ix_(_PATTERN, _PATTERN)]
+        M = products * np.einsum("nmki,nmkj->ij", motion_flow, weighed)
+        C = products[0] * np.einsum("nmki,nmk->nmi", weighed, depth_flow).reshape(-1, 8)
+        of_depth = np.einsum("nmk,nmkl,nml->nm", depth_flow, information, depth_flow)
+        diagonal = (products[0, 0] * of_depth).ravel() + _DAMPING * scale_px**2
+        nodes = np.arange(inverse_depth.size)
+        D = prior + coo_array((diagonal, (nodes, nodes)))
+        motion_slope = np.einsum("nmki,inmk->i", motion_flow, slopes[_PATTERN])
+        depth_slope = (depth_flow * slopes[0]).sum(axis=-1).ravel() - prior @ inverse_depth.ravel()
+        factors = splu(D.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        solved = factors.solve(np.column_stack((depth_slope, C)))
+        schur = M - C.T @ solved[:, 1:]
+        schur += np.diag(_DAMPING * np.diag(M) + np.finfo(float).tiny)
+        motion_step = np.linalg.solve(schur, motion_slope - C.T @ solved[:, 0])
+        depth_step = solved[:, 0] - solved[:, 1:] @ motion_step
+        longest = _LONGEST_STEP_PX / scale_px
+        nearer = inverse_depth + np.clip(depth_step.reshape(inverse_depth.shape), -longest, longest)
+        translation = heading + sideways @ motion_step[3:5]
+        length = np.linalg.norm(translation)
+        misfit = 2 * self.level.noise * (len(self.times) - 1) * evidence.misfit * self.used.size
         better = _Motion(
-            motion.turn + change[:3],
-            motion.change + change[5:],
-            way / length,
+            motion.rotation + motion_step[:3],
+            motion.change + motion_step[5:],
+            translation / length,
             np.maximum(nearer, 0) * length,
         )
-        return _Found(misfit + charged, better, left)
+        return _Estimate(misfit + prior_cost, better, schur)
 
-    def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
-        """Places (2, H, W) at a time of the content of the reference frame's pixels."""
-        points = self.seen - time * near[..., np.newaxis] * heading
-        turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
-        image = self.camera.project(turned.reshape(points.shape)) - 0.5
-        image[~self.used] = np.nan
-        return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
+    def _evidence(self, motion: _Motion) -> dense_flow.Evidence:
+        """Return the evidence of the frames, aligned by a motion."""
+        near = _at_pixels(motion.inverse_depth, self.level.roots.shape[1:])
+        # rotation of the camera by ω and α
+        patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
+        rotations = patterns.T @ np.stack((motion.rotation, motion.change))
 
-    def _prior(self, nearness: Floats, scale: float) -> tuple[float, coo_array]:
-        """Return the penalty on the gradient of the inverse depth, and the stiffness of its links.
+        def places(time: float, rotation: Floats) -> Floats:
+            """Places (2, H, W) at a time of the content of the reference frame's pixels."""
+            points = self.directions - time * near[..., np.newaxis] * motion.heading
+            turned = Rotation.from_rotvec(-rotation).apply(points.reshape(-1, 3))
+            image = self.camera.project(turned.reshape(points.shape)) - 0.5
+            image[~self.used] = np.nan
+            return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
-        The stiffness (nodes, nodes) makes a quadratic form of a penalty on the gradient.
+        return dense_flow.evidence(self.level, patterns, map(places, self.times, rotations))
+
+    def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
+        """Return the penalty on the gradient of the inverse depth, and its quadratic form.
+
+        The form (nodes, nodes) has the weights of the links of nodes.
         """
-        first, second = likelihood.links(nearness.shape)
-        change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
-        springs = likely_flow.stiffness(self.charge, change**2)
+        first, second = dense_flow.links(inverse_depth.shape)
+        change = scale_px * (inverse_depth.ravel()[second] - inverse_depth.ravel()[first])
+        weights = dense_flow.link_weights(self.smoothness, change**2)
         rows = np.concatenate((first, second, first, second))
         columns = np.concatenate((first, second, second, first))
-        values = scale**2 * np.concatenate((springs, springs, -springs, -springs))
-        held = coo_array((values, (rows, columns)), shape=(nearness.size,) * 2)
-        return float((springs * change**2).sum()), held
-
-
-def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:
-    """Return the flow of each change of the directions seen, (n, m, 2, changes), px."""
-    flows = [camera.displacement(seen + _SMALL * each, centers) / _SMALL for each in changes]
-    return np.nan_to_num(np.stack(flows, axis=-1))
+        values = scale_px**2 * np.concatenate((weights, weights, -weights, -weights))
+        form = coo_array((values, (rows, columns)), shape=(inverse_depth.size,) * 2)
+        return float((weights * change**2).sum()), form

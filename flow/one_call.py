@@ -101,8 +101,8 @@ def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetec
         return type(detector).model_validate({**dict(detector), **settings})
     except ValidationError as error:
         problem = error.errors()[0]
-        name, said = ".".join(map(str, problem["loc"])), problem["msg"]
-        remedy = said.replace("Input should", "it should").removeprefix("Value error, ")
+        name, message = ".".join(map(str, problem["loc"])), problem["msg"]
+        remedy = message.replace("Input should", "it should").removeprefix("Value error, ")
         raise ValueError(
             f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
         ) from None

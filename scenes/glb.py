@@ -29,7 +29,7 @@ def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
     from trimesh.visual import TextureVisuals
 
     surfaces = {name: _surface(material) for name, material in scene.materials.items()}
-    whole, taken = trimesh.Scene(base_frame="world"), set()
+    exported, taken = trimesh.Scene(base_frame="world"), set()
     for number, placement in enumerate(scene.placements, 1):
         for part, at_rest in scene.assets[placement.asset].parts.items():
             pose, mesh = placement.to_world, at_rest.copy()
@@ -37,16 +37,16 @@ def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
                 placed = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
                 mesh.vertices, pose = placement.motion.carry(placed, time_s), np.eye(4)
             geometry = f"{placement.asset}/{part}" + (f"/{number}" if placement.motion else "")
-            if geometry not in whole.geometry:
+            if geometry not in exported.geometry:
                 uv, nowhere = getattr(mesh.visual, "uv", None), np.zeros((len(mesh.vertices), 2))
                 uv = nowhere if uv is None else uv
                 mesh.visual = TextureVisuals(uv=uv, material=surfaces[part])
-                whole.geometry[geometry] = mesh
+                exported.geometry[geometry] = mesh
             node = f"{placement.kind} {number}"
             name = f"{node} {part}" if node in taken else node
             taken.add(name)
-            whole.graph.update(name, matrix=_Y_UP @ pose, geometry=geometry)
-    return bytes(whole.export(file_type="glb"))
+            exported.graph.update(name, matrix=_Y_UP @ pose, geometry=geometry)
+    return bytes(exported.export(file_type="glb"))
 
 
 def _surface(material: Material) -> "PBRMaterial":

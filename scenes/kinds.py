@@ -43,15 +43,15 @@ def kind_unless_told(kind: str) -> BeforeValidator:
 def models_in(package: str, base: type[Model]) -> list[type[Model]]:
     """Models derived from a base in all modules of a package, in order of the modules' names."""
     folder = import_module(package).__path__
-    modules = [import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(folder)]
+    modules = [import_module(f"{package}.{model.name}") for model in pkgutil.iter_modules(folder)]
     named = [value for module in modules for value in vars(module).values()]
     return list(
         dict.fromkeys(
-            each
-            for each in named
-            if isinstance(each, type)
-            and issubclass(each, base)
-            and not isabstract(each)
-            and not each.model_fields["kind"].is_required()
+            model
+            for model in named
+            if isinstance(model, type)
+            and issubclass(model, base)
+            and not isabstract(model)
+            and not model.model_fields["kind"].is_required()
         )
     )

@@ -143,11 +143,11 @@ def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Illumin
 
 def _above_night(illuminance_lux: float, *lights: Component) -> Illumination:
     """Lights that supply the part beyond the night sky, disc and sky by their shares."""
-    rest = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
+    beyond_night_lux = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
     if len(lights) == 2:
-        parts = shared((lights[0], lights[1]), rest, DISC_FRACTION).components
+        parts = shared((lights[0], lights[1]), beyond_night_lux, DISC_FRACTION).components
     else:
-        parts = (lights[0].giving(rest),)
+        parts = (lights[0].giving(beyond_night_lux),)
     return Illumination(illuminance_lux, (*parts, *_NIGHT))
 
 

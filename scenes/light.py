@@ -1,13 +1,5 @@
 """Light of a scene: a named level, any part of which can be overridden, and its sky.
 
-Twilight is sunlight scattered once, by air. The sun is below the local horizon but still shines on
-the air above it. Along a line of sight every parcel of air scatters the light that reaches it past
-the Earth, in proportion to its density and to Rayleigh's phase function; air and ozone dim it
-before and after. Multiply scattered light is nearly uniform over the sky. At this depth of the sun
-it is about half of the light at the zenith (approximate; it grows from a third at sunset to nearly
-all at a depth of 10°). The model: clean air at 550 nm in spherical shells, without refraction and
-without aerosol, which would redden and broaden the glow above the sunset.
-
 Clear and overcast skies are those of ISO 15469 (CIE S 011), types 12 and 1: a gradation from zenith
 to horizon, times the glow around the disc if there is one. Airglow comes from a thin layer, whose
 path is longer toward the horizon, and is dimmed by air (Krisciunas and Schaefer 1991, PASP 103,
@@ -21,24 +13,12 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
-from scipy.interpolate import RegularGridInterpolator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
+from megalopta.scenes import levels, twilight
 from megalopta.scenes.hashed_file import PictureFile
-from megalopta.scenes.levels import (
-    BRIGHTEST_LUX,
-    DIMMEST_LUX,
-    LEVELS,
-    Component,
-    ComponentName,
-    Illumination,
-    LevelName,
-    level_named,
-    overcast,
-    scaled,
-    shared,
-)
+from megalopta.scenes.levels import LEVELS, ComponentName, Illumination, LevelName
 from megalopta.scenes.scene import Environment, Lighting, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.spectra.outdoors import overcast_share
@@ -50,10 +30,12 @@ _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "m
 class Light(Record, frozen=True):
     """Outdoor light: a named level, any part of which can be overridden."""
 
-    level: Annotated[LevelName, BeforeValidator(level_named)] = "twilight"
+    level: Annotated[LevelName, BeforeValidator(levels.level_named)] = "twilight"
     """Named light level: a sum of lights, with the spectrum of each."""
 
-    illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
+    illuminance_lux: (
+        Annotated[float, Field(ge=levels.DIMMEST_LUX, le=levels.BRIGHTEST_LUX)] | None
+    ) = None
     """Illuminance of an unshaded horizontal plane (lux), to which all lights of the level are
     scaled; null: that of the level, reduced by clouds."""
 
@@ -85,18 +67,13 @@ class Light(Record, frozen=True):
     +x."""
 
     @model_validator(mode="after")
-    def _has_one_sky(self) -> "Light":
-        if self.panorama:
-            for name, usual in ("sky", "even"), ("disc_fraction", None):
-                if getattr(self, name) != usual:
-                    raise ValueError(
-                        f"{name} {getattr(self, name)!r}: a panorama has its own sky and disc; "
-                        f"omit {name} or panorama"
-                    )
-        return self
-
-    @model_validator(mode="after")
-    def _fits_the_level(self) -> "Light":
+    def _parts_fit(self) -> "Light":
+        for name, usual in ("sky", "even"), ("disc_fraction", None):
+            if self.panorama and getattr(self, name) != usual:
+                raise ValueError(
+                    f"{name} {getattr(self, name)!r}: a panorama has its own sky and disc; "
+                    f"omit {name} or panorama"
+                )
         if self.disc_fraction and not LEVELS[self.level].disc:
             names = ", ".join(name for name, level in LEVELS.items() if level.disc)
             raise ValueError(
@@ -117,16 +94,16 @@ class Light(Record, frozen=True):
             lit = {light.name: light for light in level.components}
             disc, sky = next((lit[a], lit[b]) for a, b in _OF_ONE_SOURCE.items() if a in lit)
             of_source = disc.illuminance_lux + sky.illuminance_lux
-            parts = shared((disc, sky), of_source, self.disc_fraction)
-            others = tuple(light for light in level.components if light not in (disc, sky))
-            level = Illumination(level.illuminance_lux, (*parts.components, *others))
+            parts = levels.shared((disc, sky), of_source, self.disc_fraction)
+            night = tuple(light for light in level.components if light not in (disc, sky))
+            level = Illumination(level.illuminance_lux, (*parts.components, *night))
         if self.cloud_cover:
             gaps, share = 1 - self.cloud_cover, overcast_share(self.cloud_cover)
             clear = tuple(light.scaled(gaps) for light in level.components) if gaps > 0 else ()
-            clouds = overcast(level.components).scaled(share - gaps)
+            clouds = levels.overcast(level.components).scaled(share - gaps)
             level = Illumination(level.illuminance_lux * share, (*clear, clouds))
         if self.illuminance_lux is not None:
-            level = scaled(self.illuminance_lux, level.components)
+            level = levels.scaled(self.illuminance_lux, level.components)
         return level
 
     @property
@@ -144,15 +121,15 @@ class Light(Record, frozen=True):
         direction = _direction(self.disc_azimuth_deg, self.disc_elevation_deg)
         facing = level.disc and level.disc.irradiance.scaled(1 / direction[2])
         sun = Sun(direction, facing) if facing else None
-        parts = [each for each in level.components if not each.is_disc]
+        skies = [light for light in level.components if not light.is_disc]
         if self.sky == "even":
-            return Lighting(total([each.irradiance for each in parts]).scaled(1 / math.pi), sun)
-        return Lighting(flat(0.0), sun, tuple(map(self._spread, parts)))
-
-    def _spread(self, light: Component) -> SkyPattern:
-        """Distribution of a sky light over directions."""
-        shape = sky_shape(light.name, self.disc_azimuth_deg, self.disc_elevation_deg)
-        return SkyPattern(light.irradiance.scaled(1 / math.pi), shape.astype(np.float32))
+            return Lighting(total([light.irradiance for light in skies]).scaled(1 / math.pi), sun)
+        patterns = []
+        for light in skies:
+            shape = sky_shape(light.name, self.disc_azimuth_deg, self.disc_elevation_deg)
+            radiance = light.irradiance.scaled(1 / math.pi)
+            patterns.append(SkyPattern(radiance, shape.astype(np.float32)))
+        return Lighting(flat(0.0), sun, tuple(patterns))
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
@@ -160,73 +137,6 @@ def _direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, 
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     level = math.cos(elevation)
     return level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
-
-
-SUN_DEPTH_DEG = 6.4
-"""Depth of the sun below the horizon at which the twilight spectrum was measured (degrees)."""
-
-_EARTH_KM, _TOP_KM = 6371.0, 80.0
-_AIR_DEPTH, _AIR_SCALE_KM = 0.097, 8.0
-"""Rayleigh optical depth of the air at 550 nm (Bodhaine et al. 1999), and its scale height."""
-_OZONE_DEPTH, _OZONE_KM, _OZONE_WIDTH_KM = 0.027, 22.0, 5.0
-"""Optical depth of 300 Dobson units, in a Gaussian layer."""
-_EVENLY = 0.5
-"""Share of multiply scattered light at the zenith."""
-_STEPS, _SUN_STEPS = 80, 120
-
-
-def twilight_sky(directions: Floats, sun_azimuth_rad: float) -> Floats:
-    """Radiance from directions (n, 3), unit vectors above the horizon, relative to the zenith."""
-    single = _scattered_once(np.vstack([directions, [0.0, 0.0, 1.0]]), sun_azimuth_rad)
-    return np.asarray((1 - _EVENLY) * single[:-1] / single[-1] + _EVENLY)
-
-
-def _scattered_once(directions: Floats, sun_azimuth_rad: float) -> Floats:
-    """Radiance (n,) in arbitrary units."""
-    depth = np.radians(SUN_DEPTH_DEG)
-    level = np.cos(depth)
-    sun = np.array(
-        [level * np.cos(sun_azimuth_rad), level * np.sin(sun_azimuth_rad), -np.sin(depth)]
-    )
-    up = directions[:, 2:]
-    way = np.sqrt((_EARTH_KM * up) ** 2 + 2 * _EARTH_KM * _TOP_KM + _TOP_KM**2) - _EARTH_KM * up
-    # Steps that grow with distance: most of the air is low.
-    edges = np.linspace(0, 1, _STEPS + 1) ** 2
-    distance = way * (edges[1:] + edges[:-1]) / 2
-    step = way * np.diff(edges)
-    x, y, z = (distance * directions[:, k, None] for k in range(3))
-    radius = np.sqrt(x**2 + y**2 + (z + _EARTH_KM) ** 2)
-    height = radius - _EARTH_KM
-    sine = (x * sun[0] + y * sun[1] + (z + _EARTH_KM) * sun[2]) / radius
-    density = np.exp(-height / _AIR_SCALE_KM) / _AIR_SCALE_KM
-    seen = np.exp(-np.cumsum(_extinction(height) * step, axis=1))
-    angle = directions @ sun
-    phase = 1 + angle[:, None] ** 2
-    return np.asarray((density * phase * seen * _sunlight()((height, sine)) * step).sum(axis=1))
-
-
-def _extinction(height_km: Floats) -> Floats:
-    """Extinction per kilometer."""
-    air = _AIR_DEPTH / _AIR_SCALE_KM * np.exp(-height_km / _AIR_SCALE_KM)
-    off = (height_km - _OZONE_KM) / _OZONE_WIDTH_KM
-    ozone = _OZONE_DEPTH / (_OZONE_WIDTH_KM * np.sqrt(2 * np.pi)) * np.exp(-(off**2) / 2)
-    return np.asarray(air + ozone)
-
-
-def _sunlight() -> RegularGridInterpolator:
-    """Share of sunlight that reaches a height (km), by the sine of the sun's elevation."""
-    heights = np.linspace(0, _TOP_KM, 81)
-    sines = np.linspace(-0.35, 0.2, 221)
-    radius = _EARTH_KM + heights[:, None, None]
-    sine = sines[None, :, None]
-    toward = radius * sine
-    way = np.sqrt(toward**2 + (_EARTH_KM + _TOP_KM) ** 2 - radius**2) - toward
-    edges = np.linspace(0, 1, _SUN_STEPS + 1)
-    distance = way * (edges[1:] + edges[:-1]) / 2
-    height = np.sqrt(radius**2 + distance**2 + 2 * distance * toward) - _EARTH_KM
-    depth = (_extinction(height.clip(0)) * way * np.diff(edges)).sum(axis=-1)
-    hidden = (sine[..., 0] < 0) & (radius[..., 0] * np.sqrt(1 - sine[..., 0] ** 2) < _EARTH_KM)
-    return RegularGridInterpolator((heights, sines), np.where(hidden, 0.0, np.exp(-depth)))
 
 
 Shape = Callable[[Floats, Floats], Floats]
@@ -284,7 +194,7 @@ def _stars(directions: Floats, disc: Floats) -> Floats:
 
 
 def _twilight(directions: Floats, disc: Floats) -> Floats:
-    return twilight_sky(directions, math.atan2(disc[1], disc[0]))
+    return twilight.sky(directions, math.atan2(disc[1], disc[0]))
 
 
 SHAPES: Mapping[ComponentName, Shape] = {

@@ -191,7 +191,7 @@ class Material:
         return not self.emission and any(each and max(each.values) > 0 for each in spectra)
 
 
-def _check_energy(what: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:
+def _check_energy(surface: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:
     """Raise ValueError if a surface returns more light than falls on it."""
     through = transmittance or flat(0.0)
     # Both are linear between these.
@@ -200,7 +200,7 @@ def _check_energy(what: str, reflectance: Spectrum, transmittance: Spectrum | No
     worst = int(shares.argmax())
     if shares[worst] > 1 + _ROUNDING:
         raise ValueError(
-            f"{what}: reflectance and transmittance add up to {shares[worst]:.4g} at "
+            f"{surface}: reflectance and transmittance add up to {shares[worst]:.4g} at "
             f"{wavelengths[worst]:g} nm; scale them to at most 1"
         )
 

@@ -70,8 +70,8 @@ class MovingModel(PlacedMesh, frozen=True):
     """Motion, from position and orientation at the first frame."""
 
 
-def _class_of(given: Any) -> str:
-    is_file = "file" in given if isinstance(given, Mapping) else isinstance(given, MovingModel)
+def _class_of(fields: Any) -> str:
+    is_file = "file" in fields if isinstance(fields, Mapping) else isinstance(fields, MovingModel)
     return (MovingModel if is_file else MovingObject).__name__
 
 

@@ -153,9 +153,7 @@ def grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator
             reach = 0.08 + 0.6 * species.crown.radius_m * level**1.3
             axis += reach * (np.cos(azimuth), np.sin(azimuth), 0)
         nodes = len(skeleton.positions) + np.arange(len(axis))
-        parents = np.where(np.arange(len(axis)) > 0, nodes - 1, -1)
-        skeleton, stem_nodes = skeleton.extended(axis, parents), nodes
-        skeleton, ends = _with_scaffold(skeleton, stem_nodes, species, growth, rng)
+        skeleton, ends = _with_scaffold(skeleton.with_chain(axis), nodes, species, growth, rng)
         buds.append(ends)
     points = crown_points(species.crown, species.height_m, growth.points, rng)
     grown = colonize(skeleton, np.concatenate(buds), points, growth.step_m, growth.tropism, rng)

@@ -29,30 +29,27 @@ class Detail:
 
 
 def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:
-    """Return wood and leaves of a plant drawn coarsely."""
-    wood = plant.wood if detail.thinnest_m == 0 else _wood(plant, detail, rng)
+    """Return wood and leaves of a plant drawn coarsely.
+
+    Stems and branches are straighter, with few thick twigs instead of many thin.
+    """
+    wood, skeleton, radii = plant.wood, plant.branching.skeleton, plant.radii_m
+    if detail.thinnest_m > 0:
+        base = np.array([radii[axis[1]] for axis in plant.axes])
+        is_stem = np.array([skeleton.parents[axis[0]] < 0 for axis in plant.axes])
+        thin = np.flatnonzero(~is_stem & (base < detail.thinnest_m))
+        widening = np.where(np.isin(np.arange(len(base)), thin), 0.0, 1.0)
+        if len(thin):
+            chosen, factor = _one_of_each(plant.tube_areas[thin], detail.merged, rng)
+            widening[thin[chosen]] = factor
+        chord_m = max(detail.chord_m, plant.species.chord_m)
+        coarse = plant.species.model_copy(update={"chord_m": chord_m})
+        kept = np.flatnonzero(widening).tolist()
+        wood = join(
+            [bark_around(coarse, skeleton, widening[i] * radii, plant.axes[i], rng) for i in kept]
+        )
     average_m2 = plant.leaves.area / (len(plant.leaves.faces) / 2)
     return wood, merged_leaves(plant.leaves, max(round(detail.leaf_m2 / average_m2), 1), rng)
-
-
-def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
-    """Return stems and branches drawn straighter, and few thick twigs instead of many thin."""
-    skeleton, radii = plant.branching.skeleton, plant.radii_m
-    nodes = plant.axes
-    base = np.array([radii[axis[1]] for axis in nodes])
-    is_stem = np.array([skeleton.parents[axis[0]] < 0 for axis in nodes])
-    thin = np.flatnonzero(~is_stem & (base < detail.thinnest_m))
-    area = plant.tube_areas
-    widening = np.where(np.isin(np.arange(len(nodes)), thin), 0.0, 1.0)
-    if len(thin):
-        chosen, factor = _one_of_each(area[thin], detail.merged, rng)
-        widening[thin[chosen]] = factor
-    chord_m = max(detail.chord_m, plant.species.chord_m)
-    coarse = plant.species.model_copy(update={"chord_m": chord_m})
-    kept = np.flatnonzero(widening)
-    return join(
-        [bark_around(coarse, skeleton, widening[i] * radii, nodes[i], rng) for i in kept.tolist()]
-    )
 
 
 def _one_of_each(

@@ -14,24 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, join, lengths, unit
-from megalopta.assets_gen.plants.bark import (
-    BUTTRESSED_SIDES,
-    TILE_M,
-    Furrows,
-    buttress_flare,
-    root_flare,
-)
-from megalopta.assets_gen.plants.branching import (
-    BURIED_M,
-    GOLDEN_ANGLE,
-    UP,
-    Branching,
-    grow_colonized,
-    grow_whorled,
-    outward,
-    sideways,
-    stem_axis,
-)
+from megalopta.assets_gen.plants import bark, branching
+from megalopta.assets_gen.plants.bark import TILE_M, Furrows
+from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, Branching, outward, sideways
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
@@ -80,16 +65,16 @@ def grow_plant(
 
     Its stems have furrows.
     """
-    branching = grow_axes(species, rng)
-    skeleton = branching.skeleton
+    grown = grow_axes(species, rng)
+    skeleton = grown.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
     along = axes(skeleton, radii)
     tubes = tuple(bark_around(species, skeleton, radii, nodes, rng, furrows) for nodes in along)
-    twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
+    twigs = leaf_axes(skeleton.positions[grown.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
     leaves = place_leaves(twigs, foliage, rng)
-    return Plant(species, branching, radii, along, tubes, twigs, leaves)
+    return Plant(species, grown, radii, along, tubes, twigs, leaves)
 
 
 def bark_around(
@@ -112,14 +97,14 @@ def bark_around(
     walls = species.buttresses if is_stem else None
     # enough sides to look round at this detail
     round_sides = int(np.interp(radius[0] / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
-    sides = BUTTRESSED_SIDES if walls else round_sides
+    sides = bark.BUTTRESSED_SIDES if walls else round_sides
     # By Cauchy's formula convex outlines of one circumference are equally wide on average.
     circumradius = float(np.pi / (sides * np.sin(np.pi / sides)))
     profile = np.repeat(radius[:, None] * circumradius, sides, axis=1)
     if is_stem:
-        profile *= root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
+        profile *= bark.root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
     if walls:
-        profile *= buttress_flare(positions[:, 2], sides, walls, rng)
+        profile *= bark.buttress_flare(positions[:, 2], sides, walls, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
     kept = simplified(outline, chord_m * (STEM_FINENESS if is_stem else 1))
     origin = rng.random(2)
@@ -164,7 +149,7 @@ def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) ->
     for stem in range(species.stems):
         height = species.height_m - 0.45 * growth.frond_m
         height *= rng.uniform(0.5, 1) if stem else 1
-        axis = stem_axis(max(height, 0.6), species.wander, STEM_STEP_M, rng)
+        axis = branching.stem_axis(max(height, 0.6), species.wander, STEM_STEP_M, rng)
         if species.stems > 1:
             axis += CLUMP_M * outward(np.array([stem * GOLDEN_ANGLE]))
         skeleton = skeleton.with_chain(axis)
@@ -198,7 +183,7 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
         azimuth = rope * GOLDEN_ANGLE + rng.normal(0, 0.4)
         height = species.height_m * rng.uniform(0.8, 1)
         levels = np.sort(rng.uniform(0.25, 0.9, HOLDS - 1))
-        z = np.concatenate([[-BURIED_M], height * levels, [height]])
+        z = np.concatenate([[-branching.BURIED_M], height * levels, [height]])
         away = growth.reach_m * np.concatenate([[0.0], rng.uniform(0.1, 1, HOLDS)])
         turns = azimuth + rng.normal(0, 0.7, HOLDS + 1)
         holds = away[:, None] * outward(turns) + z[:, None] * UP
@@ -225,11 +210,12 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
 
 def grow_axes(species: Species, rng: np.random.Generator) -> Branching:
     """Return the axes of one plant; the stem's foot is at the origin."""
-    growth = species.growth
-    if isinstance(growth, Colonized):
-        return grow_colonized(species, growth, rng)
-    if isinstance(growth, Fronded):
-        return grow_fronded(species, growth, rng)
-    if isinstance(growth, Climbing):
-        return grow_climbing(species, growth, rng)
-    return grow_whorled(species, growth, rng)
+    match species.growth:
+        case Colonized() as growth:
+            return branching.grow_colonized(species, growth, rng)
+        case Fronded() as growth:
+            return grow_fronded(species, growth, rng)
+        case Climbing() as growth:
+            return grow_climbing(species, growth, rng)
+        case growth:
+            return branching.grow_whorled(species, growth, rng)

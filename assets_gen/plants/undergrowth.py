@@ -170,19 +170,17 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
         stub_radius = thick[at] * rng.uniform(0.12, 0.3)
         outline = np.repeat(stub_radius * np.array([[1.2], [0.8], [0.7]]), 5, axis=1)
         wood.append(swept_tube(line, outline, TILE_M, rng.random(2), whole_tiles=False))
-    return join(wood), join([_end(axis, profile, at) for at in (0, rings - 1)])
-
-
-def _end(axis: FloatArray, profile: FloatArray, at: int) -> Surface:
-    """Return the flat face at an end of the log, two centimeters outside the bark's own cap."""
+    # flat faces at both ends, two centimeters outside the bark's own cap
     tangents, normals, _ = rotation_minimizing_frames(axis)
-    outward = tangents[at] * (1 if at else -1)
-    angle = 2 * np.pi * np.arange(profile.shape[1]) / profile.shape[1]
-    binormal = cross(outward, normals[at])
-    circle = np.cos(angle)[:, None] * normals[at] + np.sin(angle)[:, None] * binormal
-    center = axis[at] + 0.02 * outward
-    rim = center + 0.97 * profile[at].mean() * circle
+    angle = 2 * np.pi * np.arange(sides) / sides
+    index, ends = np.arange(sides), []
+    faces = np.stack([np.full_like(index, sides), index, np.roll(index, -1)], axis=-1)
     uv = 0.5 + 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    index = np.arange(len(angle))
-    faces = np.stack([np.full_like(index, len(index)), index, np.roll(index, -1)], axis=-1)
-    return Surface(np.vstack([rim, center]), faces, np.vstack([uv, [0.5, 0.5]]))
+    for end, sign in ((0, -1), (rings - 1, 1)):
+        facing = tangents[end] * sign
+        binormal = cross(facing, normals[end])
+        circle = np.cos(angle)[:, None] * normals[end] + np.sin(angle)[:, None] * binormal
+        center = axis[end] + 0.02 * facing
+        rim = center + 0.97 * profile[end].mean() * circle
+        ends.append(Surface(np.vstack([rim, center]), faces, np.vstack([uv, [0.5, 0.5]])))
+    return join(wood), join(ends)

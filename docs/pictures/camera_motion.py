@@ -13,7 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from forest_flight import CAMERA, FRAMES, flight
 
-from megalopta.flow import METHODS, draw_counts, fit_wide_field, likely_camera_motion
+from megalopta.core.arrays import Floats
+from megalopta.flow import METHODS, draw_counts, likely_camera_motion
 from megalopta.flow.camera_motion import motion_of_flow
 from megalopta.flow.detectors.registry import velocity_method
 from megalopta.flow.metrics.endpoint_error import angles_deg
@@ -21,6 +22,31 @@ from megalopta.flow.metrics.endpoint_error import angles_deg
 FLUXES, WARM_UP, HALF = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0), 16, 47
 MIDDLES = np.arange(HALF, FRAMES - 4, 8)
 CENTERS = velocity_method("PPF").grid((CAMERA.height, CAMERA.width)).centers
+
+
+def summed(learned: Floats, rates: Floats, responses: Floats) -> Floats:
+    """Return the rate (T,) of responses (T, ...), by weights learned at known rates.
+
+    The weight of a response is its slope over the rate, divided by the variance around it, half of
+    which is that of all places. The square of a noisy slope is too large: the product of the slopes
+    of both halves takes its place (Krapp and Hengstenberg 1996; Franz and Krapp 2000).
+    """
+    learned, responses = (each.reshape(len(each), -1) for each in (learned, responses))
+    half = len(rates) // 2
+    slopes = []
+    for part in (slice(None, half), slice(half, None), slice(None)):
+        omega = np.where(np.isfinite(learned[part]), rates[part, np.newaxis], 0)
+        slopes.append(
+            np.nansum(learned[part] * omega, axis=0) / np.maximum((omega**2).sum(0), 1e-9)
+        )
+    first, second, both = slopes
+    variance = np.nanmean((learned - both * rates[:, np.newaxis]) ** 2, axis=0)
+    noise = (np.nanmedian(variance) + np.nan_to_num(variance, nan=np.inf)) / 2
+    known = np.isfinite(responses)
+    sums = np.where(known, responses, 0) @ ((first + second) / 2 / noise)
+    return np.asarray(sums / (known @ (first * second / noise)))
+
+
 yaw_errors: Any = defaultdict(list)
 angles: Any = defaultdict(list)
 for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
@@ -30,8 +56,8 @@ for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
         for name in ("BM", "EMD", "PM", "DIS"):
             first = int(METHODS[name].gives != "velocity")
             learned = METHODS[name].respond(light[: HALF + 1])[first + WARM_UP :]
-            field = fit_wide_field(learned, yaw_deg[WARM_UP:HALF])
-            rates = np.nan_to_num(field.rates(METHODS[name].respond(counts, 1 / flux)[first:]))
+            responses = METHODS[name].respond(counts, 1 / flux)[first:]
+            rates = np.nan_to_num(summed(learned, yaw_deg[WARM_UP:HALF], responses))
             means = np.array([rates[at - 3 : at + 4].mean() for at in MIDDLES])
             yaw_errors[f"{name}, summed", flux] += [*(means - yaw_deg[MIDDLES])]
         for at in MIDDLES:

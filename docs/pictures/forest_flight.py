@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.wide_field import yaw_rates_deg_s
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Recorded, build_scene
 
@@ -45,4 +44,6 @@ def flight(seed: int) -> tuple[Floats, Floats, Floats]:
     frames = [renderer.radiance(pose, frame_seed(0, at))[..., 0] for at, pose in enumerate(poses)]
     light = np.array(frames, np.float64)
     moved = np.diff(poses[:, :3, 3], axis=0)[:, np.newaxis] @ poses[:-1, :3, :3]
-    return light / light.mean(), yaw_rates_deg_s(path) / RATE_HZ, moved[:, 0]
+    turns = Rotation.from_matrix(poses[:, :3, :3])
+    yaw_deg = (turns[:-1].inv() * turns[1:]).as_rotvec(degrees=True)[:, 1]  # to the right
+    return light / light.mean(), yaw_deg, moved[:, 0]

@@ -9,8 +9,6 @@ parameter, and write a test; `megalopta.flow.detectors.registry` finds it.
 """
 
 import math
-import statistics
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Literal
@@ -24,7 +22,6 @@ from megalopta.core.arrays import Floats
 Frames = NDArray[Any]
 Responder = Callable[[Frames, float], Floats]
 """Maps the next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
-_RUNS = 3
 
 
 class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -41,8 +38,6 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     takes_counts: ClassVar[bool] = False
     """True if frames must be photon counts: their noise sets the weights, so scaled frames give
     another response. The scale is then ignored."""
-    tells_direction: ClassVar[bool] = False
-    """True if motion to the right and to the left give different responses."""
     minimum_frames: ClassVar[int] = 1
     place: ClassVar[float] = math.inf
     """Place in lists and legends; methods without one follow, by name"""
@@ -135,26 +130,11 @@ def stacked(frames: Sequence[Frames]) -> Frames:
     """
     shapes = {each.shape for each in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
-        found = " and ".join(map(str, sorted(shapes)))
-        raise ValueError(f"frames of shape {found}: give images (H, W) of one channel and one size")
+        differing = " and ".join(map(str, sorted(shapes)))
+        raise ValueError(
+            f"frames of shape {differing}: give images (H, W) of one channel and one size"
+        )
     for number, frame in enumerate(frames, 1):
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")
     return np.stack(frames)
-
-
-def milliseconds_per_frame(detector: Detector, counts: Frames) -> float:
-    """Return the CPU time of a new frame with known predecessors, the median of three runs.
-
-    `counts` (T, H, W): processed four times; the first run fills the detector's memory and
-    compiles.
-    """
-    height, width = counts.shape[1:]
-    respond = detector.start((height, width))
-    respond(counts, 1.0)
-    spent = []
-    for _ in range(_RUNS):
-        start = time.process_time()
-        respond(counts, 1.0)
-        spent.append(time.process_time() - start)
-    return 1e3 * statistics.median(spent) / len(counts)

@@ -124,7 +124,6 @@ class BlockDetector(Detector, frozen=True):
     """A detector that compares neighboring frames block by block."""
 
     gives: ClassVar[Literal["response", "velocity"]] = "velocity"
-    tells_direction: ClassVar[bool] = True
     minimum_frames: ClassVar[int] = 2
 
     block_px: Annotated[int, Field(ge=2)] | None = None

@@ -9,20 +9,22 @@ A parabola through the differences refines the last. The velocity is the slope o
 time. Smoothing of the field of shifts, and merging, which follow in Ma et al., are not done.
 """
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numba import njit
-from pydantic import Field
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
-from megalopta.flow.likelihood import halved
+from megalopta.flow.likelihood.roots import halved
 
 _SUMS = 4
+_LEVELS = 4
+"""Levels of the pyramid, each binned by 2 × 2 px more; fewer if a block does not fit"""
+_COARSEST_RADIUS_PX, _FINER_RADIUS_PX = 4, 2
+"""Largest shift searched at the coarsest level (its px), and largest change of it at finer ones"""
 _DOWN, _RIGHT = np.array([[0, -1, 1, 0, 0], [0, 0, 0, -1, 1]])
 """Neighbors of a block, itself first"""
 
@@ -34,12 +36,6 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     name: str = "BA"
     label: str = "Burst alignment"
-    levels: Annotated[int, Field(ge=1, le=6)] = 4
-    """Levels of the pyramid, each binned by 2 × 2 px more; fewer if a block does not fit"""
-    radius_px: Annotated[int, Field(ge=1)] = 4
-    """Largest shift searched at the coarsest level (its px)"""
-    finer_radius_px: Annotated[int, Field(ge=1)] = 2
-    """Largest change of the shift at finer levels"""
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
         """Return a frame that can be added without overflow."""
@@ -47,30 +43,30 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
         """Return the slopes of the shifts over time, (blocks, 2)."""
-        each = max(1, len(window) // _SUMS)
-        count = len(window) // each
-        sums = np.reshape(window[-each * count :], (count, each, *grid.shape)).sum(axis=1)
+        summed = max(1, len(window) // _SUMS)
+        count = len(window) // summed
+        sums = np.reshape(window[-summed * count :], (count, summed, *grid.shape)).sum(axis=1)
         middle = (count - 1) // 2
-        times = each * (np.arange(count) - middle)
+        times = summed * (np.arange(count) - middle)
         slope = sum(
-            time * self._shifts(sums[middle], other, grid)
-            for time, other in zip(times, sums, strict=True)
+            time * self._shifts(sums[middle], frame, grid)
+            for time, frame in zip(times, sums, strict=True)
             if time
         )
         seen = block_sums(sums[middle] - sums.min(), grid).reshape(-1, 1) > 0
         return np.where(seen, slope / (times @ times), np.nan)
 
-    def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:
+    def _shifts(self, reference: Floats, frame: Floats, grid: BlockGrid) -> Floats:
         """Return the displacement of each block's content in another frame, (blocks, 2)."""
-        pyramid = [np.stack((reference, other))]
+        pyramid = [np.stack((reference, frame))]
         # each binned by 2 × 2 px more, as long as a block fits
-        while len(pyramid) < self.levels and min(pyramid[-1].shape[1:]) // 2 >= grid.block_px:
+        while len(pyramid) < _LEVELS and min(pyramid[-1].shape[1:]) // 2 >= grid.block_px:
             pyramid.append(halved(pyramid[-1]))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
         down, right = np.mgrid[: grid.rows, : grid.columns][..., np.newaxis]
         around = np.empty((grid.rows * grid.columns, 3, 3))
         for level, pair in reversed(list(enumerate(pyramid))):
-            radius = self.finer_radius_px if level < len(pyramid) - 1 else self.radius_px
+            radius = _FINER_RADIUS_PX if level < len(pyramid) - 1 else _COARSEST_RADIUS_PX
             corners = _corners(grid, level, pair.shape[1:])
             # the shifts of neighbors; at the edge, a block's own
             rows = np.clip(down + _DOWN, 0, grid.rows - 1)
@@ -93,7 +89,7 @@ def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> Ints:
     return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+@compiled(fastmath={"reassoc"})
 def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int) -> float:
     """Sum of absolute differences of a patch and a displaced one; infinite outside the frame."""
     top, left = row + dy, column + dx

@@ -126,9 +126,9 @@ class CorrelationDetector(Detector, frozen=True):
         self._pass(frames, scale, state)
 
         def start(offset: float) -> Responder:
-            own = state.copy()
-            own[0] += offset
-            return self._from(own)
+            changed = state.copy()
+            changed[0] += offset
+            return self._from(changed)
 
         return start
 
@@ -182,7 +182,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
 
     place: ClassVar[float] = 3
     _combination: ClassVar[int] = _ELEMENTARY
-    tells_direction: ClassVar[bool] = True
 
     name: str = "EMD"
     label: str = "Elementary motion detector"
@@ -242,5 +241,5 @@ def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
 def _gains(step: float, omega: ArrayLike) -> tuple[Floats, np.ndarray]:
     """Amplitude h1 of the high-pass and complex gain Hl of the delay."""
     z = np.exp(-1j * np.asarray(omega, dtype=float))
-    rest = 1 - (1 - step) * z
-    return np.abs((1 - step) * (1 - z) / rest), step / rest
+    pole = 1 - (1 - step) * z
+    return np.abs((1 - step) * (1 - z) / pole), step / pole

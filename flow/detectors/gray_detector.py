@@ -161,9 +161,9 @@ class FunctionDetector(DenseDetector, frozen=True):
             return np.asarray(self.function(pair[0], pair[1]), np.float64)
         except Exception as problem:  # foreign code can raise any exception
             last = traceback.extract_tb(problem.__traceback__)[-1]
-            said = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+            failure = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
             raise MethodError(
-                f"method {self.name}: {quoted(said)} at {last.filename}:{last.lineno}; give a "
+                f"method {self.name}: {quoted(failure)} at {last.filename}:{last.lineno}; give a "
                 "function of two frames (H, W) that returns their flow (H, W, 2)"
             ) from problem
 

@@ -47,7 +47,7 @@ class IntensityMeasurement(Detector, frozen=True):
 def mean_absolute_deviation(means: ArrayLike) -> Floats:
     """Return E|X − λ| of Poisson counts of means λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
     mean = np.asarray(means, np.float64)
-    whole = np.floor(mean)
-    exact = 2 * np.exp(xlogy(whole + 1, mean) - mean - gammaln(whole + 1))
+    floor = np.floor(mean)
+    exact = 2 * np.exp(xlogy(floor + 1, mean) - mean - gammaln(floor + 1))
     # where the terms of the exponent would cancel: normal approximation, within 1e-6
     return np.where(mean > 1e6, np.sqrt(2 * mean / np.pi), exact)

@@ -36,6 +36,8 @@ _FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1,
 
 _GRAY_LEVELS = 255
 """Farnebäck's regularization is an absolute number, for 8-bit pictures."""
+_STEPS_PER_PX = 20
+"""Velocities of phase correlation are multiples of 1/20 px"""
 _FADING = 0.5
 """Share of a side over which the frames fade, half at either edge (Tukey's window)"""
 
@@ -70,10 +72,10 @@ class LucasKanade(GrayDetector, frozen=True):
         sides, coarsest = (side, side), self.pyramid_levels - 1
         first, second = eight_bits(pair)
         with one_thread():
-            found, status, _ = cv2.calcOpticalFlowPyrLK(
+            tracked, status, _ = cv2.calcOpticalFlowPyrLK(
                 first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
             )
-        moved = np.where(status > 0, found - centers, np.nan)
+        moved = np.where(status > 0, tracked - centers, np.nan)
         return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
 
@@ -92,14 +94,12 @@ class Farneback(DenseDetector, frozen=True):
     label: str = "Farnebäck"
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the averaging window in sides of a block"""
-    pyramid_levels: Annotated[int, Field(ge=1)] = 3
-    """Largest number of levels, including the frames themselves; 1: no pyramid"""
 
     def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
-        settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
+        settings: dict[str, Any] = {"levels": 3, "winsize": window, **_FARNEBACK}
         first, second = (_GRAY_LEVELS * pair).astype(np.float32)
         empty: Any = np.empty((*grid.shape, 2), np.float32)
         with one_thread():
@@ -220,8 +220,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     their mean and fade to zero at the edges, since the transform assumes that they are periodic.
 
     Whitening makes the peak sharp. It also gives full weight to frequencies that contain only
-    photon noise or, where the texture is smooth, leakage from the fading. Without whitening this is
-    plain cross-correlation, which needs fewer photons.
+    photon noise or, where the texture is smooth, leakage from the fading.
 
     The method uses all photons of a frame, but cannot see parallax.
     """
@@ -229,21 +228,16 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     place: ClassVar[float] = 11
     name: str = "PC"
     label: str = "Phase correlation, global"
-    whitened: bool = True
-    """True if all spatial frequencies have equal weight"""
-    steps_per_px: Annotated[int, Field(ge=1)] = 20
-    """Inverse step of velocities; default: multiples of 1/20 px per frame"""
 
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         from scipy.signal.windows import tukey
         from skimage.registration import phase_cross_correlation
 
         window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
-        normalization = "phase" if self.whitened else None
         first, second = (window * (frame - frame.mean()) for frame in pair)
         # The returned shift registers the second frame to the first.
         shift, *_ = phase_cross_correlation(
-            first, second, upsample_factor=self.steps_per_px, normalization=normalization
+            first, second, upsample_factor=_STEPS_PER_PX, normalization="phase"
         )
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
 
@@ -278,10 +272,10 @@ def contrib_detector(name: str) -> ContribFlow | None:
     Raises ValueError if OpenCV comes without it.
     """
     known = {each.casefold(): each for each in get_args(Algorithm)}
-    if (found := known.get(name.casefold())) is None:
+    if (algorithm := known.get(name.casefold())) is None:
         return None
     import cv2
 
     if not hasattr(cv2, "optflow"):
-        raise ValueError(f"{found} needs OpenCV's contributed modules; run: {_REMEDY}")
-    return ContribFlow(name=found, label=f"{found}, OpenCV contrib", algorithm=found)
+        raise ValueError(f"{algorithm} needs OpenCV's contributed modules; run: {_REMEDY}")
+    return ContribFlow(name=algorithm, label=f"{algorithm}, OpenCV contrib", algorithm=algorithm)

@@ -51,8 +51,8 @@ class OnnxDetector(DenseDetector, frozen=True):
         channels = int(inputs[0].shape[1]) * len(inputs) // 2
         planes = np.repeat(255 * pictures, channels, axis=0).reshape(len(inputs), -1, *wanted)
         feed = {
-            each.name: plane[np.newaxis].astype(_TYPES[each.type])
-            for each, plane in zip(inputs, planes, strict=True)
+            entry.name: plane[np.newaxis].astype(_TYPES[entry.type])
+            for entry, plane in zip(inputs, planes, strict=True)
         }
         outputs = [np.asarray(output, np.float64) for output in session.run(None, feed)]
         flows = [output[0] for output in outputs if output.ndim == 4 and output.shape[1] == 2]
@@ -78,13 +78,13 @@ def onnx_detector(path: Path) -> OnnxDetector:
         ) from None
     try:
         content = hashlib.sha256(read_bytes(path, ARRAY_BYTES)).hexdigest()
-        found = OnnxDetector(name=path.name, label=path.stem, path=path, content=content)
-        problem = _problem(found)
+        detector = OnnxDetector(name=path.name, label=path.stem, path=path, content=content)
+        problem = _problem(detector)
     except Exception as failure:  # onnxruntime's errors have no common class
         problem = " ".join(str(failure).split())
     if problem:
         raise ValueError(f"{path}: {problem}; give an ONNX file that maps two pictures to flow")
-    return found
+    return detector
 
 
 @lru_cache(maxsize=4)

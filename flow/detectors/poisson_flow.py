@@ -14,7 +14,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames, stacked
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.detectors.libraries import DenseInverseSearch
-from megalopta.flow.likely_flow import flow_and_covariance, likelihood_flow, refined_flow
+from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood_flow, refined_flow
 
 _FAST_START = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
 _SMALLEST_FAST_PX = 12
@@ -100,13 +100,9 @@ class FastPoissonFlow(BlockDetector, frozen=True):
         """
         pair = self.checked(frames)
         self.grid((pair.shape[1], pair.shape[2]))
-        return _fast_flow(pair)
+        start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast
+        return refined_flow(pair, start, PoissonFlow().smoothness)
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the means of the flow over blocks."""
-        return mean_over_blocks(_fast_flow(stacked(window)), grid)
-
-
-def _fast_flow(pair: Frames) -> Floats:
-    # NaN without contrast
-    return refined_flow(pair, np.nan_to_num(_FAST_START.dense(*pair)), PoissonFlow().smoothness)
+        return mean_over_blocks(self.dense(*window), grid)

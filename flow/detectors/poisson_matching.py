@@ -21,8 +21,8 @@ Equations, sources and errors: `docs/theory/matching.md`.
 """
 
 import math
-from collections.abc import Callable, Hashable, Sequence
-from functools import partial
+from collections.abc import Sequence
+from functools import cache, partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -31,11 +31,11 @@ from pydantic import Field
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
-from megalopta.flow.likelihood import root_noise, suited_blur_px
+from megalopta.flow.likelihood.roots import root_noise, suited_blur_px
 
 BLURS_PX = (0.7, 1.0, 1.4, 2.0)
 """Standard deviations to choose from. Less than 0.7 px leaves too little to interpolate between
@@ -81,50 +81,37 @@ class PoissonMatching(BlockDetector, frozen=True):
         The radius is also the margin around a block in which its texture and noise are measured.
         """
         (first, second), radius, seconds = window, self._radius(grid), grid.corners
-        levels, size = suited_levels(window, grid, radius), grid.block_px
+        levels = suited_levels(window, grid, radius)
+        size = grid.block_px
         costs = _costs((first, second), levels, np.hstack((seconds, seconds)), size, radius)
-        best, exists = least_cost(costs)
-        firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
+        y, x = np.divmod(costs.reshape(len(costs), -1).argmin(axis=1), 2 * radius + 1)
+        best = np.stack((x, y), axis=-1) - radius
+        # none if all costs are equal, as without photons, or none is finite
+        highest = np.where(np.isfinite(costs), costs, -np.inf).max(axis=(1, 2))
+        exists = (highest > costs.min(axis=(1, 2)))[:, np.newaxis]
+        firsts = np.where(exists, seconds - best[:, ::-1], seconds)
         forth = _costs((first, second), levels, np.hstack((firsts, seconds)), size, 1)
         back = _costs((second, first), levels, np.hstack((seconds, firsts)), size, 1)
         shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
-        return np.where(exists[:, np.newaxis], shifts, np.nan)
+        return np.where(exists, shifts, np.nan)
 
     def _radius(self, grid: BlockGrid) -> int:
         return self.radius_px or thesis_radius_px(grid.shape)
 
 
 class SmoothedFrame:
-    """A frame of counts, smoothed on demand."""
+    """A frame of counts, smoothed on demand, by `BLURS_PX` of a level."""
 
     def __init__(self, counts: Frames) -> None:
         self._counts = counts.astype(np.float32)
-        self._kept: dict[Hashable, Any] = {}
-
-    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
-
-    def moments(self, grid: BlockGrid, margin_px: int) -> Floats:
-        """Return `block_moments` of the counts."""
-        make = partial(block_moments, self._counts, grid, margin_px)
-        return np.asarray(self._once((grid, margin_px), make))
-
-    def roots(self, level: int) -> NDArray[np.float32]:
-        """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
-        return np.asarray(
-            self._once(("roots", level), lambda: np.sqrt(_smooth(self._counts, level)))
-        )
-
-    def splines(self, level: int) -> NDArray[np.float32]:
-        """Return the coefficients of cubic splines through `roots`, (H, W)."""
-        make = partial(spline_filter, self.roots(level), 3, output=np.float32)
-        return np.asarray(self._once(("splines", level), make))
-
-    def weights(self, level: int) -> NDArray[np.float32]:
-        """Return the amount of texture around each pixel of `roots`, from 0.2 to 1, (H, W)."""
-        return np.asarray(self._once(("weights", level), partial(self._weights, level)))
+        self.moments = cache(partial(block_moments, self._counts))
+        """`block_moments` of the counts by grid and margin"""
+        self.roots = cache(lambda level: np.sqrt(_smooth(self._counts, level)))
+        """Roots of the smoothed counts, (H, W), by level"""
+        self.splines = cache(lambda level: spline_filter(self.roots(level), 3, output=np.float32))
+        """Coefficients of cubic splines through `roots`, (H, W), by level"""
+        self.weights = cache(self._weights)
+        """Texture around each pixel of `roots`, from 0.2 to 1, (H, W), by level"""
 
     def _weights(self, level: int) -> NDArray[np.float32]:
         side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
@@ -139,8 +126,11 @@ def suited_levels(
     window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int
 ) -> NDArray[np.intp]:
     """Return the index in `BLURS_PX` of each block, (blocks,), from it and a margin."""
-    moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
-    return blur_levels(moments, len(window)).ravel()
+    pixels, total, squares = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        excess = np.nan_to_num((squares - total**2 / pixels) / total - 1)
+    steps = np.log(suited_blur_px(excess, len(window)))[..., np.newaxis] - np.log(BLURS_PX)
+    return np.asarray(np.abs(steps).argmin(axis=-1)).ravel()
 
 
 def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> Floats:
@@ -158,18 +148,6 @@ def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> Floats:
         beside = np.pad(below[rows[1]] - below[rows[0]], ((0, 0), (1, 0))).cumsum(axis=1)
         sums.append(beside[:, columns[1]] - beside[:, columns[0]])
     return np.stack((np.multiply.outer(rows[1] - rows[0], columns[1] - columns[0]), *sums))
-
-
-def blur_levels(moments: Floats, frames: int) -> NDArray[np.intp]:
-    """Return the index in `BLURS_PX` for each block, for this many frames to align.
-
-    The moments (3, …) are sums of 1, counts and squared counts.
-    """
-    pixels, total, squares = moments
-    with np.errstate(invalid="ignore", divide="ignore"):
-        excess = np.nan_to_num((squares - total**2 / pixels) / total - 1)
-    steps = np.log(suited_blur_px(excess, frames))[..., np.newaxis] - np.log(BLURS_PX)
-    return np.asarray(np.abs(steps).argmin(axis=-1))
 
 
 def _smooth(counts: NDArray[Any], level: int) -> NDArray[Any]:
@@ -223,18 +201,6 @@ def add_costs(
                 costs[block, radius + dy, radius + dx] += cost
 
 
-def least_cost(costs: Floats) -> tuple[Ints, Mask]:
-    """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
-
-    There is none if all costs are equal, as without photons, or none is finite. Costs are those of
-    `add_costs`.
-    """
-    blocks, side = costs.shape[:2]
-    y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
-    highest = np.where(np.isfinite(costs), costs, -np.inf).max(axis=(1, 2))
-    return np.stack((x, y), axis=-1) - side // 2, highest > costs.min(axis=(1, 2))
-
-
 def parabola_minimum(costs: Floats) -> Floats:
     """Return the minimum (x, y) of the parabola through costs (n, 3, 3), (n, 2), at most 1 away.
 
@@ -263,11 +229,11 @@ def _costs(
     """Return the costs of shifts around those of places, as of `add_costs`."""
     costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
-        mine = np.flatnonzero(levels == level)
-        part = costs[mine]
-        roots, weights = (each.roots(level) for each in pair), pair[1].weights(level)
-        add_costs(*roots, weights, places[mine], block_px, part)
-        costs[mine] = part
+        blocks = np.flatnonzero(levels == level)
+        at_level = costs[blocks]
+        roots, weights = (frame.roots(level) for frame in pair), pair[1].weights(level)
+        add_costs(*roots, weights, places[blocks], block_px, at_level)
+        costs[blocks] = at_level
     return costs
 
 
@@ -318,19 +284,22 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
     NaN if all are equally likely: fewer than two of its frames show any pattern. Frames are oldest
     first, two or more; velocities are tried up to a radius in x and in y.
     """
-    pixels, total, squares = np.sum([each.moments for each in frames], axis=0)
-    size = frames[0].spectra.shape[1]
+    pixels, total, squares = np.sum([frame.moments for frame in frames], axis=0)
+    count, size = len(frames), frames[0].spectra.shape[1]
+    omega = 2 * math.pi * np.hypot(np.fft.fftfreq(size)[:, np.newaxis], np.fft.rfftfreq(size))
+    shape = (omega**2 + _LARGEST_PATTERN) ** (-_SLOPE / 2)
     steps = radius_px * _STEPS_PER_PX
     scores = np.zeros((2 * steps + 1, 2 * steps + 1))
     velocities = np.full((len(pixels), 2), np.nan)
     for patch in np.flatnonzero(total):
-        mean = total[patch] / pixels[patch]
-        excess = squares[patch] / pixels[patch] - mean**2 - mean
-        weight = pair_weight(size, max(excess, (_LEAST_CONTRAST * mean) ** 2), mean, len(frames))
-        seen = np.stack([each.spectra[patch] for each in frames])
-        crosses = [
-            np.sum(seen[:-apart].conj() * seen[apart:], axis=0) for apart in range(1, len(frames))
-        ]
+        noise = total[patch] / pixels[patch]
+        excess = squares[patch] / pixels[patch] - noise**2 - noise
+        excess = max(excess, (_LEAST_CONTRAST * noise) ** 2)
+        # S/(N·(N + n·S)), with S of this variance, which is the mean power
+        spectrum = excess * shape * size**2 / (2 * shape.sum())
+        weight = np.asarray(spectrum / (noise * (noise + count * spectrum)), np.float32)
+        seen = np.stack([frame.spectra[patch] for frame in frames])
+        crosses = [np.sum(seen[:-apart].conj() * seen[apart:], axis=0) for apart in range(1, count)]
         correlations = irfft2(np.stack(crosses) * weight, (size, size))
         add_up_pairs(correlations, frames[0].side, scores)
         if np.ptp(scores) > 0:
@@ -341,14 +310,6 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
                 around[0] = -scores[best[0] - 1 : best[0] + 2, best[1] - 1 : best[1] + 2]
             velocities[patch] = (best[::-1] - steps + parabola_minimum(around)[0]) / _STEPS_PER_PX
     return velocities
-
-
-def pair_weight(size: int, excess: float, noise: float, frames: int) -> NDArray[np.float32]:
-    """Return S/(N·(N + n·S)) at the frequencies of `rfft2`."""
-    omega = 2 * math.pi * np.hypot(np.fft.fftfreq(size)[:, np.newaxis], np.fft.rfftfreq(size))
-    shape = (omega**2 + _LARGEST_PATTERN) ** (-_SLOPE / 2)
-    spectrum = excess * shape * size**2 / (2 * shape.sum())  # the variance is the mean power
-    return np.asarray(spectrum / (noise * (noise + frames * spectrum)), np.float32)
 
 
 @compiled
@@ -385,13 +346,14 @@ def aligned(
     or more; blocks are in the middle of the frames' time, and their texture and noise are measured
     with the margin around them.
     """
-    levels, found, corners = suited_levels(window, grid, margin_px), velocities.copy(), grid.corners
+    levels, refined = suited_levels(window, grid, margin_px), velocities.copy()
     for level in np.unique(levels):
-        mine = np.flatnonzero(levels == level)
+        blocks = np.flatnonzero(levels == level)
         splines = np.stack([frame.splines(level) for frame in window])
         weights = window[len(window) // 2].weights(level)
-        found[mine] = _align(splines, weights, corners[mine], grid.block_px, velocities[mine])
-    return found
+        corners = grid.corners[blocks]
+        refined[blocks] = _align(splines, weights, corners, grid.block_px, velocities[blocks])
+    return refined
 
 
 @compiled
@@ -402,54 +364,39 @@ def _align(
     size: int,
     velocities: Floats,
 ) -> Floats:
-    """Return refined velocities (n, 2) of blocks at corners."""
-    moved = velocities.copy()
-    for block, start in enumerate(velocities):
-        x, y = start
+    """Return refined velocities (n, 2) of blocks at corners, by Gauss–Newton steps."""
+    refined = velocities.copy()
+    for block, (start_x, start_y) in enumerate(velocities):
+        if not (math.isfinite(start_x) and math.isfinite(start_y)):
+            continue
+        corner, vx, vy = corners[block], start_x, start_y
         for _ in range(_STEPS):
-            step_x, step_y = _step(splines, weights, corners[block], size, x, y)
-            x, y = x + step_x, y + step_y
-            is_near = max(abs(x - start[0]), abs(y - start[1])) <= _FARTHEST_PX  # nor NaN
+            sums = _sums_over_frames(splines, corner, size, vx, vy)
+            xx = xy = yy = along_x = along_y = 0.0
+            for row in range(size):
+                for column in range(size):
+                    count, times, squares, total, moment, gx, gy = sums[:, row, column]
+                    if count < 2:
+                        continue
+                    weight = weights[corner[0] + row, corner[1] + column]
+                    gx, gy = gx / count, gy / count
+                    spread = weight * (squares - times * times / count)
+                    drift = weight * (moment - times * total / count)
+                    xx += spread * gx * gx
+                    xy += spread * gx * gy
+                    yy += spread * gy * gy
+                    along_x += drift * gx
+                    along_y += drift * gy
+            determinant = xx * yy - xy * xy
+            step_x = (xy * along_y - yy * along_x) / determinant
+            step_y = (xy * along_x - xx * along_y) / determinant
+            vx, vy = vx + step_x, vy + step_y
+            is_near = max(abs(vx - start_x), abs(vy - start_y)) <= _FARTHEST_PX  # nor NaN
             if not is_near or step_x**2 + step_y**2 < _NEAR_PX**2:
                 break
         if is_near:
-            moved[block, 0], moved[block, 1] = x, y
-    return moved
-
-
-@compiled
-def _step(
-    splines: NDArray[np.float32],
-    weights: NDArray[np.float32],
-    corner: Ints,
-    size: int,
-    vx: float,
-    vy: float,
-) -> tuple[float, float]:
-    """Return a Gauss–Newton step (x, y) of a block's velocity; NaN from NaN."""
-    if not (math.isfinite(vx) and math.isfinite(vy)):
-        return math.nan, math.nan
-    sums = _sums_over_frames(splines, corner, size, vx, vy)
-    xx = xy = yy = along_x = along_y = 0.0
-    for row in range(size):
-        for column in range(size):
-            count, times, squares, total, moment, gx, gy = sums[:, row, column]
-            if count < 2:
-                continue
-            weight = weights[corner[0] + row, corner[1] + column]
-            gx, gy = gx / count, gy / count
-            spread = weight * (squares - times * times / count)
-            drift = weight * (moment - times * total / count)
-            xx += spread * gx * gx
-            xy += spread * gx * gy
-            yy += spread * gy * gy
-            along_x += drift * gx
-            along_y += drift * gy
-    determinant = xx * yy - xy * xy
-    return (
-        (xy * along_y - yy * along_x) / determinant,
-        (xy * along_x - xx * along_y) / determinant,
-    )
+            refined[block, 0], refined[block, 1] = vx, vy
+    return refined
 
 
 @compiled
@@ -506,9 +453,9 @@ def _inside(start: int, size: int, length: int) -> tuple[int, int]:
 @compiled
 def _cubic(shift: float) -> tuple[int, NDArray[np.float32], NDArray[np.float32]]:
     """Return the integer part of a shift, and four coefficients' weights for value and slope."""
-    whole = math.floor(shift)
-    f = shift - whole
+    integer = math.floor(shift)
+    f = shift - integer
     g = 1 - f
     value = (g**3 / 6, 2 / 3 - f * f * (2 - f) / 2, 2 / 3 - g * g * (2 - g) / 2, f**3 / 6)
     slope = (-g * g / 2, f * (3 * f - 4) / 2, -g * (3 * g - 4) / 2, f * f / 2)
-    return whole, np.array(value, np.float32), np.array(slope, np.float32)
+    return integer, np.array(value, np.float32), np.array(slope, np.float32)

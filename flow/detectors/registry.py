@@ -40,18 +40,18 @@ def _in_file(module: ModuleType) -> Iterator[Detector]:
 
 
 def _detector(value: Any) -> Detector:
-    found = value() if isinstance(value, type) else value
-    if not isinstance(found, Detector):
+    detector = value() if isinstance(value, type) else value
+    if not isinstance(detector, Detector):
         raise TypeError(f"{value!r} is not a Detector; give one")
-    return found
+    return detector
 
 
 def _by_name() -> Mapping[str, Detector]:
     package = __name__.rpartition(".")[0]
-    names = [each.name for each in iter_modules([Path(__file__).parent])]
-    ours = [each for name in names for each in _in_file(import_module(f"{package}.{name}"))]
-    ours.sort(key=lambda each: (each.place, each.name))
-    named = {each.name: each for each in ours}
+    names = [module.name for module in iter_modules([Path(__file__).parent])]
+    ours = [detector for name in names for detector in _in_file(import_module(f"{package}.{name}"))]
+    ours.sort(key=lambda detector: (detector.place, detector.name))
+    named = {detector.name: detector for detector in ours}
     return MappingProxyType(named | plug_ins("megalopta.detectors", _detector, named))
 
 
@@ -91,11 +91,11 @@ def velocity_method(chosen: Method) -> BlockDetector:
 
     Raises ValueError for any other.
     """
-    found = method(chosen)
-    if not isinstance(found, BlockDetector):
+    detector = method(chosen)
+    if not isinstance(detector, BlockDetector):
         able = ", ".join(VELOCITY_METHODS)
-        raise ValueError(f"{found.name} measures no velocity: choose from {able}")
-    return found
+        raise ValueError(f"{detector.name} measures no velocity: choose from {able}")
+    return detector
 
 
 def detector_at(reference: str) -> Detector | None:
@@ -110,20 +110,20 @@ def detector_at(reference: str) -> Detector | None:
     module, _, name = reference.partition(":")
     if not (module and name):
         return None
-    found = _attribute(reference, module, name)
-    if isinstance(found, Detector):
-        return found
-    if not callable(found):
+    function = _attribute(reference, module, name)
+    if isinstance(function, Detector):
+        return function
+    if not callable(function):
         raise ValueError(f"method {reference!r} is not a function; give one of two frames")
     try:
-        inspect.signature(found).bind(None, None)
+        inspect.signature(function).bind(None, None)
     except TypeError as problem:
         raise ValueError(
             f"method {reference!r}: {problem}; give a function of two frames"
         ) from None
     except ValueError:
         pass  # built in: unknown
-    return detector_from(found, reference)
+    return detector_from(function, reference)
 
 
 def _attribute(reference: str, module: str, name: str) -> Any:
@@ -133,8 +133,8 @@ def _attribute(reference: str, module: str, name: str) -> Any:
     try:
         return getattr(import_module(module), name)
     except (Exception, SystemExit) as problem:  # foreign code can raise any exception
-        said = " ".join(str(problem).split()) or type(problem).__name__
+        reason = " ".join(str(problem).split()) or type(problem).__name__
         raise ValueError(
-            f"method {reference!r}: {said}; give the name of a module, a colon and the name of "
+            f"method {reference!r}: {reason}; give the name of a module, a colon and the name of "
             "a function in it"
         ) from None

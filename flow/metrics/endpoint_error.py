@@ -115,9 +115,9 @@ def block_flow(
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
         raise ValueError(f"true_flow of shape {true_flow.shape}: give (T − 1, H, W, 2)")
-    for name, given in (("occluded", occluded), ("weights", weights)):
-        if given is not None and given.shape != shape:
-            raise ValueError(f"{name} of shape {given.shape}: give {shape}, as the flow")
+    for name, array in (("occluded", occluded), ("weights", weights)):
+        if array is not None and array.shape != shape:
+            raise ValueError(f"{name} of shape {array.shape}: give {shape}, as the flow")
     is_known = np.isfinite(true_flow).all(axis=-1)
     usable = is_known.astype(np.float64) if weights is None else is_known * weights
     if occluded is not None:
@@ -167,17 +167,19 @@ def truth_error(
     if among is not None:
         known &= among[:, 1:-1, 1:-1]
     truth = true_velocities[:, 1:-1, 1:-1][known]
-    found = velocities[:, 1:-1, 1:-1][known]
-    given = np.asarray(np.isfinite(found).all(axis=-1))
-    difference = found[given] - truth[given]
+    measured = velocities[:, 1:-1, 1:-1][known]
+    defined = np.asarray(np.isfinite(measured).all(axis=-1))
+    difference = measured[defined] - truth[defined]
     endpoint = np.hypot(*difference.T)
-    relative = _relative_errors(found, truth)
+    speed = np.hypot(*truth.T)
+    relative = np.hypot(*(measured - truth)[speed > 0].T) / speed[speed > 0]
+    relative = np.where(np.isnan(relative), 1.0, relative)
     return TruthError(
         blocks=len(truth),
-        missing_fraction=_of(np.mean, ~given),
+        missing_fraction=_of(np.mean, ~defined),
         endpoint_error_px=_of(np.mean, endpoint),
         endpoint_error_median_px=_of(np.median, endpoint),
-        angular_error_deg=_of(np.mean, _angles_deg(found[given], truth[given])),
+        angular_error_deg=_of(np.mean, _angles_deg(measured[defined], truth[defined])),
         bias_px=(_of(np.mean, difference[:, 0]), _of(np.mean, difference[:, 1])),
         spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
         relative_error_median=_of(np.median, relative),
@@ -211,20 +213,13 @@ def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Float
 
     (rows of blocks, H) and (columns of blocks, W).
     """
-    found = []
+    memberships = []
     starts, blocks = (grid.top, grid.left), (grid.rows, grid.columns)
     for full, resized, start, number in zip(shape, grid.shape, starts, blocks, strict=True):
         centers = (np.arange(full) + 0.5) * (resized / full)
         index = np.floor((centers - start) / grid.block_px)
-        found.append(np.where(index == np.arange(number)[:, np.newaxis], 1.0, 0.0))
-    return found[0], found[1]
-
-
-def _relative_errors(found: Floats, truth: Floats) -> Floats:
-    speed = np.hypot(*truth.T)
-    moving = speed > 0
-    relative = np.hypot(*(found - truth)[moving].T) / speed[moving]
-    return np.where(np.isnan(relative), 1.0, relative)
+        memberships.append(np.where(index == np.arange(number)[:, np.newaxis], 1.0, 0.0))
+    return memberships[0], memberships[1]
 
 
 def angles_deg(first: Floats, second: Floats) -> Floats:

@@ -225,21 +225,22 @@ def error_curve(
     shape: tuple[int, int],
     metric: Metric,
     measured: MeasuredErrors,
-    asked: Mapping[int, float],
+    bits: Sequence[int],
+    confidence: float,
     key: Sequence[str | int],
 ) -> ErrorCurve:
     """Return a curve of frames (rows, columns) and its thresholds.
 
-    `asked`: bits of the thresholds, and the confidence level of their intervals.
+    `bits`: of the thresholds; `confidence`: level of their intervals.
 
     A key of a seed and names seeds the random numbers of the intervals, together with method,
     metric and bits.
     """
     seed, *names = key
     thresholds = {}
-    for bits, confidence in asked.items():
-        rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
-        thresholds[bits] = threshold(measured, 2.0**-bits, rng, confidence)
+    for n in bits:
+        rng = generator(int(seed), "threshold", *names, method.name, metric, n)
+        thresholds[n] = threshold(measured, 2.0**-n, rng, confidence)
     fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
     freedom = measured.degrees_of_freedom
     return ErrorCurve(

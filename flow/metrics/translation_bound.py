@@ -66,8 +66,8 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
 def spline_gradient(image: Floats) -> Floats:
     """Return the gradient (2, H, W) of the cubic spline through an image (H, W): along x, y."""
     places = [np.arange(size) for size in image.shape]
-    each = [CubicSpline(places[axis], image, axis=axis)(places[axis], 1) for axis in (1, 0)]
-    return np.stack(each)
+    slopes = [CubicSpline(places[axis], image, axis=axis)(places[axis], 1) for axis in (1, 0)]
+    return np.stack(slopes)
 
 
 def information_of(gradient: Floats, variance: Floats, grid: BlockGrid) -> Floats:
@@ -109,9 +109,9 @@ def median_endpoint_error(covariances: Floats) -> float:
     `covariances` (..., 2, 2): infinite ones count as errors beyond all measure. Returns px/frame;
     infinite when half of the covariances are.
     """
-    each = covariances.reshape(-1, 2, 2)
-    finite = each[np.isfinite(each).all(axis=(1, 2))]
-    share = len(finite) / max(len(each), 1)
+    matrices = covariances.reshape(-1, 2, 2)
+    finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
+    share = len(finite) / max(len(matrices), 1)
     if share <= 0.5:
         return float("inf")
     a, b = np.linalg.eigvalsh(finite).T

@@ -1,52 +1,16 @@
-"""Statistics of a template that determine the photons that motion detectors need.
+"""Power spectra of templates.
 
 A template (rows, columns) is a full turn: periodic in columns, not in rows. Natural scenes
-have power spectra that fall about as the square of frequency, and gradients with far heavier tails
-than a normal distribution (Ruderman and Bialek, Phys. Rev. Lett. 73, 814, 1994; Simoncelli and
-Olshausen, Annu. Rev. Neurosci. 24, 1193, 2001).
+have power spectra that fall about as the square of frequency (Ruderman and Bialek, Phys. Rev. Lett.
+73, 814, 1994).
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from megalopta.core.arrays import Floats
 
-FLAT_GRADIENT = 0.01
-"""Neighbors along a row that differ by less than this share of the mean count as flat."""
-
 _FIT_CYCLES_PER_PX = (0.02, 0.3)
 _RINGS = 24
-
-
-@dataclass(frozen=True)
-class ImageStatistics:
-    """Statistics of a template."""
-
-    contrast: float
-    """Standard deviation over the mean"""
-    spectrum_slope: float
-    """Exponent of the power spectrum over the radial frequency, 0.02 to 0.3 cycles/px"""
-    gradient_kurtosis: float
-    """Fourth moment over the squared second of differences along rows; 3 if normal"""
-    gradient_contrast: float
-    """RMS of those differences over the mean"""
-    flat_share: float
-    """Share of those differences below 1 % of the mean: a detector's response there is near zero,
-    and so is the denominator of a relative error"""
-
-
-def image_statistics(template: Floats) -> ImageStatistics:
-    """Statistics of a template (rows, columns), a full turn."""
-    relative = template / template.mean()
-    gradient = np.diff(relative, axis=1, append=relative[:, :1])
-    return ImageStatistics(
-        contrast=float(relative.std()),
-        spectrum_slope=fitted_slope(*power_spectrum(template)),
-        gradient_kurtosis=float(np.mean(gradient**4) / np.mean(gradient**2) ** 2),  # of mean 0
-        gradient_contrast=float(np.sqrt(np.mean(gradient**2))),
-        flat_share=float(np.mean(np.abs(gradient) < FLAT_GRADIENT)),
-    )
 
 
 def power_spectrum(template: Floats) -> tuple[Floats, Floats]:

@@ -59,14 +59,6 @@ class MixtureErrors(_Record, frozen=True):
     without_mixed: TruthErrors
 
 
-class RotationErrors(_Record, frozen=True):
-    """Errors of the camera's yaw rate."""
-
-    true_deg_s: FiniteFloat
-    ideal_deg_s: Number
-    counts_deg_s: Number
-
-
 class FlowRecord(_Record, frozen=True):
     """The errors of one method; the file holds `model_dump(exclude_unset=True)`."""
 
@@ -93,8 +85,6 @@ class FlowRecord(_Record, frozen=True):
     """Both, regardless of the configured treatment of mixed pixels"""
 
     truth_splits: SplitErrors | None = None
-    rotation: RotationErrors | None = None
-    """Errors of direction detectors, if the camera turns"""
 
     @property
     def median_error(self) -> float:

@@ -25,7 +25,6 @@ from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
-from megalopta.flow.wide_field import yaw_rates_deg_s
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
@@ -80,13 +79,12 @@ def _measure_exposure(
     advance: Callable[[int], object],
 ) -> list[Record]:
     """Write the responses of all methods and return their errors."""
-    shape, rates = opened["counts"].shape, yaw_rates_deg_s(settings.trajectory)
+    shape = opened["counts"].shape
     measurements = {
         name: SequenceMeasurement(
             METHODS[name],
             (shape[1], shape[2]),
             truths.get(name),
-            rates,
             default_warm_up(shape[0], [METHODS[name]]),
             settings.flow.saturated == "leave_out",
         )

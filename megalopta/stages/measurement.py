@@ -6,7 +6,7 @@ them too; these are compared with the perfect sensor only. Only sums of errors a
 blocks are kept, not the frames.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
 from megalopta.flow.metrics.response_error import METRICS, error_of, error_sums, for_json
-from megalopta.flow.wide_field import YawRateTest
 
 Record = dict[str, Any]
 Scaled = tuple[NDArray[Any], float]
@@ -58,8 +57,6 @@ class SequenceMeasurement:
     shape : (rows, columns)
     truth : BlockTruth or None
         For a detector that gives velocities.
-    rates : (T − 1,)
-        True yaw rates (deg/s).
     warm_up : int
         Frames in which the detector settles.
     leaves_out_saturated : bool
@@ -71,7 +68,6 @@ class SequenceMeasurement:
         detector: Detector,
         shape: tuple[int, int],
         truth: BlockTruth | None,
-        rates: Floats,
         warm_up: int,
         leaves_out_saturated: bool,
     ) -> None:
@@ -84,7 +80,6 @@ class SequenceMeasurement:
         self._velocities: dict[str, list[Floats]] = {}
         self._left_out: list[NDArray[np.bool_]] = []
         self._last_saturated: NDArray[np.bool_] | None = None
-        self._yaw = YawRateTest(detector, rates, warm_up)
 
     def add(self, frames: SeenFrames) -> tuple[Floats, Floats]:
         """Add the next frames; return the responses to their means and to the counts."""
@@ -103,7 +98,6 @@ class SequenceMeasurement:
             self._left_out.append(left_out)
             for name, velocities in answers.items():
                 self._velocities.setdefault(name, []).append(velocities)
-        self._yaw.add(ideal, noisy)
         return ideal, noisy
 
     def record(self) -> Record:
@@ -114,8 +108,6 @@ class SequenceMeasurement:
             record[name] = {metric: for_json(error_of(sums, metric)) for metric in METRICS}
         if self._truth is not None:
             record |= self._against_truth(self._truth)
-        if rotation := self._yaw.result():
-            record["rotation"] = for_json(asdict(rotation))
         return record
 
     def _saturated(self, saturated: NDArray[np.bool_], ideal: Floats) -> NDArray[np.bool_]:

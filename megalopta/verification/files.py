@@ -90,7 +90,7 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     known |= {tree.root / name for name in _OWN}
     for top in tree.root.iterdir():
         if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
-            for path in sorted(set(files_in([top])) - known):
+            for path in sorted(set(files.files_in([top])) - known):
                 found.append(FileFault(path, _STRANGE, "move it elsewhere"))
     return found
 

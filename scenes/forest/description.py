@@ -173,9 +173,9 @@ class Forest(SceneDescription, frozen=True):
 
     @model_validator(mode="before")
     @classmethod
-    def _take_preset(cls, given: Any) -> Any:
-        name = given.get("preset") if isinstance(given, Mapping) else None
-        return {**PRESETS[name], **given} if isinstance(name, str) and name in PRESETS else given
+    def _take_preset(cls, fields: Any) -> Any:
+        name = fields.get("preset") if isinstance(fields, Mapping) else None
+        return {**PRESETS[name], **fields} if isinstance(name, str) and name in PRESETS else fields
 
     wind: Wind | None = None
     """Wind that makes trees and bushes sway; null: calm."""

@@ -208,12 +208,12 @@ def laid(
     """
     lying = {each.asset for each in placements if each.kind == LITTER}
     specimens = grow_specimens(seed, lying)
-    found: list[Placement] = []
+    relaid: list[Placement] = []
     assets: dict[str, Asset] = {}
     rng = generator(seed, "litter that stays")
     for index, placement in enumerate(placements):
         if placement.kind != LITTER:
-            found.append(placement)
+            relaid.append(placement)
             continue
         leaves = specimens[placement.asset]["leaf"]
         linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
@@ -227,5 +227,5 @@ def laid(
         if len(leaves.faces):
             name = f"{placement.asset} {index}"
             assets[name] = Asset({PLANTS[LITTER].part("leaf"): leaves.to_mesh()})
-            found.append(replace(placement, asset=name))
-    return tuple(found), assets
+            relaid.append(replace(placement, asset=name))
+    return tuple(relaid), assets

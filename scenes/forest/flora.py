@@ -305,9 +305,9 @@ class Flora:
     @classmethod
     def of(cls, plants: Iterable[Woody]) -> "Flora":
         """Return the flora of some trees and bushes, with all small plants."""
-        given = list(plants)
-        trees = by_name(*(plant for plant in given if plant.layer is None))
-        return cls(trees, by_name(*(plant for plant in given if plant.layer)))
+        woody = list(plants)
+        trees = by_name(*(plant for plant in woody if plant.layer is None))
+        return cls(trees, by_name(*(plant for plant in woody if plant.layer)))
 
     @cached_property
     def layers(self) -> Mapping[str, Layer]:

@@ -4,7 +4,6 @@ An entry has the fields of `flora.yaml`. With `like`, it names a species of this
 only what differs. Numbers are bounded: a file may come from a stranger.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -69,12 +68,12 @@ class OwnSpecies(Record, frozen=True):
 
     @model_validator(mode="before")
     @classmethod
-    def _changes_another(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping) or "like" not in given:
-            return given
-        if not isinstance(like := given["like"], str) or like not in ENTRIES:
+    def _changes_another(cls, fields: Any) -> Any:
+        if not isinstance(fields, Mapping) or "like" not in fields:
+            return fields
+        if not isinstance(like := fields["like"], str) or like not in ENTRIES:
             raise ValueError(f"like: no species {quoted(like)!r}; use one of {', '.join(ENTRIES)}")
-        changes = {key: value for key, value in given.items() if key != "like"}
+        changes = {key: value for key, value in fields.items() if key != "like"}
         return merged(ENTRIES[like], changes)
 
     @field_validator("bark", "leaf")
@@ -82,12 +81,16 @@ class OwnSpecies(Record, frozen=True):
     def _are_known(cls, names: tuple[str, str], validation: ValidationInfo) -> tuple[str, str]:
         known = LEAVES if validation.field_name == "leaf" else (*REFLECTANCES, *LEAVES)
         most = 1.0 if validation.field_name == "leaf" else 2.0
-        for each in names:
-            name, _, factor = each.partition(" * ")
+        for description in names:
+            name, _, factor = description.partition(" * ")
             if name not in known:
-                raise ValueError(f"{quoted(each)!r} is unknown; use one of {', '.join(known)}")
+                raise ValueError(
+                    f"{quoted(description)!r} is unknown; use one of {', '.join(known)}"
+                )
             if not 0 < _number(factor or "1") <= most:
-                raise ValueError(f"{quoted(each)!r}: give a factor above 0, at most {most:g}")
+                raise ValueError(
+                    f"{quoted(description)!r}: give a factor above 0, at most {most:g}"
+                )
         return names
 
     @model_validator(mode="after")
@@ -136,15 +139,15 @@ def _number(text: str) -> float:
         return 0.0
 
 
-def _read(given: Any, validation: ValidationInfo) -> Any:
-    if not isinstance(given, str):
-        return given
-    path = named_path(given, folder_of(validation))
+def _read(source: Any, validation: ValidationInfo) -> Any:
+    if not isinstance(source, str):
+        return source
+    path = named_path(source, folder_of(validation))
     with unreadable(path):
-        found = strict_yaml.load(read_text(path))
-    if not isinstance(found, Mapping):
+        entries = strict_yaml.load(read_text(path))
+    if not isinstance(entries, Mapping):
         raise ValueError(f"{path}: no mapping of names to species; give at least one")
-    return found
+    return entries
 
 
 def _named(species: dict[str, OwnSpecies]) -> dict[str, OwnSpecies]:
@@ -167,16 +170,15 @@ SpeciesByName = Annotated[
 
 def flora_of(species: Mapping[str, OwnSpecies]) -> Flora:
     """Return the plants of this program and species of the user's own."""
-    plain = {name: each.model_dump(mode="json") for name, each in species.items()}
-    return _flora(json.dumps(plain))
+    return _flora(tuple(species.items()))
 
 
 @lru_cache(maxsize=8)
-def _flora(species: str) -> Flora:
-    own = json.loads(species)
-    if not own:
+def _flora(species: tuple[tuple[str, OwnSpecies], ...]) -> Flora:
+    if not species:
         return FLORA
     named = (
-        replace(woody(name, each), variety=digest(json.dumps(each))) for name, each in own.items()
+        replace(woody(name, kind.model_dump(mode="json")), variety=digest(kind.model_dump_json()))
+        for name, kind in species
     )
     return Flora.of([*FLORA.trees.values(), *FLORA.bushes.values(), *named])

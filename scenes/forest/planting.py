@@ -145,8 +145,8 @@ class Planting:
         points = self._beside_trail(points, 0.0)
         bushes = self.flora.bushes.items()
         low = {name for name, bush in bushes if bush.shape.height_m < CLOSING_M}
-        own = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
-        shares = own or THICKET
+        wanted = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
+        shares = wanted or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
         plants = [self.flora.plants[kind] for kind in kinds]

@@ -68,8 +68,10 @@ def grown(
     deep as their species'.
     """
     levels = (lod.name for lod in lods)
-    own = [plant.variety] if isinstance(plant, Woody) and plant.variety else []
-    store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels, *own)
+    variety = [plant.variety] if isinstance(plant, Woody) and plant.variety else []
+    store = store_of(
+        "plant", seed, plant.name, number, fullness, str(bark_relief), *levels, *variety
+    )
     if kept := store.read():
         fields_of: list[dict[str, dict[str, NDArray[np.generic]]]] = [{} for _ in lods]
         for name, values in kept.items():
@@ -85,16 +87,16 @@ def grown(
         individual = replace(individual, fullness=fullness)
         if bark_relief and (relief := individual.shape.relief):
             individual = individual.carved(bark_relief, texture(seed, relief.pattern))
-    found = list(individual.grow(lods, rng))
+    organs_of = list(individual.grow(lods, rng))
     arrays = {
         f"{level}/{organ}/{field}": values
-        for level, organs in enumerate(found)
+        for level, organs in enumerate(organs_of)
         for organ, surface in organs.items()
         for field in _FIELDS
         if (values := getattr(surface, field)) is not None
     }
     store.write(arrays)
-    return found
+    return organs_of
 
 
 @lru_cache(maxsize=2 * len(TEXTURES))
@@ -109,9 +111,9 @@ def texture(seed: int, pattern: str) -> NDArray[np.float32]:
     return weight
 
 
-def store_of(*what: str | int) -> ArrayStore:
+def store_of(*values: str | int) -> ArrayStore:
     """Return the cache for arrays that depend on some values and on the code that makes forests."""
-    return ArrayStore(cache_folder() / "plants", digest(_model(), repr(what)), _MOST_BYTES)
+    return ArrayStore(cache_folder() / "plants", digest(_model(), repr(values)), _MOST_BYTES)
 
 
 @cache
@@ -160,16 +162,18 @@ def grow_specimens(
     """
     ordered = sorted(
         map(specimens_of(flora).__getitem__, names),
-        key=lambda each: (each.plant.name, each.number, LODS.index(each.lod)),
+        key=lambda specimen: (specimen.plant.name, specimen.number, LODS.index(specimen.lod)),
     )
-    found: dict[str, Organs] = {}
-    for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
+    organs_of: dict[str, Organs] = {}
+    for (kind, number), group in groupby(
+        ordered, lambda specimen: (specimen.plant.name, specimen.number)
+    ):
         individual, plant = list(group), flora.plants[kind]
         full = fullness if isinstance(plant, Woody) else 1
-        lods = [each.lod for each in individual]
+        lods = [specimen.lod for specimen in individual]
         levels = grown(seed, plant, number, lods, full, bark_relief)
-        found.update(zip((each.name for each in individual), levels, strict=True))
-    return found
+        organs_of.update(zip((specimen.name for specimen in individual), levels, strict=True))
+    return organs_of
 
 
 def plant_assets(
@@ -264,12 +268,12 @@ def _leaf_area(
 ) -> float:
     """Return the area of the leaves of woody plants above a ring around a path (m²)."""
     total = 0.0
-    ordered = sorted(placements, key=lambda each: each.asset)
-    for name, group in groupby(ordered, lambda each: each.asset):
+    ordered = sorted(placements, key=lambda placement: placement.asset)
+    for name, group in groupby(ordered, lambda placement: placement.asset):
         members = list(group)
         if name not in specimens or members[0].kind in SMALL:
             continue
-        to_world = np.stack([each.to_world for each in members])
+        to_world = np.stack([placement.to_world for placement in members])
         leaves = specimens[name]["leaf"]
         faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
         points = np.asarray(leaves.vertices[faces].mean(axis=1))

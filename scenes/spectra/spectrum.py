@@ -66,8 +66,8 @@ class Spectrum:
         known_nm: tuple[float, float] | None = None,
     ) -> "Spectrum":
         """Return the spectrum of values (n,) at wavelengths (n,)."""
-        given = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
-        at_nm, values_there = map(tuple, given)
+        tables = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
+        at_nm, values_there = map(tuple, tables)
         return cls(at_nm, values_there, known_nm)
 
     def __call__(self, wavelength_nm: ArrayLike) -> Floats:

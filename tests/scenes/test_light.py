@@ -7,14 +7,13 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
+from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory, twilight
 from megalopta.scenes.cloudy_sky import under_clouds
 from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.light import (
     GALACTIC_POLE,
     ROWS,
     sky_shape,
-    twilight_sky,
 )
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement
@@ -284,7 +283,7 @@ def test_twilight_on_a_plane_is_what_almanacs_say_of_a_zenith_as_measured():
     directions = np.stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], axis=-1
     )
-    lux = 1.07 * twilight_sky(directions, 0.0).mean()
+    lux = 1.07 * twilight.sky(directions, 0.0).mean()
     # Tables differ by a third; the share that was scattered more than once is known to a fifth.
     assert lux == pytest.approx(3.4 * 10 ** (-0.4 / 2.2), rel=0.35)
 

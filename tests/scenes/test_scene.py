@@ -10,16 +10,9 @@ from megalopta.scenes import Haze, MovingObject, Scene, ToneCurve, preview
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Tour
 from megalopta.scenes.moving_objects import with_objects
-from megalopta.scenes.scene import Asset, Placement
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 BOX = trimesh.creation.box((1, 1, 1))
-
-
-def test_triangles_are_counted_as_placed():
-    placements = tuple(Placement("box", "box", np.eye(4)) for _ in range(3))
-    scene = Scene({"m": Material(flat(0.5))}, {"box": Asset({"m": BOX})}, placements)
-    assert scene.triangle_count == 3 * 12
 
 
 WEIGHT = np.zeros((2, 2), np.float32)

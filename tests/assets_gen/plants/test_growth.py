@@ -56,12 +56,6 @@ def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
     assert plant.wood.vertices[:, 2].min() < -0.3
 
 
-def test_wood_is_a_tenth_to_a_third_of_a_tree_s_area(kind, plant):
-    # Half of its surface; stands, whose trees lose some leaves, are held to field values elsewhere.
-    wood = plant.wood.area / 2
-    assert kind not in TREES or 0.05 < wood / (wood + plant.leaves.area) < 1 / 3
-
-
 DISUSED = 0.3
 
 

@@ -41,7 +41,3 @@ def test_noise_full_of_ties_equals_brute_force(dtype, mean, block, radius):
 
 def test_thesis_radii_are_the_default():
     assert [thesis_radius_px((n, n)) for n in (60, 120, 180, 240)] == [3, 4, 6, 7]
-
-
-def test_frames_that_are_not_numbers_give_no_velocity():
-    assert np.isnan(BlockMatching().respond(np.full((2, 30, 30), np.nan))).all()

@@ -33,9 +33,3 @@ def test_texture_of_fewer_than_two_directions_has_no_velocity(axes):
     image = {(): np.ones((30, 30)), (1,): np.sin(y), (2,): np.sin(x)}[axes]
     frames = np.stack([image, np.roll(image, 1, axis=1)])
     assert np.isnan(ImageInterpolation().respond(frames)).all()
-
-
-def test_thesis_scores_the_horizontal_component():
-    velocities = np.zeros((3, 10, 10, 2))
-    assert ImageInterpolation().scored(velocities).shape == (3, 8, 8, 1)
-    assert ImageInterpolation(scored_components="xy").scored(velocities).shape == (3, 8, 8, 2)

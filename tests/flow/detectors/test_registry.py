@@ -4,7 +4,6 @@ import sys
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
 
@@ -79,13 +78,6 @@ def test_darkness_has_no_velocity(name):
     assert np.isnan(METHODS[name].respond(np.zeros((3, 60, 60), np.uint16))[:, 1:]).all()
 
 
-@pytest.mark.parametrize("detector", DETECTORS)
-def test_parameters_survive_a_round_trip_and_nonsense_does_not(detector):
-    assert type(detector).model_validate_json(detector.model_dump_json()) == detector
-    with pytest.raises(ValidationError):
-        type(detector)(speed=3)
-
-
 @pytest.mark.parametrize(
     "name",
     [
@@ -103,7 +95,7 @@ def test_detectors_that_tell_direction_answer_with_its_sign(name):
     right, left = (
         np.nanmean(x_of(detector.respond(each)[-3:])) for each in (frames, frames[..., ::-1])
     )
-    assert (right > 0 > left) == detector.tells_direction
+    assert (right > 0 > left) == (name not in ("NDM", "NDS", "IM"))
 
 
 def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):

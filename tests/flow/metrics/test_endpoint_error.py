@@ -1,6 +1,5 @@
 """Averaging of the true flow over blocks, and the errors against it."""
 
-import json
 import math
 
 import numpy as np
@@ -75,24 +74,6 @@ def test_bias_spread_and_outliers_are_those_of_the_differences():
     assert error.spread_px == pytest.approx(tuple(inside.std(axis=0)))
     assert error.endpoint_error_median_px == pytest.approx(np.median(lengths))
     assert error.outlier_fraction == pytest.approx(np.mean(lengths > 0.25 * math.sqrt(5)))
-
-
-def test_without_any_known_block_the_error_is_undefined_and_still_json():
-    error = truth_error(np.zeros((1, 4, 4, 2)), np.full((1, 4, 4, 2), np.nan))
-    assert error.blocks == 0
-    fields = json.loads(json.dumps(error.to_dict(), allow_nan=False))
-    assert fields["endpoint_error_px"] is None
-    assert fields["bias_px"] == [None, None]
-
-
-def test_shapes_that_do_not_match_are_refused():
-    grid = block_grid((60, 60))
-    with pytest.raises(ValueError, match=r"give \(T − 1, H, W, 2\)"):
-        block_flow(np.zeros((60, 60, 2)), grid)
-    with pytest.raises(ValueError, match="occluded of shape"):
-        block_flow(uniform((1, 0)), grid, np.zeros((1, 120, 120), bool))
-    with pytest.raises(ValueError, match="differ in shape"):
-        truth_error(np.zeros((1, 10, 10, 2)), np.zeros((2, 10, 10, 2)))
 
 
 def velocities(seed):

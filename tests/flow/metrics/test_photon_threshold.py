@@ -69,9 +69,3 @@ def test_interval_covers_the_truth_as_often_as_it_promises(repeats):
 )
 def test_flux_prints_with_three_digits(flux, text):
     assert format_flux(flux) == text
-
-
-@pytest.mark.parametrize("fluxes", [[1e3], [1e4, 1e3], [1e3, 1e3]])
-def test_fluxes_that_do_not_grow_are_refused(fluxes):
-    with pytest.raises(ValueError, match="ascending order"):
-        threshold(MeasuredErrors(fluxes, fluxes, fluxes, 3), 0.25, np.random.default_rng(0))

@@ -47,26 +47,6 @@ def test_temporal_pooling_is_the_sum_over_a_sliding_window(dtype, window):
     np.testing.assert_allclose(sum_frames(frames, window), expected)
 
 
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        ({"template": np.ones((30, 20))}, "at least as many columns as rows"),
-        ({"template": -template()}, "negative or non-finite"),
-        ({"template": template() * np.nan}, "negative or non-finite"),
-        ({"size": 40}, "size 40 × 40 px"),
-    ],
-)
-def test_what_is_no_stimulus_is_refused(changes, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        MovingTemplate(**{"template": template(), "velocity_px": 1, "size": 20, **changes})
-    dark = template(30, 90)
-    dark[:, 30:] = 0
-    with pytest.raises(ValueError, match="is black"):
-        MovingTemplate(dark, 10, 20).light(0, 9)
-    with pytest.raises(ValueError, match="length_px -1"):
-        motion_blurred(template(), -1)
-
-
 @pytest.mark.parametrize("kind", ["nearest", "area"])
 def test_light_per_sequence_is_one_on_average_over_a_full_turn_and_differs_by_one_factor(kind):
     pattern = template(30, 90)
@@ -110,20 +90,6 @@ def test_counts_of_a_frame_do_not_depend_on_the_chunk_it_is_drawn_in():
     np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
-@pytest.mark.parametrize(
-    ("bad", "sentence"),
-    [
-        (-frames(), "negative or non-finite"),
-        (frames() * np.nan, "negative or non-finite"),
-        (np.ones((4, 4)), "give a sequence"),
-        (np.ones((0, 4, 4)), "give a sequence"),
-    ],
-)
-def test_frames_that_are_no_light_are_refused(bad, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        frame_light(bad)
-
-
 @pytest.mark.parametrize("size", [60, (7, 100)])
 def test_area_keeps_the_total_of_each_frame(size):
     before = frames((3, 251, 251))
@@ -145,12 +111,6 @@ def test_nearest_takes_the_pixel_at_each_center(size):
     np.testing.assert_array_equal(resize(frames((3, 251, 251)), size), expected)
 
 
-@pytest.mark.parametrize("size", [0, 252, (10, 300), (0, 5)])
-def test_enlarging_and_vanishing_are_refused(size):
-    with pytest.raises(ValueError, match="choose sizes from 1 px to that of the frames"):
-        resize(frames((3, 251, 251)), size)
-
-
 def test_five_taps_are_two_running_means_of_three():
     row = np.random.default_rng(0).poisson(40, (7, 1, 16))
     # a triangle is a box convolved with itself
@@ -160,7 +120,21 @@ def test_five_taps_are_two_running_means_of_three():
     np.testing.assert_allclose(triangular_pool(row), twice, rtol=1e-12)
 
 
-@pytest.mark.parametrize("taps", [4, 0, -1, 17])
-def test_kernel_without_a_middle_or_too_long_is_refused(taps):
-    with pytest.raises(ValueError, match=f"taps {taps} for rows of 16 px: use an odd number"):
-        triangular_pool(np.ones((3, 16)), taps)
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: frame_light(-frames()), "negative or non-finite"),
+        (lambda: frame_light(frames() * np.nan), "negative or non-finite"),
+        (lambda: frame_light(np.ones((4, 4))), "give a sequence"),
+        (lambda: resize(frames(), (5, 70)), "choose sizes from 1 px to that of the frames"),
+        (lambda: triangular_pool(np.ones((3, 16)), 4), "taps 4 for rows of 16 px: use an odd"),
+        (lambda: MovingTemplate(np.ones((30, 20)), 1, 20), "as many columns as rows"),
+        (lambda: MovingTemplate(-template(), 1, 20), "negative or non-finite"),
+        (lambda: MovingTemplate(template(), 1, 40), "size 40 × 40 px"),
+        (lambda: MovingTemplate(np.eye(30, 90), 40, 20).light(0, 9), "is black"),
+        (lambda: motion_blurred(template(), -1), "length_px -1"),
+    ],
+)
+def test_what_is_no_light_is_refused(call, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        call()

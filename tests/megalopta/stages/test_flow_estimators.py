@@ -47,15 +47,3 @@ def test_estimators_find_the_motion_of_rendered_dots(name, records):
     truth = records[name]["truth"]
     assert truth["ideal"]["relative_error_median"] < 0.25
     assert truth["counts"]["relative_error_median"] < 0.25
-
-
-def test_yaw_rate_is_found_by_all_that_tell_directions(records):
-    blind = {"NDM", "NDS", "IM"}
-    told = {name for name, record in records.items() if "rotation" in record}
-    assert told == set(QUICK) - blind
-    for name in ("LK", "FB", "DIS", "PC"):
-        rotation = records[name]["rotation"]
-        assert rotation["true_deg_s"] == pytest.approx(6)
-        # Light enough that photons do not matter. LK now and then takes one dot for another, in
-        # blocks that did not while the weights were learned.
-        assert rotation["counts_deg_s"] < (0.3 if name == "LK" else 0.1) * 6

@@ -14,7 +14,6 @@ from megalopta.scenes.spectra.outdoors import (
     MOONLESS_ZENITH,
     OVERCAST,
     QUARTER_MOON,
-    S10,
     STARLIGHT,
     SUN,
     TWILIGHT,
@@ -95,11 +94,6 @@ def test_color_is_that_of_a_layer_added_up_of_thin_ones(wavelength_nm, absorptio
 
 def test_clouds_are_gray_where_the_eye_sees():
     assert OVERCAST(np.arange(380, 780)).min() > 0.99
-
-
-def test_unit_is_a_star_of_tenth_magnitude_per_square_degree():
-    # V: 3.631e-8 W·m⁻²·µm⁻¹ at magnitude 0 (Bessell et al. 1998), here per nm
-    assert 3.631e-11 * 1e-4 / math.radians(1) ** 2 == pytest.approx(S10, rel=2e-3)
 
 
 def test_zodiacal_light_is_the_mean_of_its_latitudes():

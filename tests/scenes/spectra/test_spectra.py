@@ -92,11 +92,6 @@ def test_what_has_the_spectrum_of_the_light_is_neutral():
     np.testing.assert_allclose(pixel, pixel.mean(), rtol=1e-4)
 
 
-def test_invisible_bands_show_as_gray():
-    pixel = linear_srgb(np.array([[2.0, 4.0]]), ((900, 1000), (1000, 1100)), flat(1.0))
-    np.testing.assert_allclose(pixel, 3.0)
-
-
 def test_y_matching_function_is_the_luminous_efficiency():
     grid = np.arange(400.0, 701.0)
     # The Gaussian fit is good to about 1 % of the peak.

@@ -1,0 +1,1 @@
+"""The likelihood of counts, and the flow that maximizes it."""

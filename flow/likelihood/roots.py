@@ -1,0 +1,127 @@
+"""Roots of smoothed counts, on a pyramid of scales: what the likelihood compares.
+
+**Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
+the most likely shift of n frames that agree is that of greatest correlation after a filter
+S/(S + N/n). Natural textures have edges, so S/N goes as q·f⁻³ with q = (variance − mean)/mean, the
+index of dispersion less 1, and the filter's width in pixels as (n·q)^(−1/3). Its shape hardly
+matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one photographed forest
+at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes errors by a few percent.
+
+**Scales.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. The
+roots of the counts have the same noise at any brightness (Anscombe 1948).
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, median_filter, rank_filter, spline_filter
+
+from megalopta.core.arrays import Floats
+from megalopta.core.compiling import compiled
+
+NODE_PX = 4
+"""Distance of the nodes of a motion"""
+MOST_NOISE = 2.0
+"""Mean squared difference of aligned frames, over that of noise, above which evidence is reduced"""
+
+_SMALLEST_LEVEL_PX = 12
+_BLURS_PX = 0.7, 2.5
+"""Least and most blur"""
+_BLUR_AT_EQUALITY_PX = 0.6
+"""Best standard deviation for two frames with as much texture as shot noise, q = 1"""
+_FAINTEST = 1e-6
+"""Smaller q are raised to this: without visible texture, the widest blur is right"""
+_STANDS_OUT = 3 * 2**0.5
+"""Distance of roots of counts that shot noise alone exceeds once in 10⁹ pairs of pixels"""
+
+
+class Level(NamedTuple):
+    """Frames at one scale."""
+
+    roots: Floats
+    """(n, H, W), smoothed"""
+    splines: Floats
+    """Their cubic splines"""
+    noise: float
+    """Variance of the roots"""
+    bins: int
+    """Pixels of the frames per pixel of this level, along a side"""
+
+
+def suited_blur_px(excess: Floats, frames: int) -> Floats:
+    """Return the standard deviation of the best blur (px), of any shape.
+
+    `excess`: q of the unsmoothed counts; `frames`: number of frames to align.
+    """
+    ratios = np.maximum(excess, _FAINTEST) * frames / 2
+    return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
+
+
+def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
+    """Return the variance of roots of smoothed counts due to shot noise, at any brightness.
+
+    A quarter of a variance equal to the mean, after smoothing.
+
+    `smooth`: smooths (H, W); reaches 15 px at most.
+    """
+    impulse = np.zeros((31, 31))
+    impulse[15, 15] = 1
+    return float((smooth(impulse) ** 2).sum() / 4)
+
+
+def has_dark_frame(counts: NDArray[Any]) -> bool:
+    """Return whether one of frames (n, H, W) has no photon, so that nothing aligns it."""
+    return not counts.any(axis=(1, 2)).all()
+
+
+def without_defects(counts: NDArray[Any]) -> Floats:
+    """Return frames (n, H, W) with the median of their surroundings at hot and dead pixels.
+
+    Such a pixel is brighter than all but one of its eight neighbors, or darker, in every frame, by
+    more than noise, and alike in all of them. What moves is so in one frame, other bright specks
+    that replace it differ, and a line has two neighbors alike.
+    """
+    frames, around = counts.astype(np.float64), (1, 3, 3)
+    roots = np.sqrt(frames)
+    above = (roots - rank_filter(roots, -3, around)).min(axis=0)
+    below = (rank_filter(roots, 2, around) - roots).min(axis=0)
+    stands_out = np.maximum(above, below) > _STANDS_OUT
+    stands_out &= np.ptp(roots, axis=0) < _STANDS_OUT
+    if not stands_out.any():
+        return frames
+    return np.where(stands_out, median_filter(frames, around), frames)
+
+
+def pyramid(counts: Floats) -> Iterator[Level]:
+    """Yield frames (n, H, W) from the coarsest level to the finest."""
+    binned = [counts]
+    while min(binned[-1].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
+        binned.append(halved(binned[-1]))
+    for power, frames in reversed(list(enumerate(binned))):
+        yield level_of(frames, 2**power)
+
+
+def halved(frames: Floats) -> Floats:
+    """Return frames (n, H, W) binned by 2 × 2 px; an odd row or column is cut."""
+    height, width = (side // 2 for side in frames.shape[1:])
+    even = frames[:, : 2 * height, : 2 * width]
+    return np.asarray(even.reshape(-1, height, 2, width, 2).sum(axis=(2, 4)))
+
+
+def level_of(frames: Floats, bins: int = 1) -> Level:
+    """Return frames (n, H, W), binned by `bins`, as roots and splines."""
+    excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
+    smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
+    roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
+    splines = np.stack([spline_filter(root, 3, mode="nearest") for root in roots])
+    return Level(roots, splines, root_noise(smooth), bins)
+
+
+@compiled
+def misfit(squares: Any) -> Any:
+    """Return squared differences over their noise, of any shape; of large ones the logarithm."""
+    excess = np.maximum(1.0, squares / MOST_NOISE)
+    return np.minimum(squares, MOST_NOISE) + MOST_NOISE * np.log(excess)

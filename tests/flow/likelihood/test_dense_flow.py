@@ -1,0 +1,177 @@
+"""Poisson flow: evidence of aligned frames, search, the system of nodes, and its covariance."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from megalopta.flow.likelihood.dense_flow import (
+    evidence,
+    most_likely,
+    node_covariance,
+    with_large_motion,
+)
+from megalopta.flow.likelihood.roots import NODE_PX, level_of
+
+from ..textures import drifting_texture
+
+SHAPE = (60, 72)
+TIMES = np.arange(4.0) - 1
+STEADY = TIMES[np.newaxis]
+PATTERNS = np.stack((TIMES, TIMES * (TIMES - 1) / 2))
+"""A velocity, and its change from frame to frame"""
+
+
+def drawn(photons, texture, seed=0):
+    light = (1 + 0.3 * texture / texture.std()).clip(0.05)
+    return np.random.default_rng(seed).poisson(photons * light).astype(float)
+
+
+def drifting(photons, blur_px=2.0):
+    return drawn(photons, drifting_texture((1.2, -0.7), 4, SHAPE, blur_px=blur_px))
+
+
+def places(velocity, change=(0, 0)):
+    pixels = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    moved = PATTERNS.T @ np.array((velocity[::-1], change[::-1]))
+    return [pixels + each[:, np.newaxis, np.newaxis] for each in moved]
+
+
+def squares(level, motion, inside):
+    """Twice the squared differences of the roots, aligned, from their mean."""
+    aligned = np.stack(
+        [
+            map_coordinates(splines, where, order=3, mode="nearest", prefilter=False)
+            for splines, where in zip(level.splines, places(*motion), strict=True)
+        ]
+    )
+    return 2 * ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)[inside].sum()
+
+
+@pytest.mark.parametrize("pattern", [0, 1])
+def test_slope_is_that_of_the_squared_differences(pattern):
+    level = level_of(drifting(3000, blur_px=4.0))
+    at = np.array([[1.2, -0.7], [0, 0]])
+    at[pattern] += (-0.03, 0.02)
+    aligned = evidence(level, PATTERNS, places(*at))
+    inside = np.zeros(SHAPE, bool)
+    inside[8:-8, 8:-8] = True
+    assert aligned.misfit < 2  # so that all evidence counts whole
+    for axis in range(2):
+        step = np.zeros((2, 2))
+        step[pattern, axis] = 0.01
+        rise = squares(level, at + step, inside) - squares(level, at - step, inside)
+        # A difference of pixels is the gradient of a wave of 2π·4 px to 1 %. That of the mean leaves
+        # out what the noise of each frame shares with its own gradient.
+        slope = aligned.slope[pattern, axis][inside].sum()
+        assert slope == pytest.approx(-rise / 0.02, rel=0.08)
+
+
+def test_aligned_frames_differ_by_their_noise():
+    aligned = evidence(level_of(drifting(50)), STEADY, places((1.2, -0.7)))
+    # roots of means of 50 have a quarter of a photon's variance to 1 %, interpolation takes some
+    assert aligned.misfit == pytest.approx(1, abs=0.15)
+    assert evidence(level_of(drifting(50)), STEADY, places((-1.2, 0.7))).misfit > 2
+
+
+def test_a_frame_of_twice_the_light_is_equal_evidence():
+    counts = drifting(200)
+    brighter = counts * np.array([1, 2, 1, 1])[:, np.newaxis, np.newaxis]
+    same, twice = (
+        evidence(level_of(each), STEADY, places((1.2, -0.7))) for each in (counts, brighter)
+    )
+    # Equal brightness of all, that of the mean root: ((3 + √2)/4)² = 1.22. The slope at the right
+    # motion is noise, the information is not.
+    assert twice.information.sum() == pytest.approx(1.22 * same.information.sum(), rel=0.05)
+    assert twice.misfit == pytest.approx(same.misfit, rel=0.3)
+
+
+def system(shape, seed=0):
+    """Positive definite information, a slope, and weights of links."""
+    rng = np.random.default_rng(seed)
+    sides = rng.normal(size=(2, 2, *shape))
+    information = np.stack(
+        [(sides[:, i] * sides[:, j]).sum(0) for i, j in ((0, 0), (0, 1), (1, 1))]
+    )
+    weights = rng.random((shape[0], shape[1] - 1)), rng.random((shape[0] - 1, shape[1]))
+    return information, rng.normal(size=(2, *shape)), weights
+
+
+def test_solution_minimizes_the_energy():
+    (xx, xy, yy), slope, (right, down) = system((3, 4))
+
+    def energy(u):
+        u = u.reshape(slope.shape)
+        of_evidence = xx * u[0] ** 2 + 2 * xy * u[0] * u[1] + yy * u[1] ** 2
+        of_links = (right * np.diff(u, axis=2) ** 2).sum() + (down * np.diff(u, axis=1) ** 2).sum()
+        return (of_evidence.sum() + of_links) / 2 - (slope * u).sum()
+
+    solved = most_likely(np.stack((xx, xy, yy)), slope, (right, down), slope, None)[0].ravel()
+    # a quadratic form has equal, higher values on both sides of its minimum, along every axis
+    for step in 0.1 * np.eye(solved.size):
+        assert energy(solved + step) == pytest.approx(energy(solved - step), abs=1e-6)
+        assert energy(solved + step) > energy(solved)
+
+
+def test_a_system_is_solved_alike_from_factors_of_similar_and_of_very_different_ones():
+    shape = (12, 15)
+    _, slope, weights = system(shape)
+    rng = np.random.default_rng(0)
+    information = np.stack([1 + rng.random(shape), rng.random(shape) / 2, 1 + rng.random(shape)])
+    factors = None
+    for factor in (1.0, 1.3, 1e6):  # solved by factors, by conjugate gradients, by new factors
+        stiffer = tuple(factor * each for each in weights)
+        start = np.zeros_like(slope)
+        solved, factors = most_likely(information, slope, stiffer, start, factors)
+        alone, _ = most_likely(information, slope, stiffer, slope, None)
+        # residuals of 1e-6 of the slope, over information of 1 and more
+        np.testing.assert_allclose(solved, alone, atol=2e-6 * np.linalg.norm(slope))
+    assert np.ptp(solved, axis=(1, 2)).max() < 1e-4  # so stiff that all move alike
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (5, 3), (1, 4)])
+def test_covariances_are_blocks_of_the_inverse(shape):
+    """A column of the inverse solves the system for a unit slope, by other code."""
+    information, _, weights = system(shape)
+    covariance = node_covariance(information, weights)
+    for place in np.ndindex(shape):
+        for axis in range(2):
+            slope = np.zeros((2, *shape))
+            slope[(axis, *place)] = 1
+            column, _ = most_likely(information, slope, weights, slope, None)
+            # `most_likely` adds 1e-9 to the diagonal
+            here = covariance[(slice(axis, axis + 2), *place)]
+            np.testing.assert_allclose(here, column[(slice(None), *place)], rtol=1e-6)
+
+
+WIDE = (64, 80)
+NODES = (2, WIDE[0] // NODE_PX, WIDE[1] // NODE_PX)
+
+
+def square_over_ground(fast=(7, -3)):
+    """A ground at rest, and a square of 24 px with another motion, in two frames."""
+    texture, square = (
+        drifting_texture(velocity, 2, WIDE, blur_px=1.5, seed=seed)
+        for seed, velocity in enumerate(((0.0, 0.0), fast))
+    )
+    for frame in range(2):
+        inside = np.s_[frame, 24 + frame * fast[1] :, 20 + frame * fast[0] :]
+        texture[inside][:24, :24] = square[inside][:24, :24]
+    return level_of(drawn(30.0, texture))
+
+
+def test_a_fast_square_over_still_ground_is_found():
+    flow = with_large_motion(square_over_ground(), np.arange(2.0), np.zeros(NODES))
+    np.testing.assert_array_equal(flow[0, 7:11, 6:10], 7)
+    np.testing.assert_array_equal(flow[1, 7:11, 6:10], -3)
+    # the content of pixels that the square hides in the second frame may seem to move
+    far = np.ones(NODES[1:], bool)
+    far[3:14, 3:15] = False
+    assert not flow[:, far].any()
+
+
+def test_a_flow_that_is_right_moves_by_no_more_than_rounding():
+    right = np.zeros(NODES)
+    right[0, 6:12, 5:11], right[1, 6:12, 5:11] = 7.02, -2.98
+    flow = with_large_motion(square_over_ground(), np.arange(2.0), right)
+    assert np.abs(flow - right)[:, 7:11, 6:10].max() < 0.03
+    assert not flow[:, :3].any() and not flow[:, 14:].any()
