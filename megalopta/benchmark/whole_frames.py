@@ -34,6 +34,7 @@ import pandas as pd
 from megalopta.benchmark import clips as sources, table
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
+from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
@@ -48,10 +49,6 @@ from megalopta.render import Footage, open_footage
 from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-FAR_PX = 3.0
-"""Endpoint error from which a block counts as far off"""
-
-MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 SECONDS = "cpu_s"
 _SHARES = {
     "share_beyond_1_px": "over_1px_percent",
@@ -177,7 +174,7 @@ def _samples(
         for draw, flux in product(range(draws), fluxes):
             for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
                 known = np.isfinite(value)
-                case = metric, name, flux, "all", 1, 1, clip.name
+                case = metric, name, flux, "all", clip.name
                 rows.append((*case, value if known else 0.0, float(known)))
         after_scene()
     draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
