@@ -63,11 +63,6 @@ def records(rows: pd.DataFrame) -> Iterator[Any]:
     yield from rows.itertuples()
 
 
-def columns_of(rows: pd.DataFrame) -> dict[str, list[Any]]:
-    """Return the columns of a table as lists, by name."""
-    return {str(name): rows[name].tolist() for name in rows}
-
-
 def sums_of(rows: pd.DataFrame) -> Sums:
     """Return the sums of a table's rows, a unit each."""
     return Sums(rows["total"].to_numpy(float), rows["blocks"].to_numpy(float))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from megalopta.cli.command import (
     DATASET,
+    SCHEDULER,
     THREADS,
     VERBS,
     Verb,
@@ -212,7 +213,8 @@ def _cell(row: Any) -> str:
     REDO,
     switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
-    *THREADS,
+    THREADS,
+    SCHEDULER,
     settings=VerbSettings(("Configuration", "Sweep"), "benchmark", "dataset"),
     often=(
         *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
@@ -222,7 +224,7 @@ def _cell(row: Any) -> str:
 )
 def _photons(options: Namespace) -> object:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
-    unused = ("redo",) if is_sweep else _OF_SWEEPS
+    unused = ("redo", "scheduler") if is_sweep else _OF_SWEEPS
     for name in unused:
         if getattr(options, name):
             kind = "a dataset" if is_sweep else "a sweep"
@@ -235,12 +237,11 @@ def _photons(options: Namespace) -> object:
 
 def _run_sweep(options: Namespace) -> list[Path]:
     from megalopta.benchmark.trial import load_sweep
-    from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
+    from megalopta.reproduction.sweep_figure import reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    workers = Workers(options.workers, options.scheduler)
-    return reproduce_sweep(path.stem, sweep, out, workers)
+    return reproduce_sweep(path.stem, sweep, out, options.workers)
 
 
 @verb(
