@@ -1,7 +1,7 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -262,10 +262,11 @@ def _sequence(options: Namespace) -> Path:
     "benchmark submit",
     "score methods, or flow files of any program, on pictures as they are, without photons",
     option(
-        "flow",
+        "flows FLOW",
         "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
         "out as the truth is; or a method to run on the truth's pictures: a name such as DIS, "
-        "module:function or an ONNX file",
+        "module:function or an ONNX file; several are compared",
+        nargs="+",
     ),
     option(
         "--truth",
@@ -276,32 +277,27 @@ def _sequence(options: Namespace) -> Path:
     ),
     _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
-    option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
 )
-def _submit(options: Namespace) -> Iterator[Path]:
+def _submit(options: Namespace) -> Path:
     from rich.console import Console
 
-    from megalopta.benchmark.scores import (
-        add_entries,
-        board_table,
-        read_board,
-        score_submission,
-        score_table,
-    )
+    from megalopta.benchmark.scores import Scores, score_submission, score_table
     from megalopta.core import files
 
-    if options.leaderboard:
-        read_board(options.leaderboard)  # refuses a damaged one before the work
-    scores = score_submission(options.flow, options.truth, options.program, options.png_scale)
+    if options.program and len(options.flows) > 1:
+        raise UserError("benchmark submit: --program names one flow; give one, or omit it")
+    entries = [
+        entry
+        for flow in options.flows
+        for entry in score_submission(
+            flow, options.truth, options.program, options.png_scale
+        ).entries
+    ]
+    scores = Scores(entries=tuple(entries))
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    console = Console(width=_WIDTH, markup=False, emoji=False)
-    console.print(score_table(scores))
-    yield options.out
-    if options.leaderboard:
-        entries = add_entries(options.leaderboard, scores.overall)
-        console.print(board_table(entries, scores.entries[0].truth_hash))
-        yield options.leaderboard
+    Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
+    return Path(options.out)
 
 
 @verb(

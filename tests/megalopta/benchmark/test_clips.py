@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.clips import pairs_below, read_pair, true_flows
-from megalopta.benchmark.scores import add_entries, score_submission
+from megalopta.benchmark.scores import score_submission
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png
 
@@ -121,17 +121,3 @@ def test_scale_and_order_of_bytes_of_pfm(tmp_path):
     values = np.dstack([FLOW, FLOW[..., 0]])[::-1] / 2
     (tmp_path / "a.pfm").write_bytes(b"PF\n8 6\n2.0\n" + values.astype(">f4").tobytes())
     np.testing.assert_array_equal(read_flow(tmp_path / "a.pfm"), FLOW)
-
-
-def test_other_scores_of_one_name_do_not_replace_each_other(tmp_path):
-    save(tmp_path / "truth", write_kitti_png, "flow_occ/000000_10.png")
-    for name, error in (("one", 0), ("two", 1)):
-        write_flo(tmp_path / name / "000000_10.flo", FLOW + error)
-    board = tmp_path / "board.jsonl"
-    first, second = (
-        score_submission(tmp_path / name, tmp_path / "truth", "mine").overall
-        for name in ("one", "two")
-    )
-    assert len(add_entries(board, first)) == len(add_entries(board, first)) == 1
-    with pytest.raises(UserError, match=r"board\.jsonl has other scores of 'mine'.*--program"):
-        add_entries(board, second)
