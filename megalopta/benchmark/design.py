@@ -226,8 +226,9 @@ def designed(
             sensor = load_sensor(sensor) if is_file else preset(str(sensor))
         if sensor.filters.is_on:  # whose mosaic would count as texture that moves
             raise ValueError(f"sensor {sensor.name!r} has color filters; give one without a mosaic")
-        scene = leaves_scene(chosen, sensor)
-        if dataset:
+        if dataset is None:
+            scene = leaves_scene(chosen, sensor)
+        else:
             scene = _of_dataset(open_sequence(Path(dataset)))
         work = _Work(scene, chosen)
         names, values = tuple(chosen.varied), tuple(chosen.varied.values())

@@ -132,7 +132,8 @@ def _pairs_with_truth(options: Namespace) -> None:
 def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark import whole_frames
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
-    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, MEAN, METRICS
+    from megalopta.benchmark.table import MEAN
+    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
 
     reference = options.reference or _REFERENCE
     with ExitStack() as stack:

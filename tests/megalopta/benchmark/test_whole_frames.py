@@ -200,7 +200,10 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
         (["{root}/elsewhere"], "no such folder"),
         (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
         (["{picture}", "--no-truth"], "has one frame"),
-        (["{picture}", "{picture}", "{picture}", "--no-truth"], "3 paths; without truth"),
+        (
+            ["{picture}", "{picture}", "{picture}", "--no-truth"],
+            "3 paths of 3 frames; without truth",
+        ),
         (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
         (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
     ],
