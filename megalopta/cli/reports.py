@@ -88,11 +88,6 @@ def _report(options: Namespace) -> Iterator[Path]:
         choices=FRAME_KINDS,
         dest="kind",
     ),
-    switch(
-        "--rerun",
-        "also write view.rrd for Rerun's viewer: camera, points, light, counts, flow",
-        dest="with_rerun",
-    ),
 )
 def _view(options: Namespace) -> list[Path]:
     from megalopta.report.view import ViewOptions, view

@@ -33,7 +33,6 @@ _EXTRAS = {
     "ptufile": "timetags",
     "torch": "torch",
     "onnxruntime": "onnx",
-    "rerun": "rerun",
 }
 """Extra that installs a package."""
 

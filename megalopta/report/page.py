@@ -1,22 +1,21 @@
 """The report of a dataset: its opening with results, its light, its motion, and how it was made."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import EngFormatter
-from numpy.typing import NDArray
 
 from megalopta import __version__
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
-from megalopta.report import images, sections as html, style as svg
+from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
     ACCURATE,
     absent,
@@ -26,7 +25,6 @@ from megalopta.report.detectors import (
 )
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
-from megalopta.report.style import BLACK, BLUE
 from megalopta.report.text import (
     level_name,
     level_title,
@@ -41,7 +39,6 @@ from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
 _MOST_LEVELS = 4
-_SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
 
 _OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
@@ -58,6 +55,10 @@ _LIGHT = (
 _INSTANT = "Every frame is rendered at one instant, without motion blur."
 _PICTURE = (
     "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
+)
+_BUDGET = (
+    *("Sensor and light", "Photons on the pixel", "Detected", "Dark", "Expected"),
+    *("Signal-to-noise", "Saturated", "Rendering : shot noise"),
 )
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
@@ -135,17 +136,11 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield f"frames of {camera.width} × {camera.height} px", f"{trajectory.frames}"
     for what, count in report.settings.scene.counts.items():
         yield what, f"{count:,}"
-    for what in ("objects", "triangles"):
-        if number := report.scene.get(what):
-            yield what, f"{number:,}"
     if light := report.scene.get("illuminance"):
         yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
         if ground := [point["lux"] for point in light["ground"]]:
             mean = sum(ground) / len(ground)
             yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
-    if report.has_truth:
-        objects = np.unique([truth.object_id for truth in report.truths])
-        yield "objects in view at any time", f"{np.count_nonzero(objects):,}"
     if report.shown.rim:
         yield "px per frame, median speed", f"{report.median_speed:.2g}"
     yield "frames per second", f"{trajectory.frame_rate_hz:g}"
@@ -215,8 +210,7 @@ def _opening(report: Report) -> Markup:
         rows.append((name, reached.method, *reach))
     shown, frames = report.shown, report.shown.frames
     budgets = report.of(sensor)
-    films = [images.film(None, "light", "The scene's light, tone-mapped")]
-    films += [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
+    films = [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:
@@ -247,7 +241,7 @@ def light_section(report: Report) -> Section:
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
-    shutter, cards = report.settings.shutter, []
+    shutter, body, rows = report.settings.shutter, [], []
     if not report.has_truth:
         timing = _PICTURE
     elif shutter.is_instant:
@@ -263,17 +257,15 @@ def light_section(report: Report) -> Section:
         about = " · ".join(f"{name} {value}" for name, value in _properties(sensor))
         budgets = report.of(sensor.name)
         films = (_counts_film(report, budget) for budget in budgets)
-        light = images.film(None, "radiance", "The scene's light, tone-mapped")
-        cards.append(
-            html.card(
-                sensor.name,
-                html.paragraph(f"{about}.", "note"),
-                html.block("strip", light, *films),
-                _budget_table(sensor, budgets),
-            )
-        )
-    body = Markup("\n").join([*cards, html.paragraph(_COLUMNS, "note")])
-    return replace(section, text=_LIGHT + timing, body=body)
+        note = html.paragraph(f"{about}.", "note")
+        body.append(html.card(sensor.name, note, html.block("strip", *films)))
+        for budget in budgets:
+            cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
+            saturated = percent(budget.saturated_fraction)
+            noise = number(budget.signal_to_noise), saturated, number(budget.rendering_noise)
+            rows.append((f"{sensor.name}, {level_title(budget.level)}", *cells, *noise))
+    body += [html.table("Photon budget", _BUDGET, rows), html.paragraph(_COLUMNS, "note")]
+    return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
 def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
@@ -296,34 +288,6 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
     yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
 
 
-def _budget_table(sensor: ImageSensor, budgets: Iterable[Budget]) -> Markup:
-    """Return the photon budget, a row per light level."""
-    head = (
-        "Light",
-        "Photons on the pixel",
-        "Detected",
-        f"Dark {sensor.unit}",
-        f"Expected {sensor.unit}",
-        "Signal-to-noise",
-        "Saturated",
-        "Rendering : shot noise",
-    )
-    rows = (
-        (
-            level_title(budget.level),
-            number(budget.photons),
-            number(budget.detected),
-            number(budget.dark),
-            number(budget.expected),
-            number(budget.signal_to_noise),
-            percent(budget.saturated_fraction),
-            number(budget.rendering_noise),
-        )
-        for budget in budgets
-    )
-    return html.table(f"Photon budget of {sensor.name}", head, rows)
-
-
 def motion_section(report: Report) -> Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
     shown, settings = report.shown, report.settings
@@ -332,9 +296,7 @@ def motion_section(report: Report) -> Section:
     body = html.block("strip", *films)
     if shown.rim:
         depth = _DEPTH.format(settings.camera.depth_meaning) if report.has_truth else ""
-        guide = html.block("", images.wheel(shown.rim), html.paragraph(depth, "note"))
-        chart = html.card("Image speed", speed_chart(report.speed, report.median_speed))
-        body += html.block("pair", guide, chart)
+        body += images.wheel(shown.rim) + html.paragraph(depth, "note")
     if not report.has_truth:
         text = _PICTURES_MOTION.format(report.median_speed)
         return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
@@ -347,7 +309,7 @@ def motion_section(report: Report) -> Section:
 
 
 def _truth_films(report: Report) -> list[Markup]:
-    """Return depth, occlusion, purity and objects as films."""
+    """Return depth, occlusion and objects as films."""
     shown, truths = report.shown, report.truths
     films = [shown.depth.film(shown.frames)]
     if shown.rim:
@@ -359,68 +321,25 @@ def _truth_films(report: Report) -> list[Markup]:
             hidden.append(images.rgb_picture(picture))
         alt = "Occluded pixels in orange"
         films.append(images.film(hidden, "occluded in the next frame", alt))
-    scale = images.map_scale("viridis", 0.0, 1.0)
-    purity = [scale.picture(shown.pixels(truth.footprint.purity)) for truth in truths]
-    alt = "Share of each pixel filled by the object at its center"
-    films.append(images.film(purity, "purity", alt, scale.legend("0", "1")))
     objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
     alt = "Each object in its own color, the sky dark"
     return [*films, images.film(objects, "objects", alt)]
 
 
-@svg.in_style
-def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
-    """Draw the histogram of the true image speed (px per frame)."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    weights = np.full(speeds.size, 100 / max(speeds.size, 1))
-    style: dict[str, Any] = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
-    axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
-    axes.axvline(median, color=BLACK, linewidth=1.2)
-    place = ("data", "axes fraction")
-    axes.annotate(f" median {median:.2g}", (median, 1), xycoords=place, va="top", fontsize=10.5)
-    axes.grid(axis="y")
-    axes.set(xlabel="image speed (px per frame)", ylabel="share of pixels (%)")
-    axes.set_xlim(0, None)
-    return svg.to_svg(figure, "speed", "Histogram of the true image speed")
-
-
 def making_section(report: Report) -> Section:
-    """Return errors of the rendered light, times and settings."""
+    """Return the noise of the rendered light, times and settings."""
     samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
-    longest = max(report.timings.values(), default=0.0) or 1.0
-    bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
-    bars = (
-        bar.format(stage, 100 * spent_s / longest, duration(spent_s))
-        for stage, spent_s in report.timings.items()
-    )
+    times = report.timings.items()
+    spent = ", ".join(f"{stage} {duration(seconds)}" for stage, seconds in times)
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    time = f"Time spent: {duration(sum(report.timings.values()))}"
     body = [
         rendering(report.scene, f"{samples}as many halve the noise of a frame."),
-        html.definitions("versions", _rendering_errors(report)),
-        html.card(time, html.block("bars", *bars), html.paragraph(variant, "note")),
+        html.paragraph(f"Time spent: {spent}. {variant}", "note"),
         html.folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
     ]
     return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
-
-
-def _rendering_errors(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield errors of the rendered light, by name."""
-    noise = report.scene.get("monte_carlo") or {}
-    surface, sky = noise.get("surface") or {}, noise.get("sky") or {}
-    errors = {
-        "error (RMS) over the mean light": noise.get("median_relative") and noise["rms_over_mean"],
-        "the same, of pixels without sky": surface.get("rms"),
-        "relative error that 95 % of the pixels do not exceed": surface.get("p95"),
-        "share of the gradient energy due to it": surface.get("gradient"),
-        "fixed error of baked light (RMS)": surface.get("standing"),
-        "share of the gradient energy due to the fixed error": surface.get("standing_gradient"),
-        "error of the sky (RMS) over its light": sky.get("rms"),
-        "truncation bias of path depth, worst band": max(report.scene.get("light_left_out") or [0]),
-    }
-    yield from ((name, percent(error)) for name, error in errors.items() if error)
 
 
 SECTIONS: tuple[Callable[[Report], Section], ...] = (

@@ -1,22 +1,14 @@
-"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events.
+"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
 
-Rerun's recording has the timelines "time" and "frame". A sequence has its camera and its visible
-points in the world there: z is up, meters.
-"""
-
-import io
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from megalopta import __version__
 from megalopta.core.errors import UserError
-from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
 from megalopta.report import images
 from megalopta.report.panels import (
@@ -39,8 +31,6 @@ _MOST_EXPOSURES = 4
 """Of a film"""
 _UNTIMED_HZ = 12.0
 """Playback rate of frames without times, Hz"""
-_RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
-"""Most frames, and points of a frame"""
 
 
 @dataclass(frozen=True)
@@ -57,8 +47,6 @@ class ViewOptions:
     """Frames per second; by default real time, where that can be followed"""
     kind: FrameKind | None = None
     """Format of a file that does not say it"""
-    with_rerun: bool = False
-    """True to write view.rrd for the Rerun viewer"""
 
 
 def view(
@@ -67,8 +55,7 @@ def view(
     """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
 
     The thing is a dataset, of one sequence or of many, of which a contact sheet is written instead,
-    a recording, or a file or folder of frames or events. film.mp4 needs PyAV (extra `video`),
-    view.rrd the Rerun SDK (extra `rerun`).
+    a recording, or a file or folder of frames or events. film.mp4 needs PyAV (extra `video`).
 
     Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
     """
@@ -91,9 +78,8 @@ def view(
         shown = sequence_view(thing, treatment)
     else:
         shown = file_view(thing, treatment, asked.kind)
-    written = [write_rrd(folder / "view.rrd", shown)] if asked.with_rerun else []
     page = _write_page(shown, folder / "view.html", asked.fps)
-    return [*_write_film(shown, folder, asked.fps), page, *written]
+    return [*_write_film(shown, folder, asked.fps), page]
 
 
 def _exposures(shown: View) -> tuple[list[str], list[str]]:
@@ -203,66 +189,3 @@ def _chosen(panel: Panel, film: Markup, sensors: list[str], levels: list[str]) -
     return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
         *places, "" if is_first else Markup(" hidden"), film
     )
-
-
-def write_rrd(path: Path, shown: View) -> Path:
-    """Write a view as .rrd for Rerun's viewer; return its path.
-
-    Raises ModuleNotFoundError if the Rerun SDK is not installed.
-    """
-    import rerun
-
-    frames = images.evenly_spaced(shown.frames, _RERUN_FRAMES)
-    with atomic_write(path) as temporary, rerun.RecordingStream("megalopta") as recording:
-        recording.save(temporary)
-        if shown.sequence:
-            recording.log(["world"], rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        with progress("Writing for Rerun", len(frames), "frame") as advance:
-            for frame in frames:
-                recording.set_time("frame", sequence=frame)
-                if shown.times_s is not None:
-                    recording.set_time("time", duration=float(shown.times_s[frame]))
-                for panel in shown.panels:
-                    recording.log(*_rerun_image(rerun, panel, frame))
-                for place, entity in _rerun_scene(rerun, shown, frame):
-                    recording.log(place, entity)
-                advance()
-        recording.disconnect()
-    return path
-
-
-def _rerun_image(rerun: Any, panel: Panel, frame: int) -> tuple[list[str], Any]:
-    """Return the place of a panel, names of nested entities, and its picture."""
-    above = {
-        "light": ["world", "camera", "light"],
-        "readings": ["readings"],
-        "flow": ["found_flow"],
-    }.get(panel.kind, [panel.name])
-    place = ["_".join(name.split()) for name in (*above, panel.sensor, panel.level) if name]
-    data = io.BytesIO()
-    panel.picture(frame).convert("RGB").save(data, "PNG")
-    return place, rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
-
-
-def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str], Any]]:
-    """Yield camera, pinhole and the points that the pixels see, with their places."""
-    sequence, step = shown.sequence, shown.step
-    if sequence is None:
-        return
-    pose, camera = sequence.poses[frame], ["world", "camera"]
-    yield camera, rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
-    if sequence.intrinsics is not None:  # a panorama has none
-        matrix, (height, width) = sequence.intrinsics.copy(), sequence.shape
-        matrix[:2] /= step
-        size = [math.ceil(width / step), math.ceil(height / step)]
-        axes = rerun.ViewCoordinates.RDF
-        yield camera, rerun.Pinhole(image_from_camera=matrix, resolution=size, camera_xyz=axes)
-    if sequence.configuration.scene.has_truth:
-        from megalopta.dataset.frames import read_truth_frame
-
-        (light,) = shown.of("light")
-        colors = np.asarray(light.picture(frame).convert("RGB")).reshape(-1, 3)
-        position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)
-        known = np.flatnonzero(np.isfinite(position).all(axis=-1))
-        known = known[:: max(1, math.ceil(known.size / _RERUN_POINTS))]
-        yield ["world", "points"], rerun.Points3D(position[known], colors=colors[known])
