@@ -146,7 +146,7 @@ class Photons:
 
     def means(self, flux: float) -> Floats:
         """Return mean photons of each pixel (T, H, W) at `flux` photons per frame."""
-        return self._mean * flux
+        return np.asarray(self._mean * flux)
 
     def velocities(self, method: BlockDetector, flux: float, repeat: int) -> Floats:
         """Return velocities (pairs, rows, columns, 2) of all blocks in one draw, px per frame."""

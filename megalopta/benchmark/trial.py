@@ -133,7 +133,7 @@ def template_names(templates: Sequence[Template]) -> list[str]:
 
 def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
     """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama."""
-    pixels = {}
+    pixels: dict[Template, Floats] = {}
     for template in set(templates):
         if isinstance(template, GratingTemplate):
             pixels[template] = template.pixels()

@@ -275,7 +275,9 @@ def pairs_without_truth(
         check_decoded(footage.path, footage.shape, SENSED_BYTES)
     for note in dict.fromkeys(note for footage in opened for note in footage.notes):
         say(note)
-    frames = [partial(_luminance, footage, k) for footage in opened for k in range(len(footage))]
+    frames: list[_Light] = [
+        partial(_luminance, footage, k) for footage in opened for k in range(len(footage))
+    ]
     if len(opened) > 2 or (len(opened) == 2 and len(frames) > 2):
         raise UserError(
             f"benchmark pairs: {len(paths)} paths of {len(frames)} frames; without truth, give two "

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from matplotlib.ticker import FuncFormatter
 
 from megalopta.core.errors import shell_command
-from megalopta.dataset.flow_record import FlowRecord, TruthErrors
+from megalopta.dataset.flow_record import FlowRecord
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report import sections as html, style as svg
 from megalopta.report.sections import Section
@@ -59,8 +59,7 @@ _ERRORS = Markup(
 _TRUTH = (
     "Mean endpoint error of blocks, share of outliers (blocks with an error over 25 %), and median "
     "relative error: noise-free → on {} → on corrected readings if there are any. {} of the pixels "
-    "shown are mixed: the object at their center fills less than {}. {} except in the two tables "
-    "that say otherwise."
+    "shown are mixed: the object at their center fills less than {}. {}."
 )
 _STAND_IN = (
     "The true motion of pictures is unknown. The flow by DIS between the pictures without photon "
@@ -177,43 +176,23 @@ def response_table(sensor: str, records: Iterable[FlowRecord]) -> Markup:
 
 
 def against_truth(report: Report) -> Markup:
-    """Return errors and shares of outliers, a row per exposure and a column per method.
-
-    The mean error is given as configured, with mixed pixels, and without them.
-    """
-    settings = report.settings.flow
-    least = percent(settings.least_purity)
-    has_mixtures = any(record.truth_by_mixture for record in report.flow)
+    """Return errors and shares of outliers, a row per exposure and a column per method."""
     tables: dict[str, list[tuple[str, str, str]]] = {}
     for record in report.flow:
-        texts: dict[str, str] = {}
-        if mixture := record.truth_by_mixture:
-            texts["Mean error (px), all pixels"] = _mean_error(mixture.all)
-            label = f"Mean error (px), without mixed pixels (purity below {least})"
-            texts[label] = _mean_error(mixture.without_mixed)
-        if truth := record.truth:
-            if settings.mixed == "weigh" or not has_mixtures:
-                weighed = ", pixels weighted by purity" if has_mixtures else ""
-                texts[f"Mean error (px){weighed}"] = _mean_error(truth)
-            without = ", without mixed pixels" if settings.mixed == "leave_out" else ""
-            stages = [truth.ideal, truth.counts, *filter(None, [truth.corrected])]
-            outliers = (percent(errors.outlier_fraction) for errors in stages)
-            texts[f"Outliers{without}"] = " → ".join(outliers)
-            medians = (relative_error(errors.relative_error_median) for errors in stages)
-            texts["Median relative error"] = " → ".join(medians)
+        if (truth := record.truth) is None:
+            continue
         exposure = f"{record.sensor}, {level_name(record.level)}"
-        for label, text in texts.items():
-            tables.setdefault(label, []).append((exposure, record.method, text))
+        texts: dict[str, list[str]] = {}
+        for errors in filter(None, (truth.ideal, truth.counts, truth.corrected)):
+            relative, error_px = errors.relative_error_median, errors.endpoint_error_px
+            fails = relative is not None and relative >= SENSELESS
+            mean = UNDEFINED if error_px is None else FAILS if fails else number(error_px)
+            texts.setdefault("Mean error (px)", []).append(mean)
+            texts.setdefault("Outliers", []).append(percent(errors.outlier_fraction))
+            texts.setdefault("Median relative error", []).append(relative_error(relative))
+        for label, stages in texts.items():
+            tables.setdefault(label, []).append((exposure, record.method, " → ".join(stages)))
     return Markup("\n").join(pivoted(label, label, cells) for label, cells in tables.items())
-
-
-def _mean_error(truth: TruthErrors) -> str:
-    texts = []
-    for errors in filter(None, (truth.ideal, truth.counts, truth.corrected)):
-        relative, error_px = errors.relative_error_median, errors.endpoint_error_px
-        fails = relative is not None and relative >= SENSELESS
-        texts.append(UNDEFINED if error_px is None else FAILS if fails else number(error_px))
-    return " → ".join(texts)
 
 
 def threshold_section(report: Report) -> Section:

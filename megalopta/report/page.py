@@ -1,6 +1,5 @@
 """The report of a dataset: its opening with results, its light, its motion, and how it was made."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -55,10 +54,6 @@ _LIGHT = (
 _INSTANT = "Every frame is rendered at one instant, without motion blur."
 _PICTURE = (
     "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
-)
-_BUDGET = (
-    *("Sensor and light", "Photons on the pixel", "Detected", "Dark", "Expected"),
-    *("Signal-to-noise", "Saturated", "Rendering : shot noise"),
 )
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
@@ -130,22 +125,6 @@ def lead(report: Report) -> str:
     )
 
 
-def facts(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield facts: names and numbers."""
-    camera, trajectory = report.settings.camera, report.settings.trajectory
-    yield f"frames of {camera.width} × {camera.height} px", f"{trajectory.frames}"
-    for what, count in report.settings.scene.counts.items():
-        yield what, f"{count:,}"
-    if light := report.scene.get("illuminance"):
-        yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
-        if ground := [point["lux"] for point in light["ground"]]:
-            mean = sum(ground) / len(ground)
-            yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
-    if report.shown.rim:
-        yield "px per frame, median speed", f"{report.median_speed:.2g}"
-    yield "frames per second", f"{trajectory.frame_rate_hz:g}"
-
-
 class _Reached(NamedTuple):
     """Errors of a method at one light level, against the reference motion."""
 
@@ -182,13 +161,9 @@ def _reached(report: Report, sensor: str) -> _Reached | None:
 
 
 def _opening(report: Report) -> Markup:
-    """Return key numbers and results."""
-    numbers = list(facts(report))
-    # per row, for rows of nearly equal length
-    many, few = (math.ceil(len(numbers) / math.ceil(len(numbers) / most)) for most in (8, 4))
-    tiles = html.block("", html.definitions("facts", numbers), style=f"--many:{many};--few:{few}")
+    """Return the results: how far down in light motion is found, and on which sensor."""
     if not report.exposures:
-        return tiles
+        return Markup("")
     names = [sensor.name for sensor in report.settings.sensors]
     best = {name: reached for name in names if (reached := _reached(report, name))}
     accurate = {name: reached for name, reached in best.items() if reached.error < ACCURATE}
@@ -215,7 +190,7 @@ def _opening(report: Report) -> Markup:
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:
         films.append(shown.motion(report.motion_name).film(frames))
-    return tiles + html.block(
+    return html.block(
         "outcome",
         Markup("<h2>Results</h2>"),
         html.paragraph(sentence),
@@ -264,7 +239,17 @@ def light_section(report: Report) -> Section:
             saturated = percent(budget.saturated_fraction)
             noise = number(budget.signal_to_noise), saturated, number(budget.rendering_noise)
             rows.append((f"{sensor.name}, {level_title(budget.level)}", *cells, *noise))
-    body += [html.table("Photon budget", _BUDGET, rows), html.paragraph(_COLUMNS, "note")]
+    if light := report.scene.get("illuminance"):
+        timing += f" As rendered, the illuminance in the open is {light['unshaded_lux']:.3g} lux"
+        if ground := [point["lux"] for point in light["ground"]]:
+            timing += f", and {sum(ground) / len(ground):.2g} lux on the ground below the camera"
+        timing += "."
+    unit = " or ".join(report.units)
+    head = (
+        *("Sensor and light", "Photons on the pixel", "Detected", f"Dark {unit}"),
+        *(f"Expected {unit}", "Signal-to-noise", "Saturated", "Rendering : shot noise"),
+    )
+    body += [html.table("Photon budget", head, rows), html.paragraph(_COLUMNS, "note")]
     return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
@@ -290,28 +275,13 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
 
 def motion_section(report: Report) -> Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
-    shown, settings = report.shown, report.settings
+    shown, truths = report.shown, report.truths
     films = [shown.motion(report.motion_name).film(shown.frames)] if shown.rim else []
-    films += _truth_films(report) if report.has_truth else []
-    body = html.block("strip", *films)
-    if shown.rim:
-        depth = _DEPTH.format(settings.camera.depth_meaning) if report.has_truth else ""
-        body += images.wheel(shown.rim) + html.paragraph(depth, "note")
     if not report.has_truth:
+        body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
         text = _PICTURES_MOTION.format(report.median_speed)
         return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
-    if not shown.rim:
-        text = "A single frame has no motion; its depth and objects are known exactly."
-        return Section("Truth", text, body=body, name="motion")
-    hidden = float(np.mean([truth.occluded_forward.mean() for truth in report.truths]))
-    text = _MOTION.format(report.median_speed, percent(hidden))
-    return Section("True motion", text, body=body, name="motion")
-
-
-def _truth_films(report: Report) -> list[Markup]:
-    """Return depth, occlusion and objects as films."""
-    shown, truths = report.shown, report.truths
-    films = [shown.depth.film(shown.frames)]
+    films.append(shown.depth.film(shown.frames))
     if shown.rim:
         hidden = []
         for frame, truth in zip(shown.frames, truths, strict=True):
@@ -322,8 +292,16 @@ def _truth_films(report: Report) -> list[Markup]:
         alt = "Occluded pixels in orange"
         films.append(images.film(hidden, "occluded in the next frame", alt))
     objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
-    alt = "Each object in its own color, the sky dark"
-    return [*films, images.film(objects, "objects", alt)]
+    films.append(images.film(objects, "objects", "Each object in its own color, the sky dark"))
+    body = html.block("strip", *films)
+    if not shown.rim:
+        text = "A single frame has no motion; its depth and objects are known exactly."
+        return Section("Truth", text, body=body, name="motion")
+    depth = _DEPTH.format(report.settings.camera.depth_meaning)
+    body += images.wheel(shown.rim) + html.paragraph(depth, "note")
+    share = float(np.mean([truth.occluded_forward.mean() for truth in truths]))
+    text = _MOTION.format(report.median_speed, percent(share))
+    return Section("True motion", text, body=body, name="motion")
 
 
 def making_section(report: Report) -> Section:

@@ -75,12 +75,8 @@ def test_flow_is_scored_in_the_layout_of_the_truth(tmp_path, layout):
 
 def test_flow_of_spring_backward_leads_to_the_frame_before(tmp_path):
     save(tmp_path, fine_flo5, "0001/flow_BW_left/flow_BW_left_0002.flo5")
-    save(
-        tmp_path,
-        picture,
-        "0001/frame_left/frame_left_0002.png",
-        "0001/frame_left/frame_left_0001.png",
-    )
+    frames = (f"0001/frame_left/frame_left_000{number}.png" for number in (2, 1))
+    save(tmp_path, picture, *frames)
     ((first, second, _),) = pairs_below(tmp_path).values()
     assert (first.stem, second.stem) == ("frame_left_0002", "frame_left_0001")
 
@@ -108,13 +104,6 @@ def test_codes_of_a_pixel_in_flow_as_png(tmp_path, scale):
     write_flo(tmp_path / "mine" / "0_10.flo", FLOW)
     (overall,) = score_submission(tmp_path / "mine", tmp_path, png_scale=scale).overall
     assert overall.errors["all"]["epe_px"] <= 0.71 / scale
-
-
-@pytest.mark.parametrize("scale", [0, -64, np.nan, np.inf])
-def test_an_impossible_scale_is_refused(tmp_path, scale):
-    write_kitti_png(tmp_path / "a.png", FLOW)
-    with pytest.raises(ValueError, match="png_scale"):
-        read_flow(tmp_path / "a.png", png_scale=scale)
 
 
 def test_scale_and_order_of_bytes_of_pfm(tmp_path):

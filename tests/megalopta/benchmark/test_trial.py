@@ -5,7 +5,6 @@ Trials side by side: the same numbers at any number of workers, and nothing meas
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from megalopta.benchmark import trial as engine
 from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, load_sweep
@@ -47,10 +46,8 @@ def test_sweep_survives_yaml(tmp_path):
         ("trial: {methods: BM}", "trial.methods: give a list, got 'BM'"),
         ("trial: {template: {kind: panorama, name: open, contrast: 1}}", "the keys are coding"),
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
-        ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
         ("{vary: methods, values: [BM, IM]}", "vary: methods cannot vary within a figure"),
-        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics cannot vary"),
         ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
         (
             "{vary: template.contrast, values: [0.5],"
@@ -79,13 +76,6 @@ def test_values_are_what_they_mean(tmp_path, text, values):
     assert [(point.value, type(point.value)) for point in points] == [
         (value, type(value)) for value in values
     ]
-
-
-def test_frequency_beyond_nyquist_depends_on_variant_and_size():
-    Trial(template=GratingTemplate(cycles_per_frame=30, variant="periodic"), size=60)
-    with pytest.raises(ValidationError, match="beyond half a cycle per pixel"):
-        Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=60)
-    Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=120)
 
 
 def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monkeypatch):
