@@ -18,7 +18,8 @@ from skimage import data
 
 from megalopta.assets_gen import generator
 from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
-from megalopta.benchmark.whole_frames import MEAN, PHOTONS_PER_PX, frame_errors
+from megalopta.benchmark.table import MEAN
+from megalopta.benchmark.whole_frames import PHOTONS_PER_PX, frame_errors
 from megalopta.flow import METHODS
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 

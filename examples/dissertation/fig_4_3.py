@@ -25,7 +25,7 @@ figure = plt.figure(figsize=(9, 14), layout="constrained")
 ]
 for letter, (axes,), (name, light) in zip("abcd", pictures, forests.items(), strict=True):
     axes.imshow(encode_srgb(ToneCurve.of([light])(light)), "gray")
-    degrees = NATURAL_PANORAMAS[name].frame_fov_deg
+    degrees = NATURAL_PANORAMAS[name]
     axes.set_title(f"({letter}) {name}, 251 columns cover {degrees:g}°", loc="left")
     axes.set_axis_off()
 leaves = dead_leaves((ROWS, 753), generator(1, "figure 4.3"))

@@ -19,7 +19,7 @@ view, degrees per second.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
@@ -40,7 +40,7 @@ from megalopta.core.record import Record
 from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
-from megalopta.flow.detectors.blocks import BlockGrid, block_grid
+from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import (
     blurred_by_motion,
     cramer_rao_covariance,
@@ -220,24 +220,33 @@ def designed(
     sensor: Sensor | str | Path, dataset: str | Path | None, chosen: DesignSettings
 ) -> Design:
     """Return the same for complete settings. Raises UserError."""
-    levels = chosen.light_levels
     with refused_as("design"):
-        own = _sensor(sensor)
-        scene = _of_dataset(open_sequence(Path(dataset))) if dataset else leaves_scene(chosen, own)
+        if not isinstance(sensor, Sensor):
+            is_file = str(sensor).endswith((".yaml", ".yml"))
+            sensor = load_sensor(sensor) if is_file else preset(str(sensor))
+        if sensor.filters.is_on:  # whose mosaic would count as texture that moves
+            raise ValueError(f"sensor {sensor.name!r} has color filters; give one without a mosaic")
+        if dataset is None:
+            scene = leaves_scene(chosen, sensor)
+        else:
+            scene = _of_dataset(open_sequence(Path(dataset)))
         work = _Work(scene, chosen)
         names, values = tuple(chosen.varied), tuple(chosen.varied.values())
-        cases = [dict(zip(names, each, strict=True)) for each in product(*values)]
-        varied = [(case, varied_sensor(own, case)) for case in cases]  # refused before the work
+        cases = [dict(zip(names, case, strict=True)) for case in product(*values)]
+        varied = [(case, varied_sensor(sensor, case)) for case in cases]  # refused before the work
         points: list[DesignPoint] = []
         rows = []
-        with progress("Designing", len(cases) * len(levels), "case") as advance:
-            for level, (case, device) in product(levels, varied):
-                found = [(t, *work.errors(device, level, t)) for t in work.times]
-                points += (new := [DesignPoint(case, level, *each) for each in found])
-                rows.append(work.row(new, device))
+        with progress("Designing", len(cases) * len(chosen.light_levels), "case") as advance:
+            for level, (case, device) in product(chosen.light_levels, varied):
+                of_case = [
+                    DesignPoint(case, level, time_s, *work.errors(device, level, time_s))
+                    for time_s in work.times
+                ]
+                points += of_case
+                rows.append(work.row(of_case, device))
                 advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
-    return Design(own, chosen, described, tuple(points), tuple(rows))
+    return Design(sensor, chosen, described, tuple(points), tuple(rows))
 
 
 def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
@@ -273,22 +282,19 @@ class _Work:
         self._per_degree = scene.flow_per_degree()
         self._light = lru_cache(maxsize=1)(self._light_of)
 
-    @cached_property
-    def _grid(self) -> BlockGrid:
-        return block_grid(self._scene.camera.shape, self._settings.block_px, 1)
-
     def errors(
         self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
     ) -> tuple[float, float]:
         """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
         light, settings = self._light(sensor, level), self._settings
         if blurs:
-            way = self._per_degree * (settings.yaw_deg_s * exposure_s)
-            light = blurred_by_motion(light, way)
+            path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
+            light = blurred_by_motion(light, path_px)
         slopes = reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
-        spread = settings.frames * (settings.frames**2 - 1) / 12
-        least = cramer_rao_covariance(slopes.of_blocks(self._grid), settings.frames)
+        blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
+        least = cramer_rao_covariance(blocks, settings.frames)
         flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
+        spread = settings.frames * (settings.frames**2 - 1) / 12
         turn = slopes.of_turn(self._per_degree) * spread
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
@@ -299,33 +305,31 @@ class _Work:
 
     def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
         """Return the row of one sensor and level, from its points by exposure."""
-        target = self._settings.target
-        errors = np.array([getattr(each, self._settings.measure) for each in points])
-        best, first = points[int(errors.argmin())], points[0]
-        exposure_s = first_reached(self.times, errors, target)
-        limit = "" if exposure_s else self._limit(sensor, first.level)
-        return DesignRow(
-            first.case, first.level, exposure_s, best.exposure_s, float(errors.min()), limit
-        )
+        errors = np.array([getattr(point, self._settings.measure) for point in points])
+        best, (case, level, *_) = points[int(errors.argmin())], points[0]
+        exposure_s = first_reached(self.times, errors, self._settings.target)
+        limit = "" if exposure_s else self._limit(sensor, level)
+        return DesignRow(case, level, exposure_s, best.exposure_s, float(errors.min()), limit)
 
     def _limit(self, sensor: Sensor, level: LightLevel) -> str:
         """Return the causes without which the error would be reached, the largest first."""
+        measure = MEASURES.index(self._settings.measure)
         removed: tuple[str, ...] = ()
         error = math.inf
-        while left := [each for each in _CAUSES if each not in removed]:
-            found = [(self._best(sensor, level, (*removed, each)), each) for each in left]
-            error, cause = min(found)
+        while left := [cause for cause in _CAUSES if cause not in removed]:
+            least = []
+            for cause in left:
+                better = sensor
+                for name in (*removed, cause):
+                    better = _CAUSES[name](better)
+                blurs = _BLUR not in (*removed, cause)
+                errors = (self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
+                least.append((min(errors), cause))
+            error, cause = min(least)
             removed = (*removed, cause)
             if error <= self._settings.target:
                 return " and ".join(removed)
         return _TOO_DARK if math.isfinite(error) else _NOTHING
-
-    def _best(self, sensor: Sensor, level: LightLevel, removed: Sequence[str]) -> float:
-        """Return the least error over the exposures without some causes of error."""
-        for cause in removed:
-            sensor = _CAUSES[cause](sensor)
-        blurs, at = _BLUR not in removed, MEASURES.index(self._settings.measure)
-        return min(self.errors(sensor, level, t, blurs)[at] for t in self.times[::-2])
 
 
 def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:
@@ -364,17 +368,6 @@ def _noiseless(sensor: Sensor) -> Sensor:
     if sensor.counter.kind == "digital":
         return sensor
     return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
-
-
-def _sensor(given: Sensor | str | Path) -> Sensor:
-    if isinstance(given, Sensor):
-        found = given
-    else:
-        is_file = str(given).endswith((".yaml", ".yml"))
-        found = load_sensor(given) if is_file else preset(str(given))
-    if found.filters.is_on:  # whose mosaic would count as texture that moves
-        raise ValueError(f"sensor {found.name!r} has color filters; give one without a mosaic")
-    return found
 
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:

@@ -6,26 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from megalopta.benchmark import methods as benchmarked, sequence_errors, table
-from megalopta.benchmark.ranking import (
-    FEWEST_SEQUENCES,
-    MEAN,
-    SEGMENTS,
-    STILL,
-    Pooling,
-    Ranking,
-    RankingFacts,
-    RankingSettings,
-    photons_at,
-    ranking_rows,
-    read_ranking as read_ranking,
-)
+from megalopta.benchmark import methods as benchmarked, ranking as ranked, sequence_errors, table
+from megalopta.benchmark.ranking import Ranking, RankingFacts, RankingSettings
 from megalopta.benchmark.ranking_page import write_ranking
-from megalopta.benchmark.sequence_errors import RankedSequence
 from megalopta.config.yaml_model import validated
-from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.progress import progress
@@ -35,6 +20,7 @@ from megalopta.stages.run import require
 
 FOLDER = "ranking"
 """Folder of the demo's ranking, inside its dataset"""
+_FEWEST_FRAMES = 3
 
 
 def run_ranking(
@@ -51,16 +37,8 @@ def run_ranking(
     continues from there. Raises UserError if frames are missing, too few or too small, or a setting
     is wrong.
     """
-    out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
-    datasets = sequences_of(Path(root))
-    with locked(out), refused_as():
-        ranked = benchmarked.velocity_methods(methods or chosen.methods)
-        chosen = chosen.model_copy(update={"methods": tuple(ranked)})
-        return write_ranking(out, _ranked(datasets, chosen, ranked, out / "velocities"))
-
-
-def sequences_of(root: Path) -> list[Dataset]:
-    """Open the rendered sequences of a folder. Raises UserError."""
+    root, out = Path(root), Path(out)
+    chosen = validated(RankingSettings, {}, "settings", dict(settings or {}))
     tree = Tree(root)
     tree.check()
     datasets = [tree.opened(name) for name in tree.names()]
@@ -68,7 +46,10 @@ def sequences_of(root: Path) -> list[Dataset]:
         raise UserError(f"{root}: no finished sequence; run: {tree.make_again}")
     if len(datasets) == 1:
         require(datasets[0], "render")
-    return datasets
+    with locked(out), refused_as():
+        detectors = benchmarked.velocity_methods(methods or chosen.methods)
+        chosen = chosen.model_copy(update={"methods": tuple(detectors)})
+        return write_ranking(out, _ranked(datasets, chosen, detectors, out / "velocities"))
 
 
 def _ranked(
@@ -79,71 +60,58 @@ def _ranked(
 ) -> Ranking:
     """Measure every metric on every sequence; computed velocities are kept in a folder."""
     for dataset in datasets:
-        _check(dataset, settings, methods)
-    if settings.light_levels:
-        lights = map(sequence_errors.perfect_light, datasets)
-        mean = float(np.mean(list(map(_photons_per_lux_s, datasets, lights))))
-        levels = (photons_at(mean, each, settings.exposure_s) for each in settings.light_levels)
-        fluxes = tuple(sorted({*settings.fluxes, *levels}))
-        settings = settings.model_copy(update={"fluxes": fluxes})
+        _check(dataset, methods)
+    per_lux_s = float(np.mean([_photons_per_lux_s(dataset) for dataset in datasets]))
+    levels = (
+        ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
+    )
+    fluxes = tuple(sorted({*settings.fluxes, *levels}))
     rows: list[tuple[Any, ...]] = []
-    per_lux = []
-    segments = 1 if len(datasets) >= FEWEST_SEQUENCES else SEGMENTS
-    total = len(settings.poolings) * len(methods) * len(settings.fluxes) * len(datasets)
+    segments = 1 if len(datasets) >= ranked.FEWEST_SEQUENCES else ranked.SEGMENTS
+    total = len(methods) * len(fluxes) * len(datasets)
     with progress("Ranking methods", total, "case") as advance:
         for dataset in datasets:
-            sequence = RankedSequence(dataset, settings, methods, folder / dataset.sequence)
-            per_lux.append(_photons_per_lux_s(dataset, sequence.light))
-            rows += sequence_errors.endpoint_errors(sequence, segments, advance)
+            light = sequence_errors.perfect_light(dataset)
+            kept = folder / dataset.sequence
+            photons = sequence_errors.Photons(dataset, light, settings.seed, kept)
+            rows += sequence_errors.endpoint_errors(
+                dataset, photons, methods, fluxes, settings.repeats, segments, advance
+            )
     samples = table.samples(rows)
-    blocks = _group_blocks(samples, settings)
+    still = samples[
+        (samples["metric"] == table.MEAN)
+        & (samples["method"] == sequence_errors.STILL)
+        & (samples["photons"] == fluxes[0])
+    ]
+    blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
     noise = [dataset.read_scene_record().get("monte_carlo") for dataset in datasets]
-    equal = [found["equivalent_photons_per_pixel"] for found in noise if found]
+    equal = [record["equivalent_photons_per_pixel"] for record in noise if record]
     facts = RankingFacts(
-        settings=settings,
+        settings=settings.model_copy(update={"fluxes": fluxes}),
         sequences=tuple(dataset.sequence for dataset in datasets),
         frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
         frame_px=math.prod(datasets[0].configuration.camera.shape),
-        photons_per_lux_s=float(np.mean(per_lux)),
+        photons_per_lux_s=per_lux_s,
         rendering_photons_per_px=min(equal, default=None),
-        blocks=blocks,
+        blocks={str(group): int(count) for group, count in blocks.items()},
     )
-    return Ranking(facts, ranking_rows(samples, settings, blocks))
+    return Ranking(facts, table.means(samples, sequence_errors.BOUND))
 
 
-def _check(dataset: Dataset, settings: RankingSettings, methods: benchmarked.Methods) -> None:
+def _check(dataset: Dataset, methods: benchmarked.Methods) -> None:
     """Refuse, before the work, a sequence that is too short or too small."""
     dataset.require_truth()
-    frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
-    if frames < 3 * fewest:
-        raise ValueError(
-            f"{dataset.sequence} has {frames} frames: frames_pooled {fewest} needs {3 * fewest}"
-        )
+    frames, shape = dataset.configuration.trajectory.frames, dataset.configuration.camera.shape
+    if frames < _FEWEST_FRAMES:
+        raise ValueError(f"{dataset.sequence} has {frames} frames; give {_FEWEST_FRAMES} or more")
     for name, method in methods.items():
-        for pixels in settings.pixels_pooled:
-            try:
-                method.grid(Pooling(pixels, 1).shape(dataset.configuration.camera.shape))
-            except ValueError as problem:
-                raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
+        try:
+            method.grid(shape)
+        except ValueError as problem:
+            raise ValueError(f"{dataset.sequence} for {name}: {problem}") from None
 
 
-def _photons_per_lux_s(dataset: Dataset, light: Floats) -> float:
+def _photons_per_lux_s(dataset: Dataset) -> float:
     """Photons of a mean frame on perfect pixels, for each lux and second."""
-    return (
-        float(light.sum(axis=(1, 2)).mean())
-        / dataset.configuration.light.resolved().illuminance_lux
-    )
-
-
-def _group_blocks(samples: pd.DataFrame, settings: RankingSettings) -> dict[str, int]:
-    """Return the number of blocks of each group without pooling."""
-    pixels, frames = settings.finest
-    still = samples[
-        (samples["metric"] == MEAN)
-        & (samples["method"] == STILL)
-        & (samples["photons"] == settings.fluxes[0])
-        & (samples["pixels_pooled"] == pixels)
-        & (samples["frames_pooled"] == frames)
-    ]
-    blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
-    return {str(group): int(count) for group, count in blocks.items()}
+    photons = sequence_errors.perfect_light(dataset).sum(axis=(1, 2)).mean()
+    return float(photons) / dataset.configuration.light.resolved().illuminance_lux

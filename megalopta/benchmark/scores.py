@@ -1,12 +1,7 @@
-"""Scores of flow files, or of a method's flow: by sequence and overall, for every pass.
+"""Scores of flow files, or of a method's flow: by sequence and overall, for every pass."""
 
-A leaderboard is a file of JSON lines, one per program and pass.
-"""
-
-import math
-import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -18,11 +13,9 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from megalopta.benchmark import clips
-from megalopta.core import bounded, files
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
-from megalopta.core.folders import locked
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
 from megalopta.core.pictures import read_codes
 from megalopta.core.progress import progress
@@ -34,7 +27,7 @@ from megalopta.flow.formats import KITTI_SCALE, read_flow
 from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors
 from megalopta.flow.metrics.response_error import for_json
 
-Answers = Mapping[clips.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
+Flows = Mapping[clips.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
 """Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
 Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
@@ -51,7 +44,7 @@ class Entry(Record, frozen=True):
     pass_name: str
     """Sintel's "clean" or "final"; empty without passes"""
     sequence: str | None = None
-    """None: over all sequences, as in a leaderboard"""
+    """None: over all sequences"""
     truth: str
     """Name of the folder of the true flow"""
     truth_hash: str
@@ -102,31 +95,46 @@ def score_submission(
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
     truths = clips.true_flows(truth, png_scale)
-    name, passes = _answers_of(flow, truths, png_scale)
+    name, passes = _flows_of(flow, truths, png_scale)
+    shared: dict[str, Any] = {"program": program or name, "truth": truth.resolve().name}
+    by_pass: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
+    hashes = []
     with progress("Scoring flow", len(truths), "frame") as advance:
-        found, digest_of_all = _scored(passes, truths, advance)
-
-    shared = {
-        "program": program or name,
-        "truth": truth.resolve().name,
-        "truth_hash": digest_of_all,
-    }
+        for frame, paths in sorted(truths.items()):
+            true, occluded = clips.read_true_flow(paths)  # once for all passes
+            hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
+            hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
+            for pass_name, by_sequence in by_pass.items():
+                source, read = passes[pass_name][frame]
+                try:
+                    estimate = read()
+                    known = clips.at_pixels(paths, true, occluded, estimate.shape)
+                    errors = by_sequence.setdefault(frame.sequence, DenseErrors())
+                    errors.add(estimate, *known)
+                except ValueError as problem:
+                    text = str(problem)
+                    raise UserError(text if source in text else f"{source}: {text}") from None
+            advance(1)
+    shared["truth_hash"] = digest(*hashes)
     frames, entries = Counter(frame.sequence for frame in truths), []
-    for pass_name, by_sequence in found.items():
+    for pass_name, by_sequence in by_pass.items():
         overall = None, DenseErrors.joined(by_sequence.values())
-        every: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
-        for sequence, errors in every:
-            count = len(truths) if sequence is None else frames[sequence]
-            groups = {group: for_json(asdict(errors.of(group))) for group in GROUPS}
-            named = shared["truth"] if sequence == "" else sequence  # KITTI has one, without name
-            own = {"pass_name": pass_name, "sequence": named, "frames": count}
-            entries.append(Entry(**shared, **own, errors=groups))
+        rows: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
+        for sequence, errors in rows:
+            entry = Entry(
+                **shared,
+                pass_name=pass_name,
+                sequence=shared["truth"] if sequence == "" else sequence,  # KITTI's has no name
+                frames=len(truths) if sequence is None else frames[sequence],
+                errors={group: for_json(asdict(errors.of(group))) for group in GROUPS},
+            )
+            entries.append(entry)
     return Scores(entries=tuple(entries))
 
 
-def _answers_of(
+def _flows_of(
     flow: str | Path | Method, truths: clips.Truths, png_scale: float
-) -> tuple[str, Mapping[str, Answers]]:
+) -> tuple[str, Mapping[str, Flows]]:
     """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
         return folder.resolve().name, {
@@ -142,38 +150,14 @@ def _answers_of(
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, DenseDetector):
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
-    pairs = ((name, each.items()) for name, each in clips.pictures_of(truths).items())
 
     def between(*pair: Path) -> NDArray[Any]:
         return detector.dense(*(read_codes(path, "L") for path in pair))
 
     return detector.name, {
-        name: {frame: (str(each[0]), partial(between, *each)) for frame, each in found}
-        for name, found in pairs
+        name: {frame: (str(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()}
+        for name, pairs in clips.pictures_of(truths).items()
     }
-
-
-def _scored(
-    passes: Mapping[str, Answers], truths: clips.Truths, advance: Callable[[int], object]
-) -> tuple[dict[str, dict[str, DenseErrors]], str]:
-    """Errors by pass and sequence, and a hash of the truth; each frame of it is read once."""
-    found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
-    hashes = []
-    for frame, paths in sorted(truths.items()):
-        true, occluded = clips.read_true_flow(paths)
-        hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
-        hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
-        for name, errors in found.items():
-            where, answer = passes[name][frame]
-            try:
-                flow = answer()
-                known = clips.at_pixels(paths, true, occluded, flow.shape)
-                errors.setdefault(frame.sequence, DenseErrors()).add(flow, *known)
-            except ValueError as problem:
-                text = str(problem)
-                raise UserError(text if where in text else f"{where}: {text}") from None
-        advance(1)
-    return found, digest(*hashes)
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
@@ -193,75 +177,19 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 }
 
 
-def read_board(path: Path) -> tuple[Entry, ...]:
-    """Read the entries of a leaderboard; none without a file. Raises UserError."""
-    entries = []
-    with bounded.undamaged(path, "give a leaderboard"):
-        for line in bounded.read_text(path).splitlines() if os.path.lexists(path) else []:
-            values = bounded.from_json(line)
-            check_format("scores", values, path)
-            entries.append(Entry.model_validate(values))
-    return tuple(entries)
-
-
-def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
-    """Add entries to those of the file; return all.
-
-    Raises UserError if the file is something else, or has other scores of the same program.
-    """
-
-    def key(entry: Entry) -> tuple[str, str, str]:
-        return entry.program, entry.pass_name, entry.truth_hash
-
-    with locked(path.parent):
-        kept = {key(each): each for each in read_board(path)}
-        for entry in entries:
-            former = kept.setdefault(key(entry), entry)
-            if former.errors != entry.errors:
-                raise UserError(
-                    f"{path} has other scores of {entry.program!r} for this truth; give another "
-                    "--program, or remove that line"
-                )
-        found = tuple(kept.values())
-        files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in found))
-    return found
-
-
 def score_table(scores: Scores) -> Table:
     """Return the errors of every sequence and overall, a block per pass."""
     title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
-    names = [
-        (entry.pass_name, "overall" if entry.sequence is None else entry.sequence)
-        for entry in scores.entries
-    ]
-    return _table(title, ("pass", "sequence"), names, scores.entries)
-
-
-def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
-    """Return the entries for one truth, the lowest EPE first, by pass."""
-
-    def order(entry: Entry) -> tuple[str, float]:
-        error_px = entry.errors["all"]["epe_px"]
-        return entry.pass_name, math.inf if error_px is None else error_px
-
-    shown = sorted((entry for entry in entries if entry.truth_hash == truth_hash), key=order)
-    names = [(entry.pass_name, entry.program) for entry in shown]
-    return _table("Leaderboard", ("pass", "program"), names, shown)
-
-
-def _table(
-    title: str, heads: Iterable[str], names: Iterable[tuple[str, str]], entries: Iterable[Entry]
-) -> Table:
-    """Return a row of errors per entry; a name "overall" ends a block."""
     table = Table(title=title, box=SIMPLE, padding=(0, 1))
-    for head in heads:
+    for head in ("program", "pass", "sequence"):
         table.add_column(head, no_wrap=True)
     for head in _COLUMNS:
         table.add_column(head, justify="right", no_wrap=True)
-    for pair, entry in zip(names, entries, strict=True):
+    for entry in scores.entries:
+        is_last = entry.sequence is None
+        names = entry.program, entry.pass_name, entry.sequence or "overall"
         values = (entry.errors[group][field] for group, field in _COLUMNS.values())
         cells = ("–" if value is None else f"{value:.3g}" for value in values)
-        is_last = pair[1] == "overall"
         style = "bold" if is_last else None
-        table.add_row(*map(sentence, pair), *cells, style=style, end_section=is_last)
+        table.add_row(*map(sentence, names), *cells, style=style, end_section=is_last)
     return table

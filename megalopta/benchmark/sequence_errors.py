@@ -1,8 +1,8 @@
 """Errors of methods on one rendered sequence: rows of the long table, by group of blocks.
 
 Photons are drawn on perfect pixels from the rendered light, with one scale for all frames; all
-methods see the same draws. A block's error is its endpoint error in px of the full image per frame;
-a block without velocity counts as zero motion.
+methods see the same draws. A block's error is its endpoint error in px per frame; a block without
+velocity counts as zero motion.
 
 Groups show where a ranking changes: blocks hidden in the next frame, depth edges, image speed,
 distance, and parallax, the motion that remains without the camera's rotation.
@@ -10,83 +10,91 @@ distance, and parallax, the motion that remains without the camera's rotation.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from megalopta.benchmark import methods as benchmarked, ranking
-from megalopta.benchmark.ranking import RANGES, Pooling, RankingSettings, at_speed
+from megalopta.benchmark import methods as benchmarked, table
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.freshness import code_digest, digest
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.metrics import endpoint_error, translation_bound
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
 
+STILL = "zero motion"
+"""Baseline that a method must beat: no motion anywhere"""
+BOUND = "Poisson bound"
+RANGES = ("low", "medium", "high")
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
 DISTANCES_M = (5.0, 20.0)
 """Limits between low, medium and high"""
-FAR_PX = 3.0
 _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
-_TURNING_PX = 0.01
-"""Largest parallax of a sequence of rotation alone, in which nothing moves"""
-
+_STREAM = "1 × 1 px, 1 frame"
+"""Name of the photon draws on single pixels and frames, a part of their seed"""
 _NO_LIMIT = 2**62
 
 Rows: TypeAlias = Iterator[tuple[Any, ...]]
 """Rows of `table.samples`"""
 
 
-class BlockTruths(NamedTuple):
-    """Truth of the inner blocks (pairs, rows, columns) of a sequence at one pooling."""
+class BlockTruth(NamedTuple):
+    """Truth of the inner blocks (pairs, rows, columns) of a sequence."""
 
     velocities: Floats
-    """(..., 2) in px of the full image per frame; NaN where unknown"""
+    """(..., 2) in px per frame; NaN where unknown"""
     groups: Mapping[str, Mask]
     """Blocks of each group"""
 
 
-class SequenceTruth:
-    """Truth of a sequence on the finest blocks, read once; `at` pools it over frames."""
+def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
+    """Return the true motion of the inner blocks of a grid, and the groups that they are in."""
+    camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
+    directions, pairs = camera.directions(), []
+    for index, truth in enumerate(read_truth_frames(dataset)):
+        if index + 1 < len(poses):
+            turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
+            pairs.append(_block_means(truth, camera.displacement(directions @ turn.T), grid))
+    means = {name: np.stack([pair[name] for pair in pairs])[:, 1:-1, 1:-1] for name in pairs[0]}
+    speed = np.linalg.norm(means["velocity"], axis=-1)
+    groups = {
+        "all": np.isfinite(speed),
+        "visible": means["hidden"] < endpoint_error.OCCLUDED_SHARE,
+        "occluded": means["hidden"] >= endpoint_error.OCCLUDED_SHARE,
+        "smooth": means["edges"] < _EDGE_SHARE,
+        "depth edge": means["edges"] >= _EDGE_SHARE,
+    }
+    kinds = (
+        ("speed", speed, SPEEDS_PX),
+        ("parallax", means["parallax"], PARALLAX_PX),
+        ("distance", means["distance"], DISTANCES_M),
+    )
+    for kind, values, bounds in kinds:
+        place = np.digitize(values, bounds)
+        groups |= {f"{kind} {name}": place == at for at, name in enumerate(RANGES)}
+    for name in RANGES:
+        for parallax in RANGES:
+            cell = groups[f"speed {name}"] & groups[f"parallax {parallax}"]
+            groups[cell_name(name, parallax)] = cell
+    return BlockTruth(
+        means["velocity"], {name: blocks & groups["all"] for name, blocks in groups.items()}
+    )
 
-    def __init__(self, dataset: Dataset, grid: BlockGrid) -> None:
-        camera, trajectory = dataset.configuration.camera, dataset.configuration.trajectory
-        poses, directions, facts = trajectory.poses(), camera.directions(), []
-        for index, truth in enumerate(read_truth_frames(dataset)):
-            if index + 1 < len(poses):
-                turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
-                facts.append(_facts(truth, camera.displacement(directions @ turn.T), grid))
-        self._frames = trajectory.frames
-        self._facts = {name: np.stack([pair[name] for pair in facts]) for name in facts[0]}
-        parallax = self._facts["parallax"]
-        self._only_turns = bool((parallax[np.isfinite(parallax)] < _TURNING_PX).all())
 
-    def at(self, pooling: Pooling) -> BlockTruths:
-        """Return the truth between pooled frames."""
-        steps = list(pooling.steps(self._frames))
-        mean = {
-            name: np.stack([values[step].mean(axis=0) for step in steps])[:, 1:-1, 1:-1]
-            for name, values in self._facts.items()
-        }
-        return BlockTruths(mean["velocity"], _groups(mean, self._only_turns))
-
-
-def _facts(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
+def _block_means(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
     """Means over the blocks (rows, columns) of one pair of frames.
 
     `truth` is a `render.Truth`; `turned` the flow by the camera's rotation alone.
     """
     flow, hidden, depth = truth.flow_forward[None], truth.occluded_forward[None], truth.depth
-    to_full = np.array(depth.shape[::-1]) / np.array(grid.shape[::-1])
-    velocity = endpoint_error.block_flow(flow, grid, hidden)[0] * to_full
-    rotation = endpoint_error.block_flow(turned[None], grid, hidden)[0] * to_full
+    velocity = endpoint_error.block_flow(flow, grid, hidden)[0]
+    rotation = endpoint_error.block_flow(turned[None], grid, hidden)[0]
 
     # edges: a right or lower neighbor is a quarter farther or nearer
     log = np.log(np.where(np.isfinite(depth), depth, 1e6))
@@ -97,7 +105,6 @@ def _facts(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
     # distance: the inverse of the mean inverse depth
     inverse = np.where(depth > 0, 1 / depth.astype(np.float64), 0)
     nearness = endpoint_error.block_flow(np.dstack([inverse, inverse])[None], grid)[0, ..., 0]
-    nearness *= depth.shape[1] / grid.shape[1]  # unlike a flow
     with np.errstate(divide="ignore"):
         distance = np.asarray(1 / nearness)
     return {
@@ -109,104 +116,9 @@ def _facts(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
     }
 
 
-def _groups(facts: Mapping[str, Floats], only_turns: bool) -> dict[str, Mask]:
-    speed = np.linalg.norm(facts["velocity"], axis=-1)
-    known = np.isfinite(speed)
-    hidden = facts["hidden"] >= endpoint_error.OCCLUDED_SHARE
-    seen = facts["hidden"] < endpoint_error.OCCLUDED_SHARE
-    groups = {
-        "all": known,
-        "visible": seen,
-        "occluded": hidden,
-        "smooth": facts["edges"] < _EDGE_SHARE,
-        "depth edge": facts["edges"] >= _EDGE_SHARE,
-    }
-    kinds = (
-        ("speed", speed, SPEEDS_PX),
-        ("parallax", facts["parallax"], PARALLAX_PX),
-        ("distance", facts["distance"], DISTANCES_M),
-    )
-    for kind, values, bounds in kinds:
-        place = np.digitize(values, bounds)
-        groups |= {f"{kind} {name}": place == at for at, name in enumerate(RANGES)}
-    for name in RANGES:
-        here = groups[f"speed {name}"]
-        for parallax in RANGES:
-            groups[cell_name(name, parallax)] = here & groups[f"parallax {parallax}"]
-        groups |= {
-            at_speed(name, ranking.ALONE): here & seen & only_turns,
-            at_speed(name, ranking.LITTLE): here & seen & groups["parallax low"] & (not only_turns),
-            at_speed(name, ranking.MUCH): here & seen & groups["parallax high"],
-            at_speed(name, ranking.HIDDEN): here & hidden & (not only_turns),
-        }
-    return {name: among & known for name, among in groups.items()}
-
-
 def cell_name(speed: str, parallax: str) -> str:
     """Name of the group of one cell of the atlas."""
     return f"speed {speed}, parallax {parallax}"
-
-
-class Drawn(NamedTuple):
-    """A photon draw of a sequence."""
-
-    pooling: Pooling
-    flux: float
-    """Photons per frame, before pooling of frames"""
-    repeat: int
-
-
-class RankedSequence:
-    """A sequence, its ground truth, and velocities of methods, which are kept in a folder."""
-
-    def __init__(
-        self,
-        dataset: Dataset,
-        settings: RankingSettings,
-        methods: benchmarked.Methods,
-        folder: Path,
-    ) -> None:
-        self.dataset, self.settings, self.methods = dataset, settings, methods
-        self.camera, self.trajectory = (
-            dataset.configuration.camera,
-            dataset.configuration.trajectory,
-        )
-        self.light = perfect_light(dataset)
-        used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
-        self._folder = folder / code_digest(*used, __name__)[:12]
-        self._key = digest(self.light.tobytes(), repr(settings.seed))
-        self._pooled: dict[Pooling, Floats] = {}
-        traced = cache(lambda grid: SequenceTruth(dataset, grid))
-        self.truth = cache(lambda grid, pooling: traced(grid).at(pooling))
-        """The `BlockTruths` of the blocks of a grid between pooled frames"""
-
-    def grid(self, name: str, pixels: int) -> BlockGrid:
-        """Return the blocks of a method on pooled frames; ValueError if these are too small."""
-        return self.methods[name].grid(Pooling(pixels, 1).shape(self.camera.shape))
-
-    def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
-        """Return the velocities by a method in each photon draw."""
-        draws = (Drawn(pooling, flux, repeat) for repeat in range(self.settings.repeats))
-        return [self._velocities(name, drawn) for drawn in draws]
-
-    def _velocities(self, name: str, drawn: Drawn) -> Floats:
-        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
-        method, pooling = self.methods[name], drawn.pooling
-        what = digest(self._key, benchmarked.identity(method), repr(drawn))
-        store = ArrayStore(self._folder, what, _NO_LIMIT)
-        if (kept := store.read(["found"])) is None:
-            means = self.means(pooling, drawn.flux)
-            counts = draw_counts(means, self.settings.seed, self.dataset.sequence, *map(str, drawn))
-            found = method.respond(counts, 1 / means.mean()) * (pooling.pixels / pooling.frames)
-            store.write(kept := {"found": found.astype(np.float32)})
-        return kept["found"].astype(np.float64)
-
-    def means(self, pooling: Pooling, flux: float) -> Floats:
-        """Mean photons on each pixel of pooled frames (T, H, W)."""
-        if pooling not in self._pooled:
-            light = pooling.light(self.light)
-            self._pooled = {pooling: light / light.sum(axis=(1, 2)).mean()}
-        return self._pooled[pooling] * (flux * pooling.frames)
 
 
 def perfect_light(dataset: Dataset) -> Floats:
@@ -219,8 +131,44 @@ def perfect_light(dataset: Dataset) -> Floats:
     return np.concatenate(parts).astype(np.float64)
 
 
+class Photons:
+    """Photon draws of a sequence, and the velocities that methods find in them.
+
+    Velocities are kept in a folder, under the hash of all that they depend on.
+    """
+
+    def __init__(self, dataset: Dataset, light: Floats, seed: int, folder: Path) -> None:
+        self._mean = light / light.sum(axis=(1, 2)).mean()
+        self._sequence, self._seed = dataset.sequence, seed
+        used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
+        self._folder = folder / code_digest(*used, __name__)[:12]
+        self._light_hash = digest(light.tobytes(), repr(seed))
+
+    def means(self, flux: float) -> Floats:
+        """Return mean photons of each pixel (T, H, W) at `flux` photons per frame."""
+        return np.asarray(self._mean * flux)
+
+    def velocities(self, method: BlockDetector, flux: float, repeat: int) -> Floats:
+        """Return velocities (pairs, rows, columns, 2) of all blocks in one draw, px per frame."""
+        key = digest(self._light_hash, benchmarked.identity(method), repr((flux, repeat)))
+        store = ArrayStore(self._folder, key, _NO_LIMIT)
+        if (kept := store.read(["velocities"])) is None:
+            means = self.means(flux)
+            stream = self._sequence, _STREAM, str(flux), str(repeat)
+            counts = draw_counts(means, self._seed, *stream)
+            velocities = method.respond(counts, 1 / means.mean())
+            store.write(kept := {"velocities": velocities.astype(np.float32)})
+        return kept["velocities"].astype(np.float64)
+
+
 def endpoint_errors(
-    sequence: RankedSequence, segments: int, advance: Callable[[int], object]
+    dataset: Dataset,
+    photons: Photons,
+    methods: benchmarked.Methods,
+    fluxes: Sequence[float],
+    repeats: int,
+    segments: int,
+    advance: Callable[[int], object],
 ) -> Rows:
     """Yield errors of every method and of zero motion, by group, and the Poisson bound.
 
@@ -228,53 +176,53 @@ def endpoint_errors(
     √(π/4 · trace) of the Cramér–Rao covariance for two frames, exact if that is isotropic; or the
     motion, if that is less.
     """
-    settings, unit = sequence.settings, sequence.dataset.sequence
-    for pooling, flux in product(settings.poolings, settings.fluxes):
-        for name in sequence.methods:
-            truth = sequence.truth(sequence.grid(name, pooling.pixels), pooling)
-            inside = [flow[:, 1:-1, 1:-1] for flow in sequence.noisy(name, pooling, flux)]
-            known = [np.isfinite(flow).all(axis=-1, keepdims=True) for flow in inside]
-            there = [np.where(*pair, 0) for pair in zip(known, inside, strict=True)]
-            errors = [np.linalg.norm(flow - truth.velocities, axis=-1) for flow in there]
-            for metric, group, *sums in _by_group(errors, truth, segments):
-                yield metric, name, flux, group, *pooling, f"{unit} {sums[0]}", *sums[1:]
+    truth_of = cache(lambda grid: sequence_truth(dataset, grid))
+    grids = [method.grid(dataset.configuration.camera.shape) for method in methods.values()]
+
+    def rows(name: str, flux: float, errors: Sequence[Floats], truth: BlockTruth) -> Rows:
+        for metric, group, segment, *sums in _by_group(errors, truth, segments):
+            if name != BOUND or metric == table.MEAN:
+                yield metric, name, flux, group, f"{dataset.sequence} {segment}", *sums
+
+    for flux in fluxes:
+        for grid, (name, method) in zip(grids, methods.items(), strict=True):
+            truth, errors = truth_of(grid), []
+            for repeat in range(repeats):
+                velocities = photons.velocities(method, flux, repeat)[:, 1:-1, 1:-1]
+                is_known = np.isfinite(velocities).all(axis=-1, keepdims=True)
+                difference = np.where(is_known, velocities, 0) - truth.velocities
+                errors.append(np.linalg.norm(difference, axis=-1))
+            yield from rows(name, flux, errors, truth)
             advance(1)
-        grid = sequence.grid(next(iter(sequence.methods)), pooling.pixels)
-        truth = sequence.truth(grid, pooling)
+        truth = truth_of(grids[0])
         speed = np.linalg.norm(truth.velocities, axis=-1)
         least = [
             translation_bound.cramer_rao_covariance(
-                translation_bound.fisher_information(each, grid)
+                translation_bound.fisher_information(frame, grids[0])
             )
-            for each in sequence.means(pooling, flux)[:-1]
+            for frame in photons.means(flux)[:-1]
         ]
         trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
-        bound = np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames
-        for name, errors in (
-            (ranking.STILL, [speed]),
-            (ranking.BOUND, [np.minimum(bound, speed)]),
-        ):
-            for metric, group, *sums in _by_group(errors, truth, segments):
-                if metric == ranking.MEAN or name == ranking.STILL:
-                    yield metric, name, flux, group, *pooling, f"{unit} {sums[0]}", *sums[1:]
+        yield from rows(STILL, flux, [speed], truth)
+        yield from rows(BOUND, flux, [np.minimum(np.sqrt(np.pi / 4 * trace), speed)], truth)
 
 
-def _by_group(errors: Sequence[Floats], truth: BlockTruths, segments: int) -> Rows:
+def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Rows:
     """Yield metric, group, segment, total and blocks of errors (pairs, rows, columns) of draws."""
-    draws = len(errors)
-    for group, among in truth.groups.items():
-        totals = np.sum([np.where(among, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
-        blocks = draws * among.sum(axis=(1, 2)).astype(np.float64)
-        yield from in_segments(ranking.MEAN, group, totals, blocks, segments)
+    for group, inside in truth.groups.items():
+        totals = np.sum([np.where(inside, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
+        blocks = len(errors) * inside.sum(axis=(1, 2)).astype(np.float64)
+        yield from in_segments(table.MEAN, group, totals, blocks, segments)
         if group == "all":
-            far = np.sum([((error > FAR_PX) & among).sum(axis=(1, 2)) for error in errors], axis=0)
-            yield from in_segments(ranking.FAR, group, far.astype(float), blocks, segments)
+            far = [((error > table.FAR_PX) & inside).sum(axis=(1, 2)) for error in errors]
+            totals = np.sum(far, axis=0).astype(float)
+            yield from in_segments(table.FAR, group, totals, blocks, segments)
             medians = [
-                np.median([error[pair][there] for error in errors]) if there.any() else 0.0
-                for pair, there in enumerate(among)
+                np.median([error[pair][known] for error in errors]) if known.any() else 0.0
+                for pair, known in enumerate(inside)
             ]
-            there = (blocks > 0).astype(np.float64)
-            yield from in_segments(ranking.MEDIAN, group, np.array(medians), there, segments)
+            pairs = (blocks > 0).astype(np.float64)
+            yield from in_segments(table.MEDIAN, group, np.array(medians), pairs, segments)
 
 
 def in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segments: int) -> Rows:

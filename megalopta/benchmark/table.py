@@ -20,9 +20,17 @@ from scipy.stats import t as student
 
 from megalopta.core.arrays import Floats
 
-CASE = ["metric", "method", "photons", "group", "pixels_pooled", "frames_pooled"]
+CASE = ["metric", "method", "photons", "group"]
 """Columns that say what a row measures: photons are per frame or per pixel, as the benchmark says;
-group is a group of blocks, and the pooled pixels are the side of a square"""
+group is a group of blocks"""
+MEANS = [*CASE, "value", "low", "high", "surely_lowest"]
+"""Columns of the means over units: `surely_lowest` is true if the value is lower than that of every
+other method"""
+
+MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
+"""Metrics of the endpoint errors of the blocks of a pair of frames"""
+FAR_PX = 3.0
+"""Endpoint error from which a block counts as far off"""
 
 _CONFIDENCE = 0.95
 
@@ -45,7 +53,7 @@ class Interval(NamedTuple):
 def samples(rows: Iterable[tuple[Any, ...]]) -> pd.DataFrame:
     """Return the table of measured values: a row for each case and unit.
 
-    A row is (metric, method, photons, group, pixels_pooled, frames_pooled, unit, total, blocks).
+    A row is (metric, method, photons, group, unit, total, blocks).
     """
     return pd.DataFrame(list(rows), columns=[*CASE, "unit", "total", "blocks"])
 
@@ -55,31 +63,25 @@ def records(rows: pd.DataFrame) -> Iterator[Any]:
     yield from rows.itertuples()
 
 
-def columns_of(rows: pd.DataFrame) -> dict[str, list[Any]]:
-    """Return the columns of a table as lists, by name."""
-    return {str(name): rows[name].tolist() for name in rows}
-
-
 def sums_of(rows: pd.DataFrame) -> Sums:
     """Return the sums of a table's rows, a unit each."""
     return Sums(rows["total"].to_numpy(float), rows["blocks"].to_numpy(float))
 
 
 def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
-    """Return the mean of every case over units: value, low, high, and `surely_lowest`.
+    """Return the mean of every case over units, with columns `MEANS`.
 
-    That is true of a method if it is surely lower than every other, except `not_ranked`. Cases
-    without blocks are left out.
+    The method `not_ranked` may be lower than the one that is surely lowest. Cases without blocks
+    are left out.
     """
     rows = []
-    for key, same in table.groupby([name for name in CASE if name != "method"], sort=False):
-        metric, *rest = key
+    for (metric, *case), same in table.groupby(["metric", *CASE[2:]], sort=False):
         by_method = {str(name): sums_of(part) for name, part in same.groupby("method", sort=False)}
-        found = lowest({name: sums for name, sums in by_method.items() if name != not_ranked})
+        first = lowest({name: sums for name, sums in by_method.items() if name != not_ranked})
         for name, sums in by_method.items():
             if (mean := interval(sums)) is not None:
-                rows.append((metric, name, *rest, *mean, found == (name, True)))
-    return pd.DataFrame(rows, columns=[*CASE, "value", "low", "high", "surely_lowest"])
+                rows.append((metric, name, *case, *mean, first == (name, True)))
+    return pd.DataFrame(rows, columns=MEANS)
 
 
 def interval(sums: Sums) -> Interval | None:
@@ -91,19 +93,13 @@ def interval(sums: Sums) -> Interval | None:
     return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
 
 
-def ratio(one: Sums, other: Sums) -> tuple[Interval, float] | None:
-    """Return the ratio of two means over the same blocks, and its two-sided p-value against 1.
-
-    None if units are too few.
-    """
-    upper, lower = _present(one), _present(other)
+def ratio(upper: Sums, lower: Sums) -> Interval | None:
+    """Return the ratio of two means over the same blocks; None if units are too few."""
+    upper, lower = _present(upper), _present(lower)
     with np.errstate(invalid="ignore"):  # ratio of two infinities
         left_out = _log_means(upper) - _log_means(lower)
-    if (spread := _spread(left_out, upper.blocks)) is None:
-        return None
-    quotient, (error, freedom) = _mean(upper) / _mean(lower), spread
-    steps = abs(np.log(quotient)) / max(error, np.finfo(float).eps)
-    return _around(quotient, *spread), float(2 * student.sf(steps, freedom))
+    spread = _spread(left_out, upper.blocks)
+    return _around(_mean(upper) / _mean(lower), *spread) if spread else None
 
 
 def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
@@ -111,12 +107,12 @@ def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
 
     None if there are no blocks.
     """
-    errors = {name: mean.value for name, each in sums.items() if (mean := interval(each))}
+    errors = {name: _mean(blocks) for name, blocks in sums.items() if blocks.blocks.any()}
     if not errors:
         return None
     first = min(errors, key=lambda name: errors[name])
     ratios = [ratio(sums[name], sums[first]) for name in errors if name != first]
-    return first, all(found is not None and found[0].low > 1 for found in ratios)
+    return first, all(interval is not None and interval.low > 1 for interval in ratios)
 
 
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:

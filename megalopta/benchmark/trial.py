@@ -4,19 +4,16 @@ A trial is plain data that travels to any worker and comes back from YAML. Its t
 picture of its stimulus, a grating or a panorama: plain data, too, whose pixels are computed or come
 from the cache or the user's picture. A sweep is trials that differ in one parameter.
 
-Trials run in parallel, each stored as soon as it is finished. A result is keyed by a hash of
-everything that it depends on: the trial, the pixels of its template and the code. So a killed run
-continues where it stopped, figures share trials, and no stale result is used. Any
-`concurrent.futures` executor works: threads (the kernels release the GIL), processes, or that of a
-Dask cluster, `Client.get_executor()`.
+Trials run on threads (the kernels release the GIL), each stored as soon as it is finished. A result
+is keyed by a hash of everything that it depends on: the trial, the pixels of its template and the
+code. So a killed run continues where it stopped, figures share trials, and no stale result is used.
 """
 
 import json
 import operator
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -59,7 +56,6 @@ from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred
 from megalopta.flow.stimuli.photons import BlackFrameError, ResizeKind
 from megalopta.scenes.spectra.color import encode_srgb
-from megalopta.stages.jobs import connected
 
 
 class GratingTemplate(Record, frozen=True):
@@ -137,25 +133,25 @@ def template_names(templates: Sequence[Template]) -> list[str]:
 
 def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
     """Return the pixels, (251, m), of each template. Raises UserError if one is not a panorama."""
-    return {template: _pixels(template) for template in set(templates)}
-
-
-def _pixels(template: Template) -> Floats:
-    if isinstance(template, GratingTemplate):
-        return template.pixels()
-    if template.name in NATURAL_PANORAMAS:
-        light = natural_templates([template.name])[template.name]
-    elif Path(template.name).suffix or Path(template.name).exists():
-        light = template_from_file(Path(template.name))
-    else:
-        raise UserError(
-            f"template.name: no forest {template.name!r}; there are"
-            f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
-        )
-    if template.coding == "linear":
-        return light
-    gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
-    return np.asarray(gray / gray.mean())
+    pixels: dict[Template, Floats] = {}
+    for template in set(templates):
+        if isinstance(template, GratingTemplate):
+            pixels[template] = template.pixels()
+            continue
+        if template.name in NATURAL_PANORAMAS:
+            light = natural_templates([template.name])[template.name]
+        elif Path(template.name).suffix or Path(template.name).exists():
+            light = template_from_file(Path(template.name))
+        else:
+            raise UserError(
+                f"template.name: no forest {template.name!r}; there are"
+                f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
+            )
+        if template.coding == "srgb":
+            gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
+            light = np.asarray(gray / gray.mean())
+        pixels[template] = light
+    return pixels
 
 
 class Trial(Record, frozen=True):
@@ -184,12 +180,9 @@ class Trial(Record, frozen=True):
     @classmethod
     def _functions_too(cls, methods: Any) -> Any:
         """Accept a detector or a function from Python, and code that the user named."""
-        is_list = isinstance(methods, list | tuple)
-        return (
-            [method(m) if callable(m) or isinstance(m, Typed) else m for m in methods]
-            if is_list
-            else methods
-        )
+        if not isinstance(methods, list | tuple):
+            return methods
+        return [method(m) if callable(m) or isinstance(m, Typed) else m for m in methods]
 
     @field_validator("methods")
     @classmethod
@@ -197,12 +190,15 @@ class Trial(Record, frozen=True):
         cls, methods: tuple[str | Detector, ...], validation: ValidationInfo
     ) -> tuple[str | Detector, ...]:
         allows_code = (validation.context or {}).get("allows_code", True)
-        found = tuple(method(each, allows_code) for each in methods)
-        each_once(tuple(each.name for each in found))
-        return tuple(each.name if METHODS.get(each.name) == each else each for each in found)
+        detectors = tuple(method(name, allows_code) for name in methods)
+        each_once(tuple(detector.name for detector in detectors))
+        return tuple(
+            detector.name if METHODS.get(detector.name) == detector else detector
+            for detector in detectors
+        )
 
     @model_validator(mode="after")
-    def _is_resolved(self) -> "Trial":
+    def _can_be_measured(self) -> "Trial":
         if isinstance(self.template, GratingTemplate):
             cycles, most = self.template.moving_cycles, self.size / 2
             if cycles > most:
@@ -212,22 +208,18 @@ class Trial(Record, frozen=True):
                     f" {cycles:.3g} moving cycles on {self.size} px, beyond half a cycle per pixel:"
                     f" use at most {at_most:.4g}, or a larger size"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _methods_fit(self) -> "Trial":
-        motion = [each.name for each in self.detectors if each != METHODS["IM"]]
+        motion = [detector.name for detector in self.detectors if detector != METHODS["IM"]]
         if self.velocity_px == 0 and motion:
             raise ValueError(
                 f"velocity_px 0: no motion, so the errors of {', '.join(motion)} are undefined;"
                 " give a velocity, or the method IM alone"
             )
-        for each in self.detectors:
+        for detector in self.detectors:
             try:
-                each.start((self.size, self.size))
+                detector.start((self.size, self.size))
             except ValueError as problem:
                 raise ValueError(
-                    f"size {self.size} is too small for {each.name}: {problem}"
+                    f"size {self.size} is too small for {detector.name}: {problem}"
                 ) from None
         return self
 
@@ -310,22 +302,20 @@ class Sweep(Record, frozen=True):
     def points(self) -> tuple[SweepPoint, ...]:
         """Trials by size, value and template, in this order."""
         fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
-        sizes, templates = (
-            self.sizes or (self.trial.size,),
-            self.templates or (self.trial.template,),
-        )
-        found: list[tuple[Value, Trial]] = []
+        sizes = self.sizes or (self.trial.size,)
+        templates = self.templates or (self.trial.template,)
+        trials: list[tuple[Value, Trial]] = []
         for size, value, template in product(sizes, self.values, templates):
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
             put(fields, self.vary, value, Trial)
             trial = checked(Trial, fields)
             # a quoted number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
-            found.append((number, trial))
-        pictures = list(dict.fromkeys(trial.template for _, trial in found))
+            trials.append((number, trial))
+        pictures = list(dict.fromkeys(trial.template for _, trial in trials))
         names = dict(zip(pictures, template_names(pictures), strict=True))
         return tuple(
-            SweepPoint(trial.size, value, names[trial.template], trial) for value, trial in found
+            SweepPoint(trial.size, value, names[trial.template], trial) for value, trial in trials
         )
 
     @property
@@ -355,88 +345,52 @@ _OF_LIGHT = {"velocity_px", "size", "resize", "blurred"}
 
 
 def run(
-    trials: Sequence[Trial],
-    templates: Mapping[Template, Floats],
-    store: Path,
-    workers: int | None = None,
-    scheduler: str | None = None,
-) -> dict[Trial, Curves]:
-    """Return the error curves of all trials, which are kept in a folder; shows progress.
-
-    They run on threads, by default one per core, or a Dask cluster. Raises UserError if a template
-    cannot be measured, such as one with a black frame.
-    """
-    if not trials:
-        return {}
-    with locked(store):
-        files.sweep(store)
-        with (
-            _executor(workers, scheduler) as executor,
-            progress("Searching photon thresholds", trial_work(trials), "kpixel") as advance,
-        ):
-            return run_trials(trials, templates, store, executor, advance)
-
-
-def run_trials(
     trials: Iterable[Trial],
     templates: Mapping[Template, Floats],
     store: Path,
-    executor: Executor,
-    on_progress: Callable[[int], object] = lambda work: None,
+    workers: int | None = None,
 ) -> dict[Trial, Curves]:
-    """Run trials as `run` does; duplicates are run once.
+    """Return the error curves of all trials, which are kept in a folder; shows progress.
 
-    `on_progress` gets the work done since its last call, in units of `trial_work`.
+    They run on threads, by default one per core; duplicates are run once. Raises UserError if a
+    template cannot be measured, such as one with a black frame.
     """
-    ensure_directory(store)
-    results: dict[Trial, Curves] = {}
-    running: dict[Future[Curves], tuple[Trial, Path]] = {}
+    # the longest first, so that no worker runs one alone at the end
+    ordered = sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json()))
+    kpixels = {trial: max(1, trial.size**2 // 1000) for trial in ordered}
     hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
     code = code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
-    # the longest first, so that no worker runs one alone at the end
-    for trial in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
-        pixels, picture = templates[trial.template], hashes[trial.template]
-        key = digest(trial.model_dump_json(), picture, code, *map(identity, trial.detectors))
-        path = store / f"{key}.json"
-        if (stored := _read(path)) is None:
-            light = json.dumps(trial.model_dump(mode="json", include=_OF_LIGHT))
-            future = executor.submit(measure_trial, trial, pixels, digest(light, picture))
-            running[future] = trial, path
-        else:
-            results[trial] = stored
-            on_progress(trial_work([trial]))
-    try:
-        for future in as_completed(running):
-            trial, path = running[future]
-            results[trial] = future.result()
-            curves = [curve.to_dict() for curve in results[trial]]
-            files.write_json(path, {"trial": trial.model_dump(mode="json"), "curves": curves})
-            on_progress(trial_work([trial]))
-    except BlackFrameError as problem:
-        raise UserError(f"{template_names([trial.template])[0]}: {problem}") from None
-    finally:
-        for future in running:
-            future.cancel()
+    results: dict[Trial, Curves] = {}
+    running: dict[Future[Curves], tuple[Trial, Path]] = {}
+    ensure_directory(store)
+    executor = ThreadPoolExecutor(workers or os.cpu_count())
+    title = "Searching photon thresholds"
+    with locked(store), progress(title, sum(kpixels.values()), "kpixel") as advance:
+        files.sweep(store)
+        for trial in ordered:
+            pixels, picture = templates[trial.template], hashes[trial.template]
+            key = digest(trial.model_dump_json(), picture, code, *map(identity, trial.detectors))
+            path = store / f"{key}.json"
+            if (stored := _read(path)) is None:
+                light = json.dumps(trial.model_dump(mode="json", include=_OF_LIGHT))
+                future = executor.submit(measure_trial, trial, pixels, digest(light, picture))
+                running[future] = trial, path
+            else:
+                results[trial] = stored
+                advance(kpixels[trial])
+        try:
+            for future in as_completed(running):
+                trial, path = running[future]
+                results[trial] = future.result()
+                curves = [curve.to_dict() for curve in results[trial]]
+                files.write_json(path, {"trial": trial.model_dump(mode="json"), "curves": curves})
+                advance(kpixels[trial])
+        except BlackFrameError as problem:
+            raise UserError(f"{template_names([trial.template])[0]}: {problem}") from None
+        finally:
+            # an interruption does not wait for unfinished trials
+            executor.shutdown(wait=False, cancel_futures=True)
     return results
-
-
-@contextmanager
-def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
-    if scheduler is not None:
-        with connected(scheduler) as client:
-            yield client.get_executor()
-        return
-    threads = ThreadPoolExecutor(workers or os.cpu_count())
-    try:
-        yield threads
-    finally:
-        # an interruption does not wait for unfinished trials
-        threads.shutdown(wait=False, cancel_futures=True)
-
-
-def trial_work(trials: Iterable[Trial]) -> int:
-    """Return the work of trials: thousands of pixels in one frame of each."""
-    return sum(max(1, trial.size**2 // 1000) for trial in set(trials))
 
 
 def _read(path: Path) -> Curves | None:

@@ -34,40 +34,34 @@ import pandas as pd
 from megalopta.benchmark import clips as sources, table
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
-from megalopta.core.arrays import Floats, Mask
+from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.files import write_text
 from megalopta.core.pictures import SENSED_BYTES
 from megalopta.core.progress import progress, say
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.detectors.blocks import BlockDetector, block_grid
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics import endpoint_error
 from megalopta.render import Footage, open_footage
 from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-FAR_PX = 3.0
-"""Endpoint error from which a block counts as far off"""
-
-MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 SECONDS = "cpu_s"
-_SHARES = {
-    "share_beyond_1_px": "over_1px_percent",
-    "share_beyond_5_px": "over_5px_percent",
-    "fl_share": "fl_percent",
-    "wauc_share": "wauc_percent",
+_DENSE: Mapping[str, tuple[str, str]] = {
+    "share_beyond_1_px": ("all", "over_1px_percent"),
+    "share_beyond_5_px": ("all", "over_5px_percent"),
+    "fl_share": ("all", "fl_percent"),
+    "wauc_share": ("all", "wauc_percent"),
+    "mean_epe_below_10_px": ("slow", "epe_px"),
+    "mean_epe_10_to_40_px": ("medium", "epe_px"),
+    "mean_epe_from_40_px": ("fast", "epe_px"),
+    "mean_epe_visible_px": ("visible", "epe_px"),
+    "mean_epe_occluded_px": ("occluded", "epe_px"),
 }
-"""Metrics by field of `endpoint_error.DenseError`"""
-_OF_GROUPS = {
-    "mean_epe_below_10_px": "slow",
-    "mean_epe_10_to_40_px": "medium",
-    "mean_epe_from_40_px": "fast",
-    "mean_epe_visible_px": "visible",
-    "mean_epe_occluded_px": "occluded",
-}
-"""Mean errors by true motion, px per frame, and by occlusion"""
+"""Group of blocks and field of `endpoint_error.DenseError` by metric; speeds are px per frame"""
 METRICS: Mapping[str, str] = MappingProxyType(
     {
         MEDIAN: "median px",
@@ -144,22 +138,32 @@ def frame_errors(
     """
     detectors = [block_detector(method) for method in methods]
     first, *others = clips
+    key = ("whole frames",)
     for detector in detectors:  # compiled before time is measured
-        answers(detector, first, first.counts(fluxes[0], 0, ("whole frames",)))
+        block_velocities(detector, first, first.counts(fluxes[0], 0, key))
 
     def measure(clip: FlowClip, counts: Frames) -> Measures:
-        truth = blocks_of(clip)
+        truth = true_velocities(clip)
         known = np.isfinite(truth).all(axis=-1)
+        occluded = None
+        if clip.hidden is not None:
+            hidden = clip.hidden & np.isfinite(clip.flow).all(axis=-1)
+            share = endpoint_error.block_share(hidden[np.newaxis], _grid(clip))[0, 1:-1, 1:-1]
+            occluded = np.asarray(share >= endpoint_error.OCCLUDED_SHARE)
         for detector in detectors:
             start = time.process_time()
-            found = answers(detector, clip, counts)
+            velocities = block_velocities(detector, clip, counts)
             yield SECONDS, detector.name, time.process_time() - start
-            for metric, value in measures(distances(found, truth)[known]):
+            for metric, value in measures(distances(velocities, truth)[known]):
                 yield metric, detector.name, value
-            for metric, value in _tails(found, truth, _occluded(clip)):
-                yield metric, detector.name, value
+            dense = endpoint_error.DenseErrors()
+            dense.add(velocities, truth, occluded)
+            for metric, (group, field) in _DENSE.items():
+                value = asdict(dense.of(group))[field]
+                unknown = group == "visible" and occluded is None
+                scale = 100 if field.endswith("percent") else 1
+                yield metric, detector.name, np.nan if unknown else value / scale
 
-    key = ("whole frames",)
     return Board(detectors, _samples([first, *others], fluxes, draws, key, measure, after_scene))
 
 
@@ -177,7 +181,7 @@ def _samples(
         for draw, flux in product(range(draws), fluxes):
             for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
                 known = np.isfinite(value)
-                case = metric, name, flux, "all", 1, 1, clip.name
+                case = metric, name, flux, "all", clip.name
                 rows.append((*case, value if known else 0.0, float(known)))
         after_scene()
     draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
@@ -209,41 +213,17 @@ def write_board(path: Path, board: Board, stand_in: str = "") -> None:
     rows = board.by_scene().reset_index().rename(columns=names)
     if stand_in:
         rows.insert(3, "stand_in", stand_in)
-        known = [name for name in _DISTANCES if name in rows]
+        metrics = [m for m in (*FROM_STAND_IN.values(), *FROM_OTHERS.values()) if m in rows]
     else:
-        frames = {each.name: each.memory_frames + 1 for each in board.detectors}
+        frames = {detector.name: detector.memory_frames + 1 for detector in board.detectors}
         rows.insert(2, "frames", rows["method"].map(frames))
-        known = list(METRICS)
-    first = [name for name in rows if name not in known]
-    write_text(path, rows[[*first, *known]].to_csv(index=False, float_format="%.6g", na_rep="nan"))
+        metrics = list(METRICS)
+    first = [name for name in rows if name not in metrics]
+    text = rows[[*first, *metrics]].to_csv(index=False, float_format="%.6g", na_rep="nan")
+    write_text(path, text)
 
 
-_DISTANCES = (*FROM_STAND_IN.values(), *FROM_OTHERS.values())
-
-
-def _tails(found: Floats, truth: Floats, occluded: Mask | None) -> Iterator[tuple[str, float]]:
-    """Yield the other metrics of velocities of blocks (rows, columns, 2); NaN without blocks."""
-    errors = endpoint_error.DenseErrors()
-    errors.add(found, truth, occluded)
-    every = asdict(errors.of("all"))
-    for metric, field in _SHARES.items():
-        yield metric, every[field] / 100
-    for metric, group in _OF_GROUPS.items():
-        unknown = group == "visible" and occluded is None
-        yield metric, np.nan if unknown else errors.of(group).epe_px
-
-
-def _occluded(clip: FlowClip) -> Mask | None:
-    """Return which inner blocks are occluded, (rows, columns); None if unknown."""
-    if clip.hidden is None:
-        return None
-    hidden = clip.hidden & np.isfinite(clip.flow).all(axis=-1)
-    grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
-    share = endpoint_error.block_share(hidden[np.newaxis], grid)[0, 1:-1, 1:-1]
-    return np.asarray(share >= endpoint_error.OCCLUDED_SHARE)
-
-
-def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
+def block_velocities(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
     """Return velocities of the inner blocks, (rows, columns, 2), 0 if a method gives none.
 
     It sees the frames in the middle of counts (T, H, W). Raises ValueError if it needs more.
@@ -254,13 +234,16 @@ def answers(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
     return np.nan_to_num(detector.respond(sources.middle(counts, needed))[-1, 1:-1, 1:-1])
 
 
-def blocks_of(clip: FlowClip) -> Floats:
+def _grid(clip: FlowClip) -> BlockGrid:
+    return block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
+
+
+def true_velocities(clip: FlowClip) -> Floats:
     """Return the mean flow of the inner blocks, (rows, columns, 2); NaN if unknown.
 
     A block needs flow for half of its pixels. Raises ValueError if no block has it.
     """
-    grid = block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
-    flow = endpoint_error.block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
+    flow = endpoint_error.block_flow(clip.flow[np.newaxis], _grid(clip))[0, 1:-1, 1:-1]
     if not np.isfinite(flow).all(axis=-1).any():
         raise ValueError(
             f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known; give other flow"
@@ -268,9 +251,9 @@ def blocks_of(clip: FlowClip) -> Floats:
     return flow
 
 
-def distances(one: Floats, other: Floats) -> Floats:
+def distances(first: Floats, second: Floats) -> Floats:
     """Return the lengths (...,) of the differences between velocities (..., 2), px."""
-    return np.asarray(np.hypot(*np.moveaxis(one - other, -1, 0)))
+    return np.asarray(np.hypot(*np.moveaxis(first - second, -1, 0)))
 
 
 def measures(distances_px: Floats) -> Iterator[tuple[str, float]]:
@@ -292,31 +275,23 @@ def pairs_without_truth(
         check_decoded(footage.path, footage.shape, SENSED_BYTES)
     for note in dict.fromkeys(note for footage in opened for note in footage.notes):
         say(note)
-    if len(opened) == 2:
-        return {paths[0].stem: _two(*opened)}
-    if len(opened) != 1:
+    frames: list[_Light] = [
+        partial(_luminance, footage, k) for footage in opened for k in range(len(footage))
+    ]
+    if len(opened) > 2 or (len(opened) == 2 and len(frames) > 2):
         raise UserError(
-            f"benchmark pairs: {len(paths)} paths; without truth, give two pictures, a folder of "
-            "pictures or a video"
+            f"benchmark pairs: {len(paths)} paths of {len(frames)} frames; without truth, give two "
+            "pictures, a folder of pictures or a video"
         )
-    (footage,) = opened
-    if len(footage) < _PAIR_FRAMES:
-        raise UserError(f"{footage.path} has one frame; give two pictures, or a video")
-    lights: list[_Light] = [partial(_luminance, footage, k) for k in range(len(footage))]
-    steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(lights))}
+    if len(frames) < _PAIR_FRAMES:
+        raise UserError(f"{paths[0]} has one frame; give two pictures, or a video")
+    if len({footage.shape for footage in opened}) > 1:
+        sizes = " and ".join(f"{f.shape[1]} × {f.shape[0]}" for f in opened)
+        raise UserError(f"{paths[0]} and {paths[1]} have {sizes} px; give one size")
+    if len(opened) == 2:
+        return {paths[0].stem: (frames[0], frames[1])}
+    steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
     return sources.evenly_spread(steps, most)
-
-
-def _two(first: Footage, second: Footage) -> tuple[_Light, _Light]:
-    for footage in (first, second):
-        if len(footage) > 1:
-            raise UserError(
-                f"{footage.path} has {len(footage)} frames; give it alone, or two pictures"
-            )
-    if first.shape != second.shape:
-        sizes = " and ".join(f"{both.shape[1]} × {both.shape[0]}" for both in (first, second))
-        raise UserError(f"{first.path} and {second.path} have {sizes} px; give one size")
-    return partial(_luminance, first, 0), partial(_luminance, second, 0)
 
 
 def _luminance(footage: Footage, index: int) -> Floats:
@@ -350,12 +325,12 @@ def distances_of_pairs(
                 yield FlowClip(name, light, standing_in.dense(*light * _CLEAN_PHOTONS))
 
         def measure(clip: FlowClip, counts: Frames) -> Measures:
-            stand_in = blocks_of(clip)
+            stand_in = true_velocities(clip)
             known = np.isfinite(stand_in).all(axis=-1)
-            given = {each.name: answers(each, clip, counts) for each in detectors}
-            for name, flow in given.items():
+            flows = {each.name: block_velocities(each, clip, counts) for each in detectors}
+            for name, flow in flows.items():
                 references = [(FROM_STAND_IN, stand_in)]
-                others = [flow_of for other, flow_of in given.items() if other != name]
+                others = [flow_of for other, flow_of in flows.items() if other != name]
                 if len(others) > 1:
                     references.append((FROM_OTHERS, np.median(others, axis=0)))
                 for names, reference_flow in references:

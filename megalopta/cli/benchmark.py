@@ -1,13 +1,14 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
     DATASET,
+    SCHEDULER,
     THREADS,
     VERBS,
     Verb,
@@ -127,7 +128,8 @@ def _pairs(options: Namespace) -> Path:
 def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark import whole_frames
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
-    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, MEAN, METRICS
+    from megalopta.benchmark.table import MEAN
+    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
 
     reference = options.reference or _REFERENCE
     with ExitStack() as stack:
@@ -208,7 +210,8 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
     REDO,
     switch("--allow-code", "allow a sweep to run the module:function or ONNX file that it names"),
     option("--out", "folder of a sweep's figure (default: out/sweeps)", Path),
-    *THREADS,
+    THREADS,
+    SCHEDULER,
     settings=VerbSettings(("Configuration", "Sweep"), "benchmark"),
     often=(
         *("methods", "benchmark.sizes", "benchmark.flux_min", "benchmark.flux_max"),
@@ -218,7 +221,7 @@ def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
 )
 def _photons(options: Namespace) -> object:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
-    unused = ("redo",) if is_sweep else _OF_SWEEPS
+    unused = ("redo", "scheduler") if is_sweep else _OF_SWEEPS
     for name in unused:
         if getattr(options, name):
             kind = "a dataset" if is_sweep else "a sweep"
@@ -227,12 +230,11 @@ def _photons(options: Namespace) -> object:
         run_later_stage("benchmark", options)
         return None
     from megalopta.benchmark.trial import load_sweep
-    from megalopta.reproduction.sweep_figure import Workers, reproduce_sweep
+    from megalopta.reproduction.sweep_figure import reproduce_sweep
 
     path, out = options.dataset, options.out or Path("out/sweeps")
     sweep = load_sweep(path, options.overrides, options.allow_code)
-    workers = Workers(options.workers, options.scheduler)
-    return reproduce_sweep(path.stem, sweep, out, workers)
+    return reproduce_sweep(path.stem, sweep, out, options.workers)
 
 
 @verb(
@@ -253,10 +255,11 @@ def _sequence(options: Namespace) -> Path:
     "benchmark submit",
     "score methods, or flow files of any program, on pictures as they are, without photons",
     option(
-        "flow",
+        "flows FLOW",
         "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
         "out as the truth is; or a method to run on the truth's pictures: a name such as DIS, "
-        "module:function or an ONNX file",
+        "module:function or an ONNX file; several are compared",
+        nargs="+",
     ),
     option(
         "--truth",
@@ -267,32 +270,27 @@ def _sequence(options: Namespace) -> Path:
     ),
     _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
-    option("--leaderboard FILE", "add the scores to this file and show it", Path),
     out_file("scores.json", "file of the scores"),
 )
-def _submit(options: Namespace) -> Iterator[Path]:
+def _submit(options: Namespace) -> Path:
     from rich.console import Console
 
-    from megalopta.benchmark.scores import (
-        add_entries,
-        board_table,
-        read_board,
-        score_submission,
-        score_table,
-    )
+    from megalopta.benchmark.scores import Scores, score_submission, score_table
     from megalopta.core import files
 
-    if options.leaderboard:
-        read_board(options.leaderboard)  # refuses a damaged one before the work
-    scores = score_submission(options.flow, options.truth, options.program, options.png_scale)
+    if options.program and len(options.flows) > 1:
+        raise UserError("benchmark submit: --program names one flow; give one, or omit it")
+    entries = [
+        entry
+        for flow in options.flows
+        for entry in score_submission(
+            flow, options.truth, options.program, options.png_scale
+        ).entries
+    ]
+    scores = Scores(entries=tuple(entries))
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    console = Console(width=_WIDTH, markup=False, emoji=False)
-    console.print(score_table(scores))
-    yield options.out
-    if options.leaderboard:
-        entries = add_entries(options.leaderboard, scores.overall)
-        console.print(board_table(entries, scores.entries[0].truth_hash))
-        yield options.leaderboard
+    Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
+    return Path(options.out)
 
 
 @verb(

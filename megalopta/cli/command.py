@@ -220,7 +220,7 @@ def numbers(text: str) -> tuple[float, ...]:
 DATASET = option("dataset", "dataset folder", Path)
 FRAME_KINDS = ("npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
-_SCHEDULER = option(
+SCHEDULER = option(
     "--scheduler ADDRESS",
     "Dask cluster, such as tcp://host:8786; its workers must see the same files",
 )
@@ -228,14 +228,10 @@ CLUSTER = (
     option(
         "--workers N", "parallel processes on this machine (default: this one alone)", at_least(1)
     ),
-    _SCHEDULER,
+    SCHEDULER,
 )
 """Options for parallel processes, here or on a Dask cluster."""
-THREADS = (
-    option("--workers N", "threads (default: one for each core)", at_least(1)),
-    _SCHEDULER,
-)
-"""Options for threads or a cluster."""
+THREADS = option("--workers N", "threads (default: one for each core)", at_least(1))
 
 
 def stopped_by_signals() -> threading.Event:

@@ -103,18 +103,16 @@ def _view(options: Namespace) -> list[Path]:
 
 @verb(
     "reproduce",
-    "reproduce Chapter 4 of the dissertation as PNG, SVG, CSV and JSON",
+    "reproduce Chapter 4 of the dissertation as PNG, SVG and CSV",
     option("figures FIGURE", "chapter-4, or of it fig-4.5 to fig-4.13 or table-4.1", nargs="+"),
     out("out/figures"),
     switch("--quick", "draw coarsely, in seconds"),
-    *THREADS,
+    THREADS,
 )
 def _reproduce(options: Namespace) -> list[Path]:
     from megalopta.reproduction.chapter4 import reproduce
-    from megalopta.reproduction.sweep_figure import Workers
 
-    workers = Workers(options.workers, options.scheduler)
-    return reproduce(options.figures, options.out, options.quick, workers)
+    return reproduce(options.figures, options.out, options.quick, options.workers)
 
 
 @verb(

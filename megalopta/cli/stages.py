@@ -31,8 +31,6 @@ _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
     "fluxes": "[1e5, 1e6, 1e7]",
     "repeats": "1",
-    "pixels_pooled": "[1]",
-    "frames_pooled": "[1]",
 }
 """Settings of the demo's ranking: few, for a short demo"""
 _QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]"}

@@ -23,8 +23,8 @@ FORMATS: Mapping[str, Format] = {
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
     "recording": Format(2, 2),  # recording.yaml
-    "ranking": Format(3, 3),  # ranking.json
-    "scores": Format(2, 0),  # scores.json, and lines of a leaderboard
+    "ranking": Format(4, 4),  # ranking.json
+    "scores": Format(2, 0),  # scores.json
 }
 """Every format by its name in messages."""
 

@@ -152,23 +152,12 @@ def film_strip(images: Sequence[Image.Image]) -> Image.Image:
     return film
 
 
-def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str = "") -> Markup:
-    """Return frames as a picture that follows the slider; None: the radiance of the page."""
-    source = f"url({data_uri(film_strip(images))})" if images else "var(--radiance)"
+def film(images: Sequence[Image.Image], title: str, alt: str, legend: str = "") -> Markup:
+    """Return frames as a picture that follows the slider."""
     picture = Markup(
-        '<div class="film" role="img" aria-label="{}" style="background-image:{}"></div>'
-    ).format(alt, source)
+        '<div class="film" role="img" aria-label="{}" style="background-image:url({})"></div>'
+    ).format(alt, data_uri(film_strip(images)))
     return captioned(picture, Markup("{}{}").format(title, legend))
-
-
-def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
-    """Return one picture; a note is written across it."""
-    description = f"{alt}: {note}" if note else alt
-    across = Markup('<span class="nothing" aria-hidden="true">{}</span>').format(note)
-    shown = Markup('<div class="frame"><img class="still" src="{}" alt="{}">{}</div>').format(
-        data_uri(picture), description, across if note else ""
-    )
-    return captioned(shown, title)
 
 
 def wheel(rim_px: float) -> Markup:

@@ -1,22 +1,20 @@
 """The report of a dataset: its opening with results, its light, its motion, and how it was made."""
 
-import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import EngFormatter
-from numpy.typing import NDArray
 
 from megalopta import __version__
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.progress import duration
 from megalopta.dataset.store import Dataset
-from megalopta.report import images, sections as html, style as svg
+from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
     ACCURATE,
     absent,
@@ -26,7 +24,6 @@ from megalopta.report.detectors import (
 )
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
-from megalopta.report.style import BLACK, BLUE
 from megalopta.report.text import (
     level_name,
     level_title,
@@ -41,7 +38,6 @@ from megalopta.sensor.spad.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad.model import active_effects
 
 _MOST_LEVELS = 4
-_SPEED_BINS = 48
 _BACKDROP_GRAY = 0.35
 
 _OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
@@ -129,28 +125,6 @@ def lead(report: Report) -> str:
     )
 
 
-def facts(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield facts: names and numbers."""
-    camera, trajectory = report.settings.camera, report.settings.trajectory
-    yield f"frames of {camera.width} × {camera.height} px", f"{trajectory.frames}"
-    for what, count in report.settings.scene.counts.items():
-        yield what, f"{count:,}"
-    for what in ("objects", "triangles"):
-        if number := report.scene.get(what):
-            yield what, f"{number:,}"
-    if light := report.scene.get("illuminance"):
-        yield "illuminance in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
-        if ground := [point["lux"] for point in light["ground"]]:
-            mean = sum(ground) / len(ground)
-            yield "illuminance on the ground below the camera", f"{mean:.2g} lux"
-    if report.has_truth:
-        objects = np.unique([truth.object_id for truth in report.truths])
-        yield "objects in view at any time", f"{np.count_nonzero(objects):,}"
-    if report.shown.rim:
-        yield "px per frame, median speed", f"{report.median_speed:.2g}"
-    yield "frames per second", f"{trajectory.frame_rate_hz:g}"
-
-
 class _Reached(NamedTuple):
     """Errors of a method at one light level, against the reference motion."""
 
@@ -187,13 +161,9 @@ def _reached(report: Report, sensor: str) -> _Reached | None:
 
 
 def _opening(report: Report) -> Markup:
-    """Return key numbers and results."""
-    numbers = list(facts(report))
-    # per row, for rows of nearly equal length
-    many, few = (math.ceil(len(numbers) / math.ceil(len(numbers) / most)) for most in (8, 4))
-    tiles = html.block("", html.definitions("facts", numbers), style=f"--many:{many};--few:{few}")
+    """Return the results: how far down in light motion is found, and on which sensor."""
     if not report.exposures:
-        return tiles
+        return Markup("")
     names = [sensor.name for sensor in report.settings.sensors]
     best = {name: reached for name in names if (reached := _reached(report, name))}
     accurate = {name: reached for name, reached in best.items() if reached.error < ACCURATE}
@@ -215,13 +185,12 @@ def _opening(report: Report) -> Markup:
         rows.append((name, reached.method, *reach))
     shown, frames = report.shown, report.shown.frames
     budgets = report.of(sensor)
-    films = [images.film(None, "light", "The scene's light, tone-mapped")]
-    films += [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
+    films = [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:
         films.append(shown.motion(report.motion_name).film(frames))
-    return tiles + html.block(
+    return html.block(
         "outcome",
         Markup("<h2>Results</h2>"),
         html.paragraph(sentence),
@@ -247,7 +216,7 @@ def light_section(report: Report) -> Section:
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
-    shutter, cards = report.settings.shutter, []
+    shutter, body, rows = report.settings.shutter, [], []
     if not report.has_truth:
         timing = _PICTURE
     elif shutter.is_instant:
@@ -263,17 +232,25 @@ def light_section(report: Report) -> Section:
         about = " · ".join(f"{name} {value}" for name, value in _properties(sensor))
         budgets = report.of(sensor.name)
         films = (_counts_film(report, budget) for budget in budgets)
-        light = images.film(None, "radiance", "The scene's light, tone-mapped")
-        cards.append(
-            html.card(
-                sensor.name,
-                html.paragraph(f"{about}.", "note"),
-                html.block("strip", light, *films),
-                _budget_table(sensor, budgets),
-            )
-        )
-    body = Markup("\n").join([*cards, html.paragraph(_COLUMNS, "note")])
-    return replace(section, text=_LIGHT + timing, body=body)
+        note = html.paragraph(f"{about}.", "note")
+        body.append(html.card(sensor.name, note, html.block("strip", *films)))
+        for budget in budgets:
+            cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
+            saturated = percent(budget.saturated_fraction)
+            noise = number(budget.signal_to_noise), saturated, number(budget.rendering_noise)
+            rows.append((f"{sensor.name}, {level_title(budget.level)}", *cells, *noise))
+    if light := report.scene.get("illuminance"):
+        timing += f" As rendered, the illuminance in the open is {light['unshaded_lux']:.3g} lux"
+        if ground := [point["lux"] for point in light["ground"]]:
+            timing += f", and {sum(ground) / len(ground):.2g} lux on the ground below the camera"
+        timing += "."
+    unit = " or ".join(report.units)
+    head = (
+        *("Sensor and light", "Photons on the pixel", "Detected", f"Dark {unit}"),
+        *(f"Expected {unit}", "Signal-to-noise", "Saturated", "Rendering : shot noise"),
+    )
+    body += [html.table("Photon budget", head, rows), html.paragraph(_COLUMNS, "note")]
+    return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
 def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
@@ -296,60 +273,15 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
     yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
 
 
-def _budget_table(sensor: ImageSensor, budgets: Iterable[Budget]) -> Markup:
-    """Return the photon budget, a row per light level."""
-    head = (
-        "Light",
-        "Photons on the pixel",
-        "Detected",
-        f"Dark {sensor.unit}",
-        f"Expected {sensor.unit}",
-        "Signal-to-noise",
-        "Saturated",
-        "Rendering : shot noise",
-    )
-    rows = (
-        (
-            level_title(budget.level),
-            number(budget.photons),
-            number(budget.detected),
-            number(budget.dark),
-            number(budget.expected),
-            number(budget.signal_to_noise),
-            percent(budget.saturated_fraction),
-            number(budget.rendering_noise),
-        )
-        for budget in budgets
-    )
-    return html.table(f"Photon budget of {sensor.name}", head, rows)
-
-
 def motion_section(report: Report) -> Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
-    shown, settings = report.shown, report.settings
+    shown, truths = report.shown, report.truths
     films = [shown.motion(report.motion_name).film(shown.frames)] if shown.rim else []
-    films += _truth_films(report) if report.has_truth else []
-    body = html.block("strip", *films)
-    if shown.rim:
-        depth = _DEPTH.format(settings.camera.depth_meaning) if report.has_truth else ""
-        guide = html.block("", images.wheel(shown.rim), html.paragraph(depth, "note"))
-        chart = html.card("Image speed", speed_chart(report.speed, report.median_speed))
-        body += html.block("pair", guide, chart)
     if not report.has_truth:
+        body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
         text = _PICTURES_MOTION.format(report.median_speed)
         return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
-    if not shown.rim:
-        text = "A single frame has no motion; its depth and objects are known exactly."
-        return Section("Truth", text, body=body, name="motion")
-    hidden = float(np.mean([truth.occluded_forward.mean() for truth in report.truths]))
-    text = _MOTION.format(report.median_speed, percent(hidden))
-    return Section("True motion", text, body=body, name="motion")
-
-
-def _truth_films(report: Report) -> list[Markup]:
-    """Return depth, occlusion, purity and objects as films."""
-    shown, truths = report.shown, report.truths
-    films = [shown.depth.film(shown.frames)]
+    films.append(shown.depth.film(shown.frames))
     if shown.rim:
         hidden = []
         for frame, truth in zip(shown.frames, truths, strict=True):
@@ -359,68 +291,33 @@ def _truth_films(report: Report) -> list[Markup]:
             hidden.append(images.rgb_picture(picture))
         alt = "Occluded pixels in orange"
         films.append(images.film(hidden, "occluded in the next frame", alt))
-    scale = images.map_scale("viridis", 0.0, 1.0)
-    purity = [scale.picture(shown.pixels(truth.footprint.purity)) for truth in truths]
-    alt = "Share of each pixel filled by the object at its center"
-    films.append(images.film(purity, "purity", alt, scale.legend("0", "1")))
     objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
-    alt = "Each object in its own color, the sky dark"
-    return [*films, images.film(objects, "objects", alt)]
-
-
-@svg.in_style
-def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
-    """Draw the histogram of the true image speed (px per frame)."""
-    figure, axes = svg.new_axes(*svg.CHART_PT)
-    weights = np.full(speeds.size, 100 / max(speeds.size, 1))
-    style: dict[str, Any] = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
-    axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
-    axes.axvline(median, color=BLACK, linewidth=1.2)
-    place = ("data", "axes fraction")
-    axes.annotate(f" median {median:.2g}", (median, 1), xycoords=place, va="top", fontsize=10.5)
-    axes.grid(axis="y")
-    axes.set(xlabel="image speed (px per frame)", ylabel="share of pixels (%)")
-    axes.set_xlim(0, None)
-    return svg.to_svg(figure, "speed", "Histogram of the true image speed")
+    films.append(images.film(objects, "objects", "Each object in its own color, the sky dark"))
+    body = html.block("strip", *films)
+    if not shown.rim:
+        text = "A single frame has no motion; its depth and objects are known exactly."
+        return Section("Truth", text, body=body, name="motion")
+    depth = _DEPTH.format(report.settings.camera.depth_meaning)
+    body += images.wheel(shown.rim) + html.paragraph(depth, "note")
+    share = float(np.mean([truth.occluded_forward.mean() for truth in truths]))
+    text = _MOTION.format(report.median_speed, percent(share))
+    return Section("True motion", text, body=body, name="motion")
 
 
 def making_section(report: Report) -> Section:
-    """Return errors of the rendered light, times and settings."""
+    """Return the noise of the rendered light, times and settings."""
     samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
-    longest = max(report.timings.values(), default=0.0) or 1.0
-    bar = Markup('<span>{}</span><i style="width:{:.1f}%"></i><span>{}</span>')
-    bars = (
-        bar.format(stage, 100 * spent_s / longest, duration(spent_s))
-        for stage, spent_s in report.timings.items()
-    )
+    times = report.timings.items()
+    spent = ", ".join(f"{stage} {duration(seconds)}" for stage, seconds in times)
     variant = ""
     if report.has_truth:
         variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    time = f"Time spent: {duration(sum(report.timings.values()))}"
     body = [
         rendering(report.scene, f"{samples}as many halve the noise of a frame."),
-        html.definitions("versions", _rendering_errors(report)),
-        html.card(time, html.block("bars", *bars), html.paragraph(variant, "note")),
+        html.paragraph(f"Time spent: {spent}. {variant}", "note"),
         html.folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
     ]
     return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
-
-
-def _rendering_errors(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield errors of the rendered light, by name."""
-    noise = report.scene.get("monte_carlo") or {}
-    surface, sky = noise.get("surface") or {}, noise.get("sky") or {}
-    errors = {
-        "error (RMS) over the mean light": noise.get("median_relative") and noise["rms_over_mean"],
-        "the same, of pixels without sky": surface.get("rms"),
-        "relative error that 95 % of the pixels do not exceed": surface.get("p95"),
-        "share of the gradient energy due to it": surface.get("gradient"),
-        "fixed error of baked light (RMS)": surface.get("standing"),
-        "share of the gradient energy due to the fixed error": surface.get("standing_gradient"),
-        "error of the sky (RMS) over its light": sky.get("rms"),
-        "truncation bias of path depth, worst band": max(report.scene.get("light_left_out") or [0]),
-    }
-    yield from ((name, percent(error)) for name, error in errors.items() if error)
 
 
 SECTIONS: tuple[Callable[[Report], Section], ...] = (

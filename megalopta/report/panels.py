@@ -1,7 +1,7 @@
 """What is shown is one thing: a panel, the pictures of one quantity, frame by frame.
 
 Panels are of a dataset's sequence (light, readings, flow by a method, true motion, depth) or of a
-file of readings. Page, film, report and Rerun's recording show the same ones.
+file of readings. Page, film and report show the same ones.
 """
 
 import math
@@ -98,7 +98,6 @@ class View:
     """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
     rim: float | None = None
     """Speed of the full color, px per frame, if there is flow"""
-    sequence: Sequence | None = None
 
     def of(self, *kinds: str) -> list[Panel]:
         """Return the panels of these kinds."""
@@ -167,7 +166,6 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         treatment=treatment,
         panels=tuple(panels),
         rim=shown.rim,
-        sequence=sequence,
     )
 
 

@@ -102,11 +102,11 @@ class Report:
         )
         # before pictures take seconds to draw
         self.flow = self.shown.records
-        self.benchmarks: list[BenchmarkResult] = []
+        self.benchmark: BenchmarkResult | None = None
         if "benchmark" in self.shown.finished:
             remedy = f"run: {shell_command('benchmark', 'photons', root, '--redo')}"
             path = dataset.result("benchmark.json")
-            self.benchmarks = [checked_json(path, BenchmarkResult.from_dict, remedy)]
+            self.benchmark = checked_json(path, BenchmarkResult.from_dict, remedy)
 
     @cached_property
     def truths(self) -> "list[Truth]":
@@ -178,25 +178,12 @@ class Report:
         return sorted(budgets, key=lambda budget: -budget.illuminance_lux)
 
     @cached_property
-    def speed(self) -> NDArray[np.floating]:
-        """Speed (px per frame) of the pixels and frames shown where it is defined."""
+    def median_speed(self) -> float:
+        """Median speed (px per frame) of the frames shown; 0 if no motion is known."""
         frames = self.shown.frames if self.shown.rim else ()
         flow = [self.shown.motion_of(frame).reshape(-1, 2) for frame in frames]
         speed = np.linalg.norm(np.concatenate([np.zeros((0, 2)), *flow]), axis=-1)
-        return np.asarray(speed[np.isfinite(speed)])
-
-    @property
-    def median_speed(self) -> float:
-        """Median speed; 0 if no motion is known."""
-        return float(np.median(self.speed)) if self.speed.size else 0.0
-
-    @property
-    def frame(self) -> int:
-        """Frame of the stills: shown, in the second half, and with settled responses."""
-        warm_up = max((record.warm_up_frames for record in self.flow), default=0)
-        earliest = max(self.settings.trajectory.frames // 2, warm_up)
-        frames = self.shown.frames
-        return next((frame for frame in frames if frame >= earliest), frames[-1])
+        return float(np.median(known)) if (known := speed[np.isfinite(speed)]).size else 0.0
 
     def film(self) -> dict[str, Any]:
         """Return the settings of the page's films, which follow one slider."""
@@ -210,7 +197,7 @@ class Report:
         strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
         return {
             "labels": [images.frame_label(frame, trajectory.times_s) for frame in frames],
-            "start": frames.index(self.frame),
+            "start": len(frames) // 2,
             "playback_hz": min(max(shown_hz, slowest), fastest),
             "choices": (),
             "aspect": f"{camera.width}/{camera.height}",

@@ -92,16 +92,6 @@ in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
 """Decorator: draw in the page's style, lines and markers included."""
 
 
-def drawable(values: Floats) -> Floats:
-    """Return the values that a logarithmic axis can show, with gaps elsewhere."""
-    return np.where(values > 0, values, np.nan)
-
-
-def verbatim(text: str) -> str:
-    """Escape text for matplotlib, dollar signs included."""
-    return text.replace("$", r"\$")
-
-
 def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
     """Return a figure of this size with one pair of axes; for `in_style` functions."""
     size = width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH

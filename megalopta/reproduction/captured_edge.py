@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
@@ -106,7 +107,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
         caption=f"{caption} Curves are of one pixel and its detectors as the edge passes and "
         "returns, divided by their largest value; the time between passages is omitted.",
         draw=draw,
-        numbers={"time_s": time_s, **columns},
+        numbers=pd.DataFrame({"time_s": time_s, **columns}),
         height_in=4.6,
         name="fig-2.14-to-2.17",
     )
@@ -123,7 +124,11 @@ def _over_speeds(
         for (name, method), over in peaks.items()
         for what, field in (("mean", "mean"), ("sigma", "deviation"), ("snr_db", "snr_db"))
     }
-    snr_db = {key: columns[f"{key[0]}_{key[1]}_snr_db"].mean() for key in peaks}
+    snr = [
+        f"{method} {name} {columns[f'{name}_{method}_snr_db'].mean():.1f} dB (dissertation, one "
+        f"row: {_PRINTED_SNR_DB[method]} dB)"
+        for name, method in peaks
+    ]
 
     def draw(canvas: Canvas) -> None:
         fine = np.linspace(0, velocity[-1], 201)
@@ -149,22 +154,18 @@ def _over_speeds(
             "Points are the mean and σ of the largest response of one detector while an edge "
             f"crosses, over {crossings} crossings of {detectors} detectors in each of {rows} rows. "
             "The SNR is 20·log10(mean/σ), averaged over the speeds but 0; the dissertation does "
-            "not define its own. Green: without noise. Dashed: the mean response to a sinusoid of "
-            f"{_THEORY_CYCLES:g} cycles along the row, scaled to the same height."
+            f"not define its own: {', '.join(snr)}. Green: without noise. "
+            f"Dashed: the mean response to a sinusoid of {_THEORY_CYCLES:g} cycles along the row, "
+            "scaled to the same height."
         ),
         draw=draw,
-        numbers={
-            "speed_mm_s": np.array(speeds, float),
-            "velocity_px_per_frame": velocity,
-            **columns,
-        },
-        printed={
-            f"SNR of {method}, {name}": (
-                f"{value:.1f} dB",
-                f"{_PRINTED_SNR_DB[method]} dB, one row",
-            )
-            for (name, method), value in snr_db.items()
-        },
+        numbers=pd.DataFrame(
+            {
+                "speed_mm_s": np.array(speeds, float),
+                "velocity_px_per_frame": velocity,
+                **columns,
+            }
+        ),
         name="fig-2.18-and-2.19",
     )
 

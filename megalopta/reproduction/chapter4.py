@@ -2,44 +2,33 @@
 
 The sweeps are `sweeps/fig-4.5.yaml` to `fig-4.13.yaml`. Unless a sweep varies it, contrast is 90 %,
 spatial frequency 5 cycles per frame, velocity 5 px per frame, and there are 0.1 dark counts per
-pixel and frame. Pooling levels are those of text or captions. Below each figure are numbers of its
-curves, with the dissertation's readings of its own.
+pixel and frame. Pooling levels are those of text or captions.
 
-Each becomes a picture to look at (PNG), one to print (SVG) and its numbers (CSV, and JSON with
-parameters and intervals). The bytes depend only on the versions of this package, of NumPy and of
-matplotlib. Figures of Chapters 2 and 3 are scripts in `examples/dissertation`.
+Each becomes a picture to look at (PNG), one to print (SVG) and its numbers (CSV). The bytes depend
+only on the versions of this package, of NumPy and of matplotlib. Figures of Chapters 2 and 3 are
+scripts in `examples/dissertation`.
 """
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from megalopta.benchmark.table import columns_of, records
+from megalopta.benchmark.table import records
 from megalopta.benchmark.trial import Results, Sweep, Trial, load_sweep
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.report import sections
 from megalopta.report.sections import Section
 from megalopta.report.text import UNDEFINED
-from megalopta.reproduction.picture import Figure, draw_table, write_figure
-from megalopta.reproduction.sweep_figure import (
-    DEFAULT,
-    Workers,
-    measure,
-    over_templates,
-    sweep_figure,
-    thresholds,
-)
+from megalopta.reproduction.picture import write_figure, write_numbers
+from megalopta.reproduction.sweep_figure import measure, over_templates, sweep_figure, thresholds
 
 CHAPTER, TABLE = "chapter-4", "table-4.1"
 """Names of all figures together, and of the table"""
@@ -71,7 +60,6 @@ NOTE = (
     "quotient of means, which does not divide by responses near zero."
 )
 _HEAD = ("", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|")
-_WIDTHS = (1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1)
 _TITLE = "Photons that motion detectors need"
 _SUMMARY = (
     "Chapter 4 of the dissertation, measured again: N_2b, the photons per frame at which the error "
@@ -114,13 +102,13 @@ def sweep(name: str, is_quick: bool = False) -> Sweep:
 
 
 def reproduce(
-    figures: Sequence[str], out: Path, is_quick: bool = False, workers: Workers = DEFAULT
+    figures: Sequence[str], out: Path, is_quick: bool = False, workers: int | None = None
 ) -> list[Path]:
-    """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every named figure; return their paths.
+    """Write NAME.png, NAME.svg and NAME.csv of every named figure; return their paths.
 
     "chapter-4" names all. Results of the flow benchmark are kept in the folder `trials` of `out`,
     and not measured again. Quick forms, with fewer trials, go to its folder `quick`: complete ones
-    are kept. Table 4.1 comes with a page, chapter-4.html. Raises UserError if a name is unknown or
+    are kept. Table 4.1 is CSV and a page, chapter-4.html. Raises UserError if a name is unknown or
     the folder is a file; nothing is written then.
     """
     names = (*FIGURES, TABLE)
@@ -136,93 +124,19 @@ def reproduce(
     for name in chosen:
         trials += table_trials(is_quick) if name == TABLE else sweep(name, is_quick).trials
     results = measure(trials, out, workers)
-    made, paths = [], []
+    paths = []
     with progress("Drawing figures", len(chosen), "figure") as advance:
         for name in chosen:
-            draw = table_figure if name == TABLE else partial(curve_figure, name)
-            figure = draw(results, is_quick)
-            if is_quick:
-                title, details = f"{figure.title} (quick form)", {**figure.details, "quick": True}
-                figure = replace(figure, title=title, details=details)
-            made.append(figure)
-            paths += write_figure(figure, drawn)
+            if name == TABLE:
+                rows = table_rows(results, is_quick)
+                write_numbers(drawn / f"{TABLE}.csv", rows)
+                paths += [drawn / f"{TABLE}.csv", _write_page(drawn, rows, chosen, is_quick)]
+            else:
+                figure = sweep_figure(name, sweep(name, is_quick), results)
+                title = f"{figure.title} (quick form)" if is_quick else figure.title
+                paths += write_figure(replace(figure, title=title), drawn)
             advance()
-    return [*paths, _write_page(drawn, made, is_quick)] if TABLE in chosen else paths
-
-
-def curve_figure(name: str, results: Results, is_quick: bool) -> Figure:
-    """Return a figure of the chapter, with readings of its curves beside the printed ones."""
-    chosen = sweep(name, is_quick)
-    table = over_templates(thresholds(chosen.points, results))
-    known = table[(table["metric"] == "literal") & (table["bits"] == 2)].dropna(
-        subset="photons_per_frame"
-    )
-    printed = {
-        what: (text, read)
-        for what, (values, read) in _readings(name, known).items()
-        if (text := span(values)) != UNDEFINED
-    }
-    return sweep_figure(name, chosen, results, printed)
-
-
-def _readings(name: str, table: pd.DataFrame) -> dict[str, tuple[list[float], str]]:
-    """Return numbers of a figure's curves, one per method and size, and the printed ones."""
-
-    def curves(*methods: str, size: int | None = None) -> Iterable["pd.Series[float]"]:
-        """Yield N_2b over the varied parameter, a curve per method and size."""
-        chosen = table[table["method"].isin(methods)]
-        if size is not None:
-            chosen = chosen[chosen["size_px"] == size]
-        by = ["method"] if name in ("fig-4.9", "fig-4.13") else ["method", "size_px"]
-        for _, curve in chosen.groupby(by, sort=False):
-            yield curve.set_index("value")["photons_per_frame"]
-
-    def ratio(curve: "pd.Series[float]", over: float, under: float) -> float:
-        return float(curve.get(over, math.nan) / curve.get(under, math.nan))
-
-    def decades(*methods: str) -> list[float]:
-        return [
-            math.log10(curve.max() / curve.min()) if len(curve) > 1 else math.nan
-            for curve in curves(*methods)
-        ]
-
-    if name == "fig-4.5":
-        return {
-            "Decades that EMD moves": (decades("EMD"), "two to three"),
-            "Decades that IIA moves": (decades("IIA"), "about two"),
-            "Decades that NDM and NDS move": (decades("NDM", "NDS"), "one"),
-        }
-    if name == "fig-4.6":
-        motion = [method for method in THESIS_METHODS if method != "IM"]
-        low, high = table["value"].min(), table["value"].max()
-        exponents = [
-            math.log(ratio(curve, high, low)) / math.log(high / low) for curve in curves(*motion)
-        ]
-        return {"Exponent of contrast, motion detectors": (exponents, "−1.7, 10 to 20 %")}
-    if name == "fig-4.8":
-        spikes = [
-            curve.get(6, math.nan) / max(curve.get(5, math.nan), curve.get(7, math.nan))
-            for curve in curves("BM", size=60)
-        ]
-        flat = [10**value for value in decades("IIA")[-1:]] if 240 in set(table["size_px"]) else []
-        return {
-            "BM at 1.43 px per resized frame over beside": (spikes, "a spike"),
-            "IIA at N = 240, most over least": (flat, "flat"),
-        }
-    if name in ("fig-4.9", "fig-4.13"):
-        largest, smallest = table["value"].max(), table["value"].min()
-        values = [ratio(curve, largest, smallest) for curve in curves("BM")]
-        return {"BM: largest over smallest frames": (values, "1 or less")}
-    return {}
-
-
-def span(values: Iterable[float]) -> str:
-    """Format the least and the most of values with two digits; a dash if one is unknown."""
-    found = list(values)
-    if not found or not np.isfinite(found).all():
-        return UNDEFINED
-    low, high = (f"{value:.2g}".replace("-", "−") for value in (min(found), max(found)))
-    return low if low == high else f"{low} to {high}"
+    return paths
 
 
 def table_trials(is_quick: bool) -> list[Trial]:
@@ -265,19 +179,6 @@ _COLUMNS = [
 ]
 
 
-def table_figure(results: Results, is_quick: bool) -> Figure:
-    """Return Table 4.1."""
-    rows = table_rows(results, is_quick)
-    return Figure(
-        name=TABLE,
-        title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
-        caption=NOTE,
-        draw=partial(draw_table, head=_HEAD, rows=_lines(rows), widths=_WIDTHS),
-        numbers=columns_of(rows),
-        height_in=5.0,
-    )
-
-
 def _lines(rows: pd.DataFrame) -> list[tuple[str, ...]]:
     literal, by_means = (rows[rows["metric"] == metric] for metric in METRICS)
     return [
@@ -294,27 +195,20 @@ def _lines(rows: pd.DataFrame) -> list[tuple[str, ...]]:
     ]
 
 
-def _write_page(out: Path, figures: Sequence[Figure], is_quick: bool) -> Path:
-    """Write chapter-4.html next to the pictures of some figures, the last of them Table 4.1."""
-    *curves, table = figures
-    rows = pd.DataFrame(dict(table.numbers))
-    compared = tuple(
-        (f"{figure.name}: {what}", *texts)
-        for figure in curves
-        for what, texts in figure.printed.items()
-    )
-    pictures = (
-        sections.image(f"{figure.name}.svg", f"{figure.title}. {figure.caption}")
-        for figure in curves
-    )
+def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: bool) -> Path:
+    """Write chapter-4.html, with Table 4.1 and the pictures of the other names beside it."""
+    pictures = [
+        sections.image(f"{name}.svg", sweep(name, is_quick).title)
+        for name in names
+        if name != TABLE
+    ]
     page = [
         Section("Table 4.1", NOTE, _HEAD, tuple(_lines(rows))),
-        Section("This run", "", ("", "ours", "printed"), compared) if compared else None,
         Section(
             "Differences, and their reasons",
             body=sections.definitions("words", _DIFFERENT.items()),
         ),
-        Section("Figures", body=sections.block("", *pictures)) if curves else None,
+        Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
     summary = _SUMMARY + (_QUICK if is_quick else "")
     return sections.write_sections(out / "chapter-4.html", _TITLE, summary, page)

@@ -1,27 +1,24 @@
-"""A figure with its caption and numbers, and its files: two of the picture, two of the numbers."""
+"""A figure with its caption and numbers, and its files: two of the picture, one of the numbers."""
 
-import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.core.files import atomic_write, write_csv, write_json
-from megalopta.report.style import BLACK, RULE, house_style
-
-Cell: TypeAlias = float | str
+from megalopta.core.files import atomic_write, write_csv
+from megalopta.report.style import BLACK, house_style
 
 WIDTH_IN = 7.0
 _CAPTION_SIZE = 9.0
@@ -31,69 +28,37 @@ _TITLE_SIZE = 13
 _TITLE_LINE_IN = 0.24
 _TITLE_CHARACTERS = 62
 _MARGIN_IN = 0.12
-_TABLE_COLUMNS_IN = (_MARGIN_IN, 3.3, 5.1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Figure:
-    """One reproduced figure or table."""
+    """One reproduced figure."""
 
+    name: str
+    """Name on the command line and of its files: "fig-4.5"."""
     title: str
     """Title, in one line; figures of the dissertation begin with their number: "Figure 3.2: …"."""
     caption: str
-    """Content and method, in at most three sentences."""
+    """Content and method."""
     draw: Callable[[Canvas], None]
     """Draws axes on an empty matplotlib figure of the house style."""
-    numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
-    """Numbers behind the picture: columns of equal length by name and unit, as in "time_s"; NaN if
-    missing."""
+    numbers: pd.DataFrame
+    """Numbers behind the picture, with units in the names, as in "time_s"; NaN if missing."""
     height_in: float = 4.0
-    """Height of the drawing (inches), without title, table and caption; it is 7 inches wide."""
-    printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Our number and the dissertation's, with units, by quantity: a small table under the drawing.
-    """
-    printed_by: tuple[str, str] = ("Ours", "Dissertation")
-    """Column heads of that table."""
-    details: Mapping[str, Any] = field(default_factory=dict)
-    """Further results, ready for JSON: parameters, intervals, error curves."""
-    name: str = ""
-    """Name of its recipe, on the command line and in file names: "fig-3.2", "table-3.1"."""
-
-    def __post_init__(self) -> None:
-        """Refuse columns of unequal length."""
-        if len({len(column) for column in self.numbers.values()}) > 1:
-            raise ValueError(f"{self.title}: columns {self.columns} differ in length")
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the columns of numbers."""
-        return tuple(self.numbers)
-
-    @property
-    def rows(self) -> tuple[tuple[Cell, ...], ...]:
-        """Numbers, row by row."""
-        plain = (
-            each.tolist() if isinstance(each, np.ndarray) else each
-            for each in self.numbers.values()
-        )
-        return tuple(zip(*plain, strict=True))
+    """Height of the drawing (inches), without title and caption; it is 7 inches wide."""
 
 
-def columns_of(rows: Iterable[Mapping[str, Cell]]) -> dict[str, list[Cell]]:
-    """Return the columns of one or more rows with the same names."""
-    first, *others = rows
-    return {name: [value, *(row[name] for row in others)] for name, value in first.items()}
+def write_numbers(path: Path, numbers: pd.DataFrame) -> None:
+    """Write the numbers of a figure or table as CSV."""
+    # nine digits: more would show one machine's rounding
+    write_csv(path, numbers.columns, numbers.itertuples(index=False), digits=9)
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Draw one figure and write its four files."""
-    paths = png, svg, numbers, record = [
-        out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")
-    ]
-    table = [(what, *values) for what, values in figure.printed.items()]
+    """Draw one figure and write its three files."""
+    png, svg, numbers = paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv")]
     with house_style():
-        head = [("", *figure.printed_by)] if table else []
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in, head + table)
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
         figure.draw(canvas)
         if layout := canvas.get_layout_engine():
             layout.execute(canvas)
@@ -108,61 +73,27 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         lines: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
             lines.print_svg(temporary, metadata={**title, "Date": None})
-    # nine digits: more would show one machine's rounding
-    write_csv(numbers, figure.columns, figure.rows, digits=9)
-    write_json(record, _record(figure))
+    write_numbers(numbers, figure.numbers)
     return paths
 
 
-def _record(figure: Figure) -> dict[str, Any]:
-    heads = [head.lower() for head in figure.printed_by]
-    return {
-        "name": figure.name,
-        "title": figure.title,
-        "caption": figure.caption,
-        "printed": [
-            {"quantity": what, **dict(zip(heads, values, strict=True))}
-            for what, values in figure.printed.items()
-        ],
-        "columns": figure.columns,
-        "rows": [
-            [each if isinstance(each, str) or math.isfinite(each) else None for each in row]
-            for row in figure.rows
-        ],
-        **figure.details,
-    }
-
-
-def new_canvas(
-    title: str, caption: str, height_in: float, table: Sequence[Sequence[str]] = ()
-) -> Canvas:
+def new_canvas(title: str, caption: str, height_in: float) -> Canvas:
     """Return an empty matplotlib figure with a title above and a caption below the drawing.
 
-    Title and caption are wrapped to the width. The drawing is `height_in` high; below it is
-    `table`, rows of three texts, the first of which is its head.
+    Title and caption are wrapped to the width. The drawing is `height_in` high.
     """
     head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
     above = _TITLE_LINE_IN * len(head) + 0.16
-    tabled = _LINE_IN * len(table) + (_MARGIN_IN if table else 0)
-    below = tabled + _LINE_IN * len(lines) + 2 * _MARGIN_IN
+    below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
     total = below + height_in + above
     canvas = Canvas(figsize=(WIDTH_IN, total), dpi=rcParams["savefig.dpi"])
     FigureCanvasAgg(canvas)
-    inside = (0.0, below / total, 1.0, height_in / total)
-    canvas.set_layout_engine("constrained", rect=inside)
-
-    def write(text: str, left_in: float, top_in: float, **style: Any) -> None:
-        place = left_in / WIDTH_IN, 1 - top_in / total
-        canvas.text(*place, text, va="top", color=BLACK, **style)
-
-    write("\n".join(head), _MARGIN_IN, _MARGIN_IN, fontsize=_TITLE_SIZE, fontweight="bold")
-    top = above + height_in + _MARGIN_IN
-    for row, texts in enumerate(table):
-        weight = "normal" if row else "bold"
-        for text, left in zip(texts, _TABLE_COLUMNS_IN, strict=True):
-            place = left, top + row * _LINE_IN
-            write(text, *place, fontsize=_CAPTION_SIZE, fontweight=weight)
-    write("\n".join(lines), _MARGIN_IN, top + tabled, fontsize=_CAPTION_SIZE, linespacing=1.3)
+    canvas.set_layout_engine("constrained", rect=(0.0, below / total, 1.0, height_in / total))
+    place: dict[str, Any] = {"x": _MARGIN_IN / WIDTH_IN, "va": "top", "color": BLACK}
+    look: dict[str, Any] = {"fontsize": _TITLE_SIZE, "fontweight": "bold"}
+    canvas.text(y=1 - _MARGIN_IN / total, s="\n".join(head), **place, **look)
+    look = {"fontsize": _CAPTION_SIZE, "linespacing": 1.3}
+    canvas.text(y=(below - _MARGIN_IN) / total, s="\n".join(lines), **place, **look)
     return canvas
 
 
@@ -180,26 +111,6 @@ def draw_interval(
     """Draw a line with whiskers between the lower and upper ends."""
     low, high = ends
     axes.errorbar(x, middle, (middle - low, high - middle), **style)
-
-
-def draw_table(
-    canvas: Canvas, head: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[float]
-) -> None:
-    """Draw a table of text, with a rule under its head and light rules between its rows.
-
-    A column's share of the page is proportional to its width.
-    """
-    axes = canvas.subplots()
-    axes.set_axis_off()
-    starts = [sum(widths[:column]) / sum(widths) for column in range(len(widths))]
-    lines = len(rows) + 1
-    for line, row in enumerate([head, *rows]):
-        weight, color, width = ("normal", RULE, 0.8) if line else ("bold", BLACK, 1.2)
-        for start, text in zip(starts, row, strict=True):
-            height = 1 - (line + 0.5) / lines
-            axes.text(start + 0.01, height, text, va="center", fontsize=10.5, fontweight=weight)
-        axes.plot([0, 1], [1 - (line + 1) / lines] * 2, color=color, linewidth=width)
-    axes.set(xlim=(0, 1), ylim=(0, 1))
 
 
 def wrapped(text: str, characters: int) -> list[str]:

@@ -1,8 +1,7 @@
 """A sweep as a figure: the flux that each detector needs over the varied parameter."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator
 
 from megalopta.benchmark.panoramas import ROWS
-from megalopta.benchmark.table import columns_of
 from megalopta.benchmark.trial import (
     GratingTemplate,
     Results,
@@ -43,21 +41,8 @@ _LOGARITHMIC = ("search.dark_counts",)
 _MOST_TICKS = 12
 
 
-@dataclass(frozen=True)
-class Workers:
-    """Resources for trials of the flow benchmark; they change no number."""
-
-    threads: int | None = None
-    """Default: one per core."""
-    scheduler: str | None = None
-    """Address of a Dask cluster to use instead of threads."""
-
-
-DEFAULT = Workers()
-
-
-def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: Workers = DEFAULT) -> list[Path]:
-    """Measure a sweep and write its figure under this name, as PNG, SVG, CSV and JSON.
+def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: int | None = None) -> list[Path]:
+    """Measure a sweep and write its figure under this name, as PNG, SVG and CSV.
 
     Results are kept in the folder `trials` of `out`, and not measured again. Raises UserError if
     the folder is a file; nothing is written then.
@@ -66,10 +51,13 @@ def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: Workers = DEFAU
     return write_figure(sweep_figure(name, sweep, measure(sweep.trials, out, workers)), out)
 
 
-def measure(trials: Sequence[Trial], out: Path, workers: Workers) -> Results:
-    """Return the error curves of trials, kept in the folder `trials` of `out`."""
+def measure(trials: Sequence[Trial], out: Path, workers: int | None = None) -> Results:
+    """Return the error curves of trials, kept in the folder `trials` of `out`.
+
+    They are measured on so many threads, by default one per core.
+    """
     templates = template_pixels(trial.template for trial in trials)
-    return run(trials, templates, out / "trials", workers.threads, workers.scheduler)
+    return run(trials, templates, out / "trials", workers)
 
 
 def thresholds(points: Iterable[SweepPoint], results: Results) -> pd.DataFrame:
@@ -119,36 +107,17 @@ def over_templates(table: pd.DataFrame) -> pd.DataFrame:
     return found.drop(columns=["least", "most", "templates"])
 
 
-def sweep_figure(
-    name: str,
-    sweep: Sweep,
-    results: Results,
-    printed: Mapping[str, tuple[str, str]] | None = None,
-) -> Figure:
-    """Draw N_2b, in the first metric, over the varied parameter; a panel per size.
-
-    `printed` are numbers of these results and of the dissertation.
-    """
+def sweep_figure(name: str, sweep: Sweep, results: Results) -> Figure:
+    """Draw N_2b, in the first metric, over the varied parameter; a panel per size."""
     table = thresholds(sweep.points, results)
     rows = math.ceil(len(_sizes(sweep)) / 2)
-    trials = [
-        {
-            "size": point.size,
-            "value": point.value,
-            "template": point.template,
-            "curves": [curve.to_dict() for curve in results[point.trial]],
-        }
-        for point in sweep.points
-    ]
     return Figure(
         name=name,
         title=sweep.title,
         caption=_caption(sweep, table),
         draw=partial(_draw, sweep=sweep, table=over_templates(_first(sweep, table))),
-        numbers=columns_of(table),
+        numbers=table,
         height_in=4.0 if rows == 1 else 2.8 * rows,
-        printed=printed or {},
-        details={"sweep": sweep.model_dump(mode="json"), "trials": trials},
     )
 
 

@@ -24,7 +24,6 @@ import trimesh
 import yaml
 from PIL import Image
 
-from megalopta.benchmark.scores import add_entries, score_submission
 from megalopta.camera.recording import Recorder
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
@@ -102,12 +101,11 @@ READ: dict[str, tuple[str, ...]] = {
     "sweep.yaml": ("benchmark photons {file} --out=o --workers=1",),
     "config.yaml": ("render {file} --out=o",),
     **dict.fromkeys(("dark-counts.csv", "crosstalk.csv", "autocorrelation.csv"), (TABLES,)),
-    "board.jsonl": ("benchmark submit good_flows --truth=good_flows --out=s.json --leaderboard={file}",),
 }  # fmt: skip
 """Files, and the commands that read them."""
 
-TEXTS = ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", ".jsonl", "text.stl"
-UNMARKED = ".csv .yaml .obj .mtl .spd .jsonl .ptu .bin .avi .dat map.npy".split()
+TEXTS = ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", "text.stl"
+UNMARKED = ".csv .yaml .obj .mtl .spd .ptu .bin .avi .dat map.npy".split()
 """Formats of which a part may be whole, or whose reader sees no more than a part"""
 CHECKED = ("a.png", "gray.png", "deep.png", "f.png", ".npz")
 """Formats with checksums, which no flipped bit passes"""
@@ -295,10 +293,6 @@ def write_texts(here):
         (here / f"{name}.yaml").write_text(yaml.safe_dump(values))
     for path in (Path(__file__).parents[2] / "docs/public_arrays").glob("*-1.csv"):
         shutil.copy(path, here / path.name.replace("-1", ""))
-    (here / "board.jsonl").write_text("")
-    add_entries(
-        here / "board.jsonl", score_submission(here / "good_flows", here / "good_flows").entries
-    )
 
 
 # Damage to the bytes of any file: each a function of the content and random numbers
@@ -487,7 +481,7 @@ def damaged_files():
                 rng = np.random.default_rng([index, number, *name.encode()])
                 sure = way in SURE and not name.endswith(tuple(UNMARKED))
                 sure |= way in (flipped, blocked) and name.endswith(CHECKED)
-                sure |= way is empty and name not in ("board.jsonl", "t.mtl")
+                sure |= way is empty and name != "t.mtl"
 
                 def make(path, content, way=way, rng=rng):
                     path.write_bytes(way(content, rng))
@@ -500,7 +494,7 @@ def odd_places():
     """Cases of things that are no file, in turn under the verbs."""
     for turn, (name, commands) in enumerate(READ.items()):
         kind = [*PLACES][turn % len(PLACES)]
-        if (name, kind) not in (("board.jsonl", "nothing"), ("t.mtl", "nothing")):
+        if (name, kind) != ("t.mtl", "nothing"):
             put = in_folder(name, PLACES[kind])
             yield Case(f"{name}-is-{kind}", worded(commands[0], name), put, must_tell=True)
 
@@ -708,7 +702,7 @@ def damaged(path, way, rng):
 
 
 def way_for(path, rng):
-    is_text = path.suffix in (".json", ".yaml", ".csv", ".txt", ".jsonl")
+    is_text = path.suffix in (".json", ".yaml", ".csv", ".txt")
     return one_of(rng, [way for way in (TEXT if is_text else BINARY) if way is not repeated])
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.benchmark.scores import read_board, score_submission
+from megalopta.benchmark.scores import score_submission
 from megalopta.cli import main as cli
-from megalopta.core.errors import UserError
 from megalopta.flow.formats import write_flo
 
 SHAPE = (60, 80)
@@ -50,7 +49,7 @@ def tree(tmp_path):
 
 
 def submit(capsys, truth, flow, *words):
-    cli.main(["benchmark", "submit", str(flow), "--truth", str(truth), *map(str, words)])
+    cli.main(["benchmark", "submit", "--truth", str(truth), str(flow), *map(str, words)])
     return capsys.readouterr().out
 
 
@@ -121,32 +120,19 @@ def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, cap
     assert still.errors["all"]["epe_px"] == pytest.approx(np.mean(speeds))
 
 
-def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, capsys):
+def test_programs_are_compared_in_one_table(tree, tmp_path, capsys):
     truth, submitted = tree
-    board, words = tmp_path / "board.jsonl", ("--out", tmp_path / "scores.json", "--leaderboard")
-    perfect = tmp_path / "perfect"
+    perfect, out = tmp_path / "perfect", tmp_path / "scores.json"
     shutil.copytree(truth / "training" / "flow", perfect)
-    submit(capsys, truth, submitted, *words, board)
-    submit(capsys, truth, submitted, *words, board)
-    printed = submit(capsys, truth, perfect, *words, board, "--program", "oracle")
-    entries = read_board(board)
-    assert [(each.program, each.pass_name) for each in entries] == [
+    printed = submit(capsys, truth, submitted, perfect, "--out", out)
+    overall = [each for each in json.loads(out.read_text())["entries"] if not each["sequence"]]
+    assert [(each["program"], each["pass_name"]) for each in overall] == [
         ("dis", "clean"),
-        ("oracle", ""),
+        ("perfect", ""),
     ]
-    assert entries[1].errors["all"]["epe_px"] == 0
-    assert entries[1].errors["all"]["wauc_percent"] == 100
-    assert "oracle" in printed and "dis" in printed
-
-
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [('{"format": 3}', "scores format 3 is newer than 2"), ("[" * 100_000, "give a leaderboard")],
-)
-def test_a_line_of_another_format_is_told(tmp_path, line, told):
-    (tmp_path / "board.jsonl").write_text(f"{line}\n")
-    with pytest.raises(UserError, match=told):
-        read_board(tmp_path / "board.jsonl")
+    assert overall[1]["errors"]["all"]["epe_px"] == 0
+    assert overall[1]["errors"]["all"]["wauc_percent"] == 100
+    assert "perfect" in printed and "dis" in printed
 
 
 def test_frames_must_pair_strictly(tree, told):
@@ -180,9 +166,3 @@ def test_mistakes_get_one_sentence(tree, tmp_path, told):
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
     assert "holds .flo and .npy: give one format" in told(truth, submitted)
     path.with_suffix(".npy").unlink()
-    board = tmp_path / "board.jsonl"
-    board.write_text("something else\n")
-    assert "give a leaderboard" in told(
-        truth, submitted, "--leaderboard", board, "--out", tmp_path / "s.json"
-    )
-    assert board.read_text() == "something else\n"

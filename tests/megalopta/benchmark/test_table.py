@@ -28,7 +28,7 @@ def test_95_of_100_intervals_of_a_ratio_hold_it(count):
     rng, held = np.random.default_rng(0), 0
     for _ in range(RUNS):
         one, other = drawn(rng, count, 1.3)
-        found, _ = ratio(other, one)
+        found = ratio(other, one)
         held += found.low <= 1.3 <= found.high
     assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
 
@@ -49,19 +49,11 @@ def test_of_small_scatter_it_is_the_interval_of_a_mean():
     assert (found.low, found.high) == pytest.approx((low, high), abs=1e-8)
 
 
-def test_p_is_that_of_the_paired_t_test():
-    rng = np.random.default_rng(0)
-    one = 1 + 1e-4 * rng.normal(size=12)
-    other = one + 1e-4 * (rng.normal(size=12) + 0.5)
-    expected = stats.ttest_rel(other, one).pvalue
-    assert ratio(sums(other), sums(one))[1] == pytest.approx(expected, rel=1e-3)
-
-
 def test_draws_are_not_units():
     """Twice as many draws of the same units: sums and blocks double, intervals do not shrink."""
     one, other = drawn(np.random.default_rng(2), 8, 1.2)
     twice = Sums(2 * one.totals, 2 * one.blocks)
-    np.testing.assert_allclose(ratio(other, twice)[0], ratio(other, one)[0])
+    np.testing.assert_allclose(ratio(other, twice), ratio(other, one))
 
 
 @pytest.mark.parametrize("blocks", [[5, 0, 0], [1000, 1, 1]])
@@ -75,7 +67,7 @@ def test_one_unit_alone_has_no_interval(blocks):
 def test_the_table_has_the_mean_of_every_case_over_what_is_known():
     """Three methods on three scenes; b is surely lowest, c is not ranked and a has no blocks."""
     totals = {"a": [0.0, 0.0, 0.0], "b": [1.0, 1.1, 0.9], "c": [0.5, 0.5, 0.5], "d": [2, 2.2, 1.9]}
-    case = "all", 1, 1
+    case = ("all",)
     table = means(
         samples(
             ("error", name, 10.0, *case, f"scene {unit}", total, float(name != "a"))

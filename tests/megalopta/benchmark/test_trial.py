@@ -3,15 +3,11 @@
 Trials side by side: the same numbers at any number of workers, and nothing measured twice.
 """
 
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
-
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from megalopta.benchmark import trial as engine
-from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, load_sweep, run_trials
+from megalopta.benchmark.trial import GratingTemplate, Sweep, Trial, load_sweep
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.flow.benchmark import SearchSettings
@@ -50,10 +46,8 @@ def test_sweep_survives_yaml(tmp_path):
         ("trial: {methods: BM}", "trial.methods: give a list, got 'BM'"),
         ("trial: {template: {kind: panorama, name: open, contrast: 1}}", "the keys are coding"),
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
-        ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
         ("{vary: methods, values: [BM, IM]}", "vary: methods cannot vary within a figure"),
-        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics cannot vary"),
         ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
         (
             "{vary: template.contrast, values: [0.5],"
@@ -82,13 +76,6 @@ def test_values_are_what_they_mean(tmp_path, text, values):
     assert [(point.value, type(point.value)) for point in points] == [
         (value, type(value)) for value in values
     ]
-
-
-def test_frequency_beyond_nyquist_depends_on_variant_and_size():
-    Trial(template=GratingTemplate(cycles_per_frame=30, variant="periodic"), size=60)
-    with pytest.raises(ValidationError, match="beyond half a cycle per pixel"):
-        Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=60)
-    Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=120)
 
 
 def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monkeypatch):
@@ -131,28 +118,17 @@ TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3,
 TEMPLATES = {GratingTemplate(): GratingTemplate().pixels()}
 
 
-def run(store, workers=1, trials=TRIALS, executor=ThreadPoolExecutor, **more):
-    with executor(workers, **more) as pool:
-        return run_trials(trials, TEMPLATES, store, pool)
+def run(store, workers=1, trials=TRIALS):
+    return engine.run(trials, TEMPLATES, store, workers)
 
 
 def files(store):
-    return {path.name: path.read_bytes() for path in store.iterdir()}
+    return {path.name: path.read_bytes() for path in store.glob("*.json")}
 
 
-@pytest.mark.parametrize(
-    ("workers", "executor", "more"),
-    [
-        (3, ThreadPoolExecutor, {}),
-        # two processes that load everything; engine/test_cluster.py runs a trial in another one
-        pytest.param(
-            2, ProcessPoolExecutor, {"mp_context": get_context("spawn")}, marks=pytest.mark.slow
-        ),
-    ],
-)
-def test_results_do_not_depend_on_workers(tmp_path, workers, executor, more):
+def test_results_do_not_depend_on_workers(tmp_path):
     alone = run(tmp_path / "alone")
-    together = run(tmp_path / "together", workers, TRIALS[::-1], executor, **more)
+    together = run(tmp_path / "together", 3, TRIALS[::-1])
     assert together == alone
     assert files(tmp_path / "alone") == files(tmp_path / "together")
 
@@ -170,26 +146,22 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert len(measured) == len({trial for trial, *_ in measured}) == 3
 
 
-@pytest.mark.parametrize("change", ["trial", "pixels", "code"])
-def test_a_result_is_not_used_for_anything_else(tmp_path, monkeypatch, change):
+def test_a_result_is_not_used_for_another_trial_other_pixels_or_other_code(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(engine, "measure_trial", lambda trial, *_: calls.append(trial) or ())
-    run(tmp_path / "store", trials=TRIALS[:1])
-    trials = TRIALS[:1]
-    if change == "trial":
-        trials = [TRIALS[0].model_copy(update={"seed": 1})]
-    elif change == "pixels":
-        monkeypatch.setitem(TEMPLATES, GratingTemplate(), np.ones((251, 251)))
-    elif change == "code":
-        monkeypatch.setattr(engine, "code_digest", lambda *modules: "of other code")
-    run(tmp_path / "store", trials=trials)
-    assert len(calls) == 2
+    run(tmp_path, trials=TRIALS[:1])
+    run(tmp_path, trials=[TRIALS[0].model_copy(update={"seed": 1})])
+    monkeypatch.setitem(TEMPLATES, GratingTemplate(), np.ones((251, 251)))
+    run(tmp_path, trials=TRIALS[:1])
+    monkeypatch.setattr(engine, "code_digest", lambda *modules: "of other code")
+    run(tmp_path, trials=TRIALS[:1])
+    assert len(calls) == 4
 
 
-@pytest.mark.parametrize("content", [b"", b"\xff", b"[]", b'{"curves": [{}]}'])
+@pytest.mark.parametrize("content", [b"\xff", b'{"curves": [{}]}'])
 def test_a_damaged_record_is_measured_again(tmp_path, content):
     complete = run(tmp_path, trials=TRIALS[:1])
-    (path,) = tmp_path.iterdir()
+    (path,) = tmp_path.glob("*.json")
     whole = path.read_bytes()
     path.write_bytes(content)
     assert run(tmp_path, trials=TRIALS[:1]) == complete

@@ -9,17 +9,16 @@ from matplotlib.figure import Figure
 
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report.detectors import error_chart
-from megalopta.report.page import speed_chart
 from megalopta.report.style import BLACK, RULE, in_style, to_svg
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
 
 
-def chart(errors, description="a chart"):
+def chart(errors, description="a chart", name="chart-7"):
     shape = (60, 60)
     numbers = (*FLUXES,), (*errors,), (*errors / 10,)
     curve = ErrorCurve("BM", "BM", shape, "literal", *numbers, 1, {})
-    return str(error_chart([curve], [], "chart-7", description))
+    return str(error_chart([curve], [], name, description))
 
 
 def test_charts_take_the_colors_of_the_page_and_name_their_parts():
@@ -34,19 +33,14 @@ def test_charts_take_the_colors_of_the_page_and_name_their_parts():
     targets = re.findall(r'(?:url\(#|href="#)([^)"]*)', svg)
     identifiers = re.findall(r'\sid="([^"]*)"', svg)
     assert targets and set(targets) <= set(identifiers)
-    assert not set(identifiers) & set(re.findall(r'\sid="([^"]*)"', speed_chart(FLUXES, 1.0)))
+    other = chart(1e3 / FLUXES, name="chart-8")
+    assert not set(identifiers) & set(re.findall(r'\sid="([^"]*)"', other))
 
 
 def test_undefined_and_zero_errors_leave_gaps():
     svg = chart(np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0]))
     assert "nan" not in svg
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
-
-
-@pytest.mark.parametrize("speed", [0.0, 1.6667])
-def test_an_image_that_moves_everywhere_alike_has_its_speed_chart(speed):
-    speeds = np.full(500, speed, np.float32) + np.float32(1e-6) * np.arange(500) / 500
-    assert "share of pixels (%)" in speed_chart(speeds, speed)
 
 
 @pytest.mark.parametrize(("width_in", "least"), [(5.3, None), (10.0, "min-width: 540px")])

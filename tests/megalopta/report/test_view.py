@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -172,10 +171,3 @@ def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path)
     page = tmp_path / "out" / "view.html"
     assert page.stat().st_size < 10e6
     assert "one of 2 × 2 pixels and 80 of 90 frames; the film has 90." in page.read_text("utf-8")
-
-
-def test_without_the_sdk_the_extra_is_named(whole, tmp_path, monkeypatch, refused):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    told = refused("view", whole, "--out", tmp_path / "out", "--rerun")
-    assert "rerun is not installed; pip install 'megalopta[rerun]'" in told
-    assert not (tmp_path / "out").exists()

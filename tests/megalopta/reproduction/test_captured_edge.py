@@ -35,7 +35,7 @@ def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     sensor = changed(captured.sensor, counter={"calibrated": False})
     figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
     assert [figure.name for figure in figures] == NAMES
-    numbers = dict(zip(figures[-1].columns, figures[-1].rows[0], strict=True))
+    numbers = figures[-1].numbers.iloc[0]
     for method in ("NDM", "NDS"):
         ratio = numbers[f"captured_{method}_mean"] / numbers[f"simulated_{method}_mean"]
         assert ratio == pytest.approx(1, rel=0.05)
@@ -44,7 +44,7 @@ def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
 def test_a_camera_of_half_the_signal_differs_by_half():
     counts = record(10.0, SENSOR).counts // 2
     *_, figure = captured_figures({10.0: counts}, SENSOR)
-    numbers = dict(zip(figure.columns, figure.rows[0], strict=True))
+    numbers = figure.numbers.iloc[0]
     for method, share in (("NDS", 0.5), ("NDM", 0.25)):
         # halves are rounded down
         ratio = numbers[f"captured_{method}_mean"] / numbers[f"simulated_{method}_mean"]

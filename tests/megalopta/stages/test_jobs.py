@@ -98,16 +98,6 @@ def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
     assert not any(each.problem for each in outcomes)
 
 
-def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_path):
-    from megalopta.benchmark.trial import Trial, run, template_pixels
-
-    trials = [Trial(size=20, methods=("BM",), search={"frames": 4, "repeats": 2})]
-    templates = template_pixels(trial.template for trial in trials)
-    here = run(trials, templates, tmp_path / "here", 1)
-    there = run(trials, templates, tmp_path / "there", scheduler=scheduler)
-    assert here == there
-
-
 def test_a_cluster_of_other_versions_does_nothing(jobs, tmp_path):
     wanted = {**module.environment(), "numba": "9.9"}
     outcome = module.attempt(jobs.Job(tmp_path), 0, wanted=wanted)
