@@ -23,7 +23,10 @@ is shared.
 import hashlib
 import math
 import operator
+import os
 import re
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from typing import Any
 
@@ -80,6 +83,22 @@ def light_key(rates: Floats) -> str:
     for side in reversed(total.shape):
         total = total @ ((0.5 + _GOLDEN * np.arange(side)) % 1 + 0.5) / side
     return f"{float(total):.6g}"
+
+
+def over_frames(task: Callable[[int], None], frames: Iterable[int], in_turn: bool = False) -> None:
+    """Run a task for every frame number, in threads unless in turn.
+
+    Each task must write to its own places.
+    """
+    numbers = list(frames)
+    workers = min(os.cpu_count() or 1, len(numbers))
+    if in_turn or workers <= 1:
+        for frame in numbers:
+            task(frame)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(task, numbers):
+            pass
 
 
 def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:

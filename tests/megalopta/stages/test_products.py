@@ -9,6 +9,7 @@ from megalopta.sensor import Crosstalk, changed, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.shot import NextFrames, Shot
+from megalopta.sensor.spad.array import Draw
 from megalopta.stages.sense import open_exposure
 
 from ..small import made
@@ -95,6 +96,6 @@ def test_light_is_not_known_beyond_the_next_frame():
     sensor = changed(preset("ideal"), exposure_s=0.02)
     with pytest.raises(ValueError, match="exposure_s: 0.02 is longer than a frame, 0.01 s"):
         Shot(
-            radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=sensor, seed=0,
-            stream="s", first_frame=0, frame_period_s=0.01, following=following,
+            radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=sensor,
+            draw=Draw(0, "s", 0, 0.01), following=following,
         )  # fmt: skip

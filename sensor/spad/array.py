@@ -1,0 +1,190 @@
+"""One exposure of a SPAD array, step by step in physical order.
+
+    optics        radiance → photons per second detected by an always-live pixel (`optics`)
+    device        × relative efficiency; dark counts of each pixel (`spad.device`)
+    arrivals      detected photons + dark carriers, whose rate may switch (telegraph noise)
+    avalanches    arrivals that fire: gate, dead time, afterpulses, crosstalk
+    readout       counts, codes of an ADC, bits, or the time of every event
+
+Light is constant during an exposure, or (T, S, H, W) in S equal parts of it (`shot`).
+
+Every frame has its own random streams, named by seed, stream, sensor, light and frame number. A
+frame's draws thus depend neither on other frames drawn with it, nor on the number of threads.
+Exposures that differ in any of these are independent; equal ones give equal readings. Counts,
+events and bits are drawn from different streams: they agree in distribution, not count by count.
+For an array with memory that is not reset between frames, they are drawn avalanche by avalanche
+from the same streams, and are the same events.
+"""
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.core.arrays import Floats, Ints
+from megalopta.sensor import optics, quantities
+from megalopta.sensor.effects import crosstalk, dead_time, timing
+from megalopta.sensor.effects.base import AvalancheMaps
+from megalopta.sensor.effects.gating import open_fraction
+from megalopta.sensor.sampling import poisson, streams
+from megalopta.sensor.spad import counters, counts
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.simulation import PixelState, simulate_frame
+
+MOST_STORED = 5e7
+"""Most events of a frame whose times are kept: about 3 GB while drawn and sorted."""
+_FEW_PIXELS = 2**15
+"""Below this number of pixels in all frames, one thread draws them."""
+
+_PURPOSES = {"counts": "exposure", "codes": "exposure", "bits": "binary", "events": "events"}
+
+
+class Draw(NamedTuple):
+    """Names of the random numbers of consecutive frames; parameters as for `expose`."""
+
+    seed: int
+    stream: str | int
+    first_frame: int = 0
+    frame_period_s: float | None = None
+
+
+def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
+    """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
+    rate_hz = optics.detected_rate(radiance, bands_nm, sensor)
+    _, rows, columns = rate_hz.shape
+    rate_hz *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    return rate_hz
+
+
+def expose_frames(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    draw: Draw,
+    reading: Literal["counts", "codes", "bits", "events"],
+    *,
+    is_running: bool = False,
+    state: PixelState | None = None,
+    together: int = 1,
+) -> tuple[Any, PixelState | None]:
+    """Draw readings of frames of a known detection rate, Hz, (T, H, W) or (T, S, H, W).
+
+    Returns an `Exposure`, `Events`, codes (T, H, W) or packed bits (T, H, ceil(W/8)), and the state
+    of an array that is running after the last frame: it starts from `state` and is not reset
+    between frames. `together` frames are drawn from the streams of the first of them.
+    """
+    rate_hz = optics.checked_rate(detections_hz, sensor)
+    frames, *parts, rows, columns = rate_hz.shape
+    device, exposure_s = draw_fixed_pattern(sensor, (rows, columns)), sensor.exposure_s
+    counter, effects, maps = sensor.counter, sensor.avalanche_effects, device.avalanches
+    is_running, keeps_times = is_running and effects.remembers, reading == "events"
+    by_event = is_running or keeps_times
+    for light_hz in rate_hz if by_event else ():
+        most = MOST_STORED if keeps_times else counts.MOST_SIMULATED
+        counts.check_load(light_hz + device.dark_counts_hz, exposure_s, effects, maps, most)
+    stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
+    readings = counters.empty_counts((frames, rows, columns), counter.capacity)
+    saturated = np.empty(readings.shape, np.bool_)
+    bits = np.empty((frames, rows, -(-columns // 8)), np.uint8)
+    events: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}
+
+    def expose_block(first: int) -> None:
+        nonlocal state
+        block = slice(first, min(first + together, frames))
+        numbers = draw.first_frame + np.arange(block.start, block.stop)
+        key = stream, streams.light_key(rate_hz[first]), int(numbers[0])
+        rng = streams.generator(draw.seed, "events" if by_event else _PURPOSES[reading], *key)
+
+        # arrivals in frames one below the other, Hz: light (n·H, W) or (S, n·H, W), dark carriers
+        light_hz = np.moveaxis(rate_hz[block], 0, -3).reshape(*parts, -1, columns)
+        pixels = device.repeated(numbers.size)
+        dark_hz = pixels.dark_counts_hz
+        if device.traps is not None:  # telegraph noise: traps switch between exposures
+            run = int(streams.generator(draw.seed, "telegraph", stream).integers(2**63))
+            times_s = numbers * (draw.frame_period_s or exposure_s)
+            dark_hz = np.concatenate([device.dark_hz_at(run, time_s) for time_s in times_s])
+            dark_hz.flags.writeable = False  # as the device's, for which kernels are compiled
+
+        # avalanches
+        if by_event:
+            simulated = simulate_frame(
+                rng, light_hz + dark_hz, exposure_s, effects,
+                maps=maps, state=state, keep_events=keeps_times,
+            )  # fmt: skip
+            fired, state = simulated.counts, simulated.state if is_running else None
+        elif reading == "bits":  # 1 − e^(−r·T): dead time and afterpulses follow the first event
+            open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
+            mean_hz = counts.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
+            rates_hz = np.ascontiguousarray(mean_hz), dark_hz
+            return poisson.fill_bits(streams.word_streams(rng), *rates_hz, open_s, bits[first])
+        elif is_direct:  # Poisson, into the counter
+            rates_hz, out = (light_hz.ravel(), dark_hz.ravel()), readings[first].ravel()
+            words = poisson.poisson_streams(rng)
+            return poisson.fill_poisson(words, *rates_hz, exposure_s, out, counter.capacity)
+        elif sensor.crosstalk.is_on:
+            frames_hz = np.split(light_hz + dark_hz, numbers.size, axis=-2)
+            fired = np.concatenate([_avalanches(rng, one_hz, sensor, maps) for one_hz in frames_hz])
+        else:
+            fired = _avalanches(rng, light_hz + dark_hz, sensor, pixels.avalanches)
+
+        # readout
+        if reading == "events":
+            stamps_s = timing.stamp(rng, simulated.times_s, sensor.jitter)
+            events[first] = quantities.in_order_of_time(stamps_s, simulated.pixels)
+        elif reading == "bits":
+            bits[first] = np.packbits(fired > 0, axis=-1)
+        elif isinstance(counter, counters.DigitalCounter):
+            counters.read_digital(fired, counter, (readings[first], saturated[first]))
+        else:
+            assert pixels.counters is not None
+            noise = streams.generator(draw.seed, "readout", *key)
+            if reading == "codes":
+                codes = counters.sample_analog(noise, fired, counter, pixels.counters)
+                readings[block] = codes.reshape(-1, rows, columns)
+            else:
+                readings[first], saturated[first] = counters.read_analog(
+                    noise, fired, counter, pixels.counters, exposure_s
+                )
+
+    is_direct = sensor.count_distribution == "Poisson" and not parts and not by_event
+    is_direct &= counter.kind == "digital" and counter.overflow == "saturate"
+    order = np.arange(0, frames, together)
+    if sensor.count_distribution == "simulated" and not is_running:
+        # the brightest first, so that light that cannot be drawn is refused at once
+        order = order[
+            np.argsort([-rate_hz[first].max(initial=0) for first in order], kind="stable")
+        ]
+    in_turn = is_running or readings.size < _FEW_PIXELS
+    streams.over_frames(expose_block, order.tolist(), in_turn)
+    if is_direct:
+        np.greater_equal(readings, counter.capacity, out=saturated)
+    if device.stuck is not None:
+        stuck = device.stuck >= 0
+        readings[:, stuck] = device.stuck[stuck]
+        saturated[:, stuck] = device.stuck[stuck] >= counter.capacity
+        bits = (bits & ~np.packbits(stuck, axis=-1)) | np.packbits(device.stuck > 0, axis=-1)
+    if reading == "events":
+        shape = frames, rows, columns
+        in_time = [events[frame] for frame in range(frames)]
+        return quantities.joined(in_time, shape, draw.first_frame), state
+    if reading == "counts":
+        return quantities.Exposure(readings, saturated), state
+    return bits if reading == "bits" else readings, state
+
+
+def _avalanches(
+    rng: np.random.Generator, arrivals_hz: Floats, sensor: Sensor, maps: AvalancheMaps | None
+) -> Ints:
+    """Draw the avalanches (H, W) of an exposure from arrivals, Hz, (H, W) or in parts (S, H, W)."""
+    exposure_s, effects = sensor.exposure_s, sensor.avalanche_effects
+    if sensor.count_distribution == "simulated" or (arrivals_hz.ndim == 3 and effects.remembers):
+        return counts.draw_frame(rng, arrivals_hz, exposure_s, effects, maps)
+    if sensor.count_distribution == "dead time":
+        scale = 1.0 if maps is None else maps.dead_time
+        return dead_time.draw_counts(rng, arrivals_hz, exposure_s, sensor.dead_time, scale)
+    if arrivals_hz.ndim == 3:
+        arrivals_hz = counts.mean_rate(arrivals_hz, exposure_s, effects)
+    open_hz = arrivals_hz * open_fraction(sensor.gate, exposure_s)
+    primaries = poisson.draw_poisson(rng, open_hz.ravel(), factor=exposure_s).reshape(open_hz.shape)
+    strength = None if maps is None else maps.crosstalk
+    return crosstalk.spread(rng, primaries, sensor.crosstalk, strength)
