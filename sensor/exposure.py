@@ -13,7 +13,8 @@ from megalopta.sensor import expectations
 from megalopta.sensor.ctia import model as ctia
 from megalopta.sensor.image_sensors import ImageSensor, sensor_named
 from megalopta.sensor.quantities import Events, Exposure
-from megalopta.sensor.spad.array import Draw, detection_rate, expose_frames
+from megalopta.sensor.sampling.streams import Draw
+from megalopta.sensor.spad.array import detection_rate, expose_frames
 from megalopta.sensor.spad.model import Sensor
 
 

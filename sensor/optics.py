@@ -284,11 +284,14 @@ def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics)
     """
     flux = _flux_per_radiance(bands_nm, sensor)
     radiance = _checked(radiance, flux.size)
-    rate_hz = np.zeros(())
+    rate_hz: Floats | None = None
     for filters, behind in sensor.filters.parts((radiance.shape[1], radiance.shape[2])):
         efficiency = band_efficiency(sensor.efficiency, bands_nm, sensor.lens, filters)
         weights = sensor.active_area_m2 * (flux * efficiency)
-        rate_hz = rate_hz + _on_the_die(radiance, weights, sensor) * behind
+        filtered_hz = _on_the_die(radiance, weights, sensor)
+        filtered_hz *= behind
+        rate_hz = filtered_hz if rate_hz is None else rate_hz + filtered_hz
+    assert rate_hz is not None
     brightest = float(rate_hz.max(initial=0)) * sensor.exposure_s
     if not brightest <= MOST_ARRIVALS:
         raise ValueError(

@@ -26,7 +26,8 @@ from megalopta.sensor import expectations, histograms, quantities
 from megalopta.sensor.change import changed
 from megalopta.sensor.exposure import expose
 from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.spad.array import MOST_STORED, Draw, detection_rate, expose_frames
+from megalopta.sensor.sampling.streams import Draw
+from megalopta.sensor.spad.array import MOST_STORED, detection_rate, expose_frames
 from megalopta.sensor.spad.counts import check_load
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import PixelState

@@ -46,8 +46,8 @@ from megalopta.sensor.formats.products import (
     product_path,
     product_writer,
 )
+from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.shot import Following, NextFrames, Shot
-from megalopta.sensor.spad.array import Draw
 from megalopta.sensor.spad.simulation import PixelState
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage

@@ -28,7 +28,7 @@ import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,15 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
     entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
+
+
+class Draw(NamedTuple):
+    """Names of the random numbers of consecutive frames; parameters as for `expose`."""
+
+    seed: int
+    stream: str | int
+    first_frame: int = 0
+    frame_period_s: float | None = None
 
 
 def sensor_stream(stream: str | int, sensor: BaseModel, dark_counts_hz: Floats) -> str:

@@ -8,8 +8,8 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import Crosstalk, changed, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
+from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.shot import NextFrames, Shot
-from megalopta.sensor.spad.array import Draw
 from megalopta.stages.sense import open_exposure
 
 from ..small import made
