@@ -93,6 +93,7 @@ def expose_rate(
         of this call on. Frames then depend on those before.
     """
     draw = Draw(seed, stream, first_frame, frame_period_s)
+    exposure: Exposure
     exposure, _ = expose_frames(detections_hz, sensor, draw, "counts", is_running=free_running)
     return exposure
 
@@ -118,6 +119,7 @@ def expose_adc(
     if sensor.counter.kind != "analog":
         raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
     draw = Draw(seed, stream, first_frame)
+    codes: NDArray[np.uint16]
     codes, _ = expose_frames(detections_hz, sensor, draw, "codes", together=together)
     return codes
 
@@ -143,6 +145,7 @@ def expose_binary(
     """
     check_binary(sensor)
     draw = Draw(seed, stream, first_frame, frame_period_s)
+    bits: NDArray[np.uint8]
     bits, _ = expose_frames(detections_hz, sensor, draw, "bits", is_running=free_running)
     return bits
 
@@ -163,6 +166,7 @@ def expose_events(
     stamps. Parameters, and errors, are those of `expose_rate`.
     """
     draw = Draw(seed, stream, first_frame, frame_period_s)
+    events: Events
     events, _ = expose_frames(detections_hz, sensor, draw, "events", is_running=free_running)
     return events
 

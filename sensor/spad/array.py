@@ -118,10 +118,12 @@ def expose_frames(
             mean_hz = counts.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
             rates_hz = np.ascontiguousarray(mean_hz), dark_hz
             bit_words = streams.word_streams(generator("binary", first))
-            return poisson.fill_bits(bit_words, *rates_hz, open_s, bits[first])
+            poisson.fill_bits(bit_words, *rates_hz, open_s, bits[first])
+            return
         elif is_direct:  # Poisson, into the counter
             rates_hz, out = (light_hz.ravel(), dark_hz.ravel()), readings[first].ravel()
-            return poisson.fill_poisson(words[first], *rates_hz, exposure_s, out, counter.capacity)
+            poisson.fill_poisson(words[first], *rates_hz, exposure_s, out, counter.capacity)
+            return
         elif sensor.crosstalk.is_on:
             of_frames = np.split(light_hz + dark_hz, len(numbers), axis=-2)
             rng = generator("exposure", first)
@@ -138,7 +140,7 @@ def expose_frames(
             bits[first] = np.packbits(fired > 0, axis=-1)
         elif isinstance(counter, counters.DigitalCounter):
             counters.read_digital(fired, counter, (readings[first], saturated[first]))
-        else:
+        elif pixels.counters is not None:
             analog = generator("readout", first), fired, counter, pixels.counters
             if reading == "counts":
                 readings[first], saturated[first] = counters.read_analog(*analog, exposure_s)
@@ -146,10 +148,10 @@ def expose_frames(
                 codes = counters.sample_analog(*analog).reshape(-1, rows, columns)
                 readings[first : first + together] = codes
 
-    order = range(0, frames, together)
+    order = list(range(0, frames, together))
     if sensor.count_distribution == "simulated" and not is_running:
         # the brightest first, so that light that cannot be drawn is refused at once
-        order = sorted(order, key=lambda first: -rate_hz[first].max(initial=0))
+        order.sort(key=lambda first: -rate_hz[first].max(initial=0))
     streams.over_frames(expose_block, order, is_running or math.prod(shape) < _FEW_PIXELS)
     if is_direct:
         np.greater_equal(readings, counter.capacity, out=saturated)
