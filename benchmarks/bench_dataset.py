@@ -23,7 +23,6 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -106,9 +105,7 @@ def overhead(folder: Path) -> dict[str, Any]:
     baked = clock.timed("baked light", BakedLightIntegrator.__init__)
     BakedLightIntegrator.__init__ = baked  # type: ignore[method-assign]
     SceneRenderer.truth = clock.timed("truth rays", SceneRenderer.truth)  # type: ignore[method-assign]
-    drawn = cached_property(clock.timed("photon drawing", vars(Shot)["exposure"].func))
-    drawn.__set_name__(Shot, "exposure")
-    Shot.exposure = drawn  # type: ignore[assignment]
+    Shot.readings = clock.timed("photon drawing", Shot.readings)  # type: ignore[method-assign]
     start, cpu = time.perf_counter(), time.process_time()
     tree = make(folder, FOREST)
     total, cpu = time.perf_counter() - start, time.process_time() - cpu

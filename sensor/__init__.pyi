@@ -66,13 +66,13 @@ from .image_sensors import (
     check_sensor as check_sensor,
     detected_photons as detected_photons,
 )
-from .optics.efficiency import Efficiency as Efficiency
-from .optics.lens import (
+from .optics import (
     ColorFilters as ColorFilters,
+    Efficiency as Efficiency,
     Lens as Lens,
     demosaiced as demosaiced,
+    photon_rate as photon_rate,
 )
-from .optics.pixels import photon_rate as photon_rate
 from .quantities import (
     Events as Events,
     Expectation as Expectation,
@@ -80,8 +80,8 @@ from .quantities import (
 )
 from .sampling.streams import generator as generator
 from .shot import sub_frames as sub_frames
+from .spad.array import detection_rate as detection_rate
 from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
-from .spad.device import detection_rate as detection_rate
 from .spad.measured import (
     MapFile as MapFile,
     MeasuredMaps as MeasuredMaps,

@@ -14,13 +14,15 @@ from megalopta.sensor.ctia.model import (
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.effects.base import AvalancheMaps, FrameRates
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.optics.pixels import photon_rate
+from megalopta.sensor.optics import checked_rate, photon_rate
 from megalopta.sensor.quantities import Expectation
+from megalopta.sensor.sampling.streams import over_frames
+from megalopta.sensor.spad.array import detection_rate
 from megalopta.sensor.spad.counters import AnalogPixels
 from megalopta.sensor.spad.counts import count_moments
-from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
+from megalopta.sensor.spad.device import FixedPattern, draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.readings import moments_of_readings
 
@@ -99,15 +101,18 @@ def settled(sensor: Sensor) -> Sensor:
 
 def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     """Mean and variance of events, mean and variance of readings, (4, T, H, W)."""
-    rate, device = checked_rate(detections_hz, sensor)
+    rate = checked_rate(detections_hz, sensor)
+    device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
     moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
 
     def state(frame: int) -> None:
-        states = device.over_time(rate[frame])
+        states = device.dark_levels()
         if len(states) == 1 and not sensor.avalanche_effects.crosstalk.is_on:
-            _fill_by_rows(moments[:, frame], states[0][1], sensor, device)
+            _fill_by_rows(moments[:, frame], rate[frame], sensor, device)
             return
-        of_states = np.array([_frame_moments(rates, sensor, device) for _, rates in states])
+        of_states = np.array(
+            [_frame_moments(rate[frame] + dark_hz, sensor, device) for _, dark_hz in states]
+        )
         if len(states) == 1:
             moments[:, frame] = of_states[0]
             return
@@ -117,11 +122,13 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
         moments[::2, frame] = mean = np.tensordot(chances, means, 1)
         moments[1::2, frame] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
 
-    over_frames(state, len(rate))
+    over_frames(state, range(len(rate)))
     return moments
 
 
-def _fill_by_rows(moments: Floats, rates: FrameRates, sensor: Sensor, device: FixedPattern) -> None:
+def _fill_by_rows(
+    moments: Floats, detections_hz: Floats, sensor: Sensor, device: FixedPattern
+) -> None:
     """Compute moments (4, H, W) of pixels that do not act on each other, some rows at a time."""
     rows, columns = moments.shape[1:]
     step = max(1, _PIXELS_AT_ONCE // columns)
@@ -133,18 +140,13 @@ def _fill_by_rows(moments: Floats, rates: FrameRates, sensor: Sensor, device: Fi
             counters=counters and AnalogPixels(*(each[part] for each in counters)),
             stuck=None if stuck is None else stuck[part],
         )
-        here = replace(
-            rates,
-            detections_hz=rates.detections_hz[..., part, :],
-            dark_counts_hz=rates.dark_counts_hz[part],
-        )
-        moments[:, part] = _frame_moments(here, sensor, of_rows)
+        arrivals_hz = detections_hz[..., part, :] + device.dark_counts_hz[part]
+        moments[:, part] = _frame_moments(arrivals_hz, sensor, of_rows)
 
 
-def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> Floats:
+def _frame_moments(arrivals_hz: Floats, sensor: Sensor, device: FixedPattern) -> Floats:
     """Moments (4, H, W) of a frame at these rates."""
     effects, exposure_s = sensor.avalanche_effects, sensor.exposure_s
-    arrivals_hz = rates.detections_hz + rates.dark_counts_hz
     events = count_moments(arrivals_hz, exposure_s, effects, device.avalanches)
     arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
     readings = moments_of_readings(

@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.timing import first_photon_shares
-from megalopta.sensor.sampling.streams import generator, light_key, sensor_stream
-from megalopta.sensor.spad.device import checked_rate, over_frames
+from megalopta.sensor.optics import checked_rate
+from megalopta.sensor.sampling.streams import generator, light_key, over_frames, sensor_stream
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
 _MOST_PERIODS = 4e9
@@ -69,7 +70,8 @@ def mean_histograms(
 
 def _shares(detections_hz: ArrayLike, sensor: Sensor, later_s: ArrayLike | None) -> Floats:
     """Return the probability of a count in each bin of a period, (T, H, W, bins)."""
-    rate, device = checked_rate(detections_hz, sensor)
+    rate = checked_rate(detections_hz, sensor)
+    device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
     if rate.ndim != 3:
         raise ValueError("detections_hz: light in parts of the exposure; histograms need steady")
     tcspc = sensor.tcspc
@@ -124,8 +126,9 @@ def expose_histograms(
         pulse returns, and all light is constant.
     """
     check_histograms(sensor)
-    rate = np.asarray(detections_hz, np.float64)
-    named = sensor_stream(stream, sensor, checked_rate(rate, sensor)[1].dark_counts_hz)
+    rate = checked_rate(detections_hz, sensor)
+    device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
+    named = sensor_stream(stream, sensor, device.dark_counts_hz)
     counts = np.empty((*rate.shape, sensor.tcspc.bins), np.uint32)
     number = periods(sensor)
     later = None if later_s is None else np.broadcast_to(np.asarray(later_s), rate.shape)
@@ -138,5 +141,5 @@ def expose_histograms(
         drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))
         counts[index] = drawn[..., :-1]
 
-    over_frames(expose_frame, len(rate))
+    over_frames(expose_frame, range(len(rate)))
     return counts

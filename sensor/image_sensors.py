@@ -14,9 +14,9 @@ from pydantic import Field
 from megalopta.core.arrays import Floats
 from megalopta.core.plug_ins import plug_ins
 from megalopta.sensor.ctia.model import CTIA_PRESETS, CtiaSensor, pixels
-from megalopta.sensor.optics.efficiency import band_efficiency
-from megalopta.sensor.optics.pixels import detected_rate
-from megalopta.sensor.spad.device import detection_rate, draw_fixed_pattern
+from megalopta.sensor.optics import band_efficiency, detected_rate
+from megalopta.sensor.spad.array import detection_rate
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.presets import PRESETS, load_sensor
 

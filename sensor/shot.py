@@ -12,8 +12,8 @@ frame t + 1. Light is interpolated bilinearly, which softens detail finer than t
 motion is straight and uniform between two frames.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -22,22 +22,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor import expectations, histograms, quantities
 from megalopta.sensor.change import changed
-from megalopta.sensor.expectations import expectation, settled
-from megalopta.sensor.exposure import (
-    MOST_STORED,
-    expose,
-    expose_binary,
-    expose_events,
-    expose_rate,
-)
-from megalopta.sensor.histograms import expose_histograms
+from megalopta.sensor.exposure import expose
 from megalopta.sensor.image_sensors import ImageSensor
-from megalopta.sensor.quantities import Events, Exposure
+from megalopta.sensor.sampling.streams import Draw
+from megalopta.sensor.spad.array import MOST_STORED, detection_rate, expose_frames
 from megalopta.sensor.spad.counts import check_load
-from megalopta.sensor.spad.device import detection_rate
 from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.simulation import FreeRunning
+from megalopta.sensor.spad.simulation import PixelState
 
 
 class Following(Protocol):
@@ -69,12 +62,12 @@ class NextFrames:
         """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
         flow, gone = self.flow[frame], self.hidden[frame].astype(np.float64)
         motion = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
-        found = np.empty((len(shares), *frames.shape[1:]))
+        light = np.empty((len(shares), *frames.shape[1:]))
         for band in range(frames.shape[-1]):
             pair = frames[frame, ..., band], self.radiance[frame, ..., band]
             for part, share in enumerate(shares):
-                found[part, ..., band] = _at(*pair, motion, gone, share)
-        return found
+                light[part, ..., band] = _at(*pair, motion, gone, share)
+        return light
 
 
 def sub_frames(
@@ -122,7 +115,7 @@ def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float)
     along = flow[..., ::-1].transpose(2, 0, 1)  # rows, columns
     moved = along
     for _ in range(3):  # the flow of the point that is here now, not before
-        moved = np.stack([_look_up(each, grid - share * moved) for each in along])
+        moved = np.stack([_look_up(axis, grid - share * moved) for axis in along])
     start, end = grid - share * moved, grid + (1 - share) * moved
     size = np.array(before.shape)[:, None, None] - 1
     leaves = ((end < 0) | (end > size)).any(axis=0) | (_look_up(gone, start) > 0.5)
@@ -136,181 +129,148 @@ def _look_up(image: NDArray[Any], places: Floats) -> Floats:
     return np.asarray(values)
 
 
-Arrays = Mapping[str, FreeRunning]
-
 _BITS_AT_ONCE = 16
 """Binary frames of a burst drawn together."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shot:
-    """Frames of light on a sensor; readings, events and bits are drawn on request."""
+    """Frames of light on a sensor.
 
-    radiance: ArrayLike
+    What is drawn of them comes with the state of the array afterwards, if it is running, and starts
+    from the state after the previous shot.
+    """
+
+    radiance: NDArray[Any]
     """(T, H, W, B)"""
     bands_nm: ArrayLike
     """(B, 2)"""
     sensor: ImageSensor
-    seed: int
-    stream: str | int
-    first_frame: int
-    frame_period_s: float
-    """As for `expose`."""
+    draw: Draw
     following: Following | None = None
     """Following frames, towards which the light moves; default: it is constant."""
     sub_frames: int = 1
     """Equal parts of an exposure or burst, in each of which the light is constant."""
     burst_frames: int = 1
     """Binary frames per burst, which fill the time to the next frame."""
-    arrays: Arrays | None = None
-    """State of a continuous array after the previous shot (its `arrays_after`), by the kind of
-    draw; empty in the first shot. By default the array is reset in every frame."""
+    is_running: bool = False
+    """True for an array that is not reset between frames"""
     later_s: Floats | None = None
     """(T, H, W): delays of pulses for histograms, as for `expose_histograms`."""
-    arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         """Raise ValueError if light would move beyond the next frame."""
-        if self.following and self.sensor.exposure_s > self.frame_period_s * (1 + 1e-9):
+        if self.following and self.sensor.exposure_s > self.period_s * (1 + 1e-9):
             raise ValueError(
                 f"exposure_s: {self.sensor.exposure_s:g} is longer than a frame, "
-                f"{self.frame_period_s:g} s, after which the light is not known; shorten it"
+                f"{self.period_s:g} s, after which the light is not known; shorten it"
             )
-
-    def _array(self, of: str) -> FreeRunning | bool:
-        """Return an array in its state before this shot, however often it is requested."""
-        if self.arrays is None:
-            return False
-        before = self.arrays.get(of, FreeRunning())
-        self.arrays_after[of] = FreeRunning(before.state)
-        return self.arrays_after[of]
-
-    def readings(self, is_stated: bool = True) -> Exposure:
-        """Draw readings, with their mean and variance if requested."""
-        if isinstance(self.sensor, Sensor) and (self.following or self.arrays is not None):
-            reading = expose_rate(
-                self._detections_hz,
-                self.sensor,
-                **self._continuing("counts"),
-            )
-            if not is_stated:
-                return reading
-            stated = expectation(
-                self._mean_radiance,
-                self.bands_nm,
-                self.sensor if self.arrays is None else settled(self.sensor),
-                detections_hz=self._detections_hz,
-            )
-            return replace(reading, expectation=stated)
-        return expose(
-            self._mean_radiance,
-            self.bands_nm,
-            self.sensor,
-            **self._named,
-            expectation=is_stated,
-        )
 
     @property
-    def _named(self) -> dict[str, Any]:
-        return {
-            "seed": self.seed,
-            "stream": self.stream,
-            "first_frame": self.first_frame,
-            "frame_period_s": self.frame_period_s,
-        }
-
-    def _continuing(self, kind: str) -> dict[str, Any]:
-        return {**self._named, "free_running": self._array(kind)}
+    def period_s(self) -> float:
+        """Time between frames, s."""
+        return self.draw.frame_period_s or self.sensor.exposure_s
 
     @cached_property
-    def _detections_hz(self) -> Floats:
-        """Detection rate (T, H, W), or in the parts of an exposure (T, S, H, W)."""
+    def _light(self) -> tuple[NDArray[Any], Floats]:
+        """Mean radiance (T, H, W, B), and for single photons the rate in every part, Hz."""
         if self.following is None:
-            return detection_rate(self.radiance, self.bands_nm, self._spad)
-        return self._moving[1]
-
-    @property
-    def _mean_radiance(self) -> ArrayLike:
-        return self.radiance if self.following is None else self._moving[0]
-
-    @cached_property
-    def _moving(self) -> tuple[Floats, Floats]:
-        """Mean radiance (T, H, W, B), and for single photons the rate in every part."""
-        means, rates = [], []
-        share = self.sensor.exposure_s / self.frame_period_s
-        for frame in range(len(self._frames)):
-            parts = self._parts(frame, share)
+            return self.radiance, detection_rate(self.radiance, self.bands_nm, self._spad)
+        means, rates_hz = [], []
+        for frame in range(len(self.radiance)):
+            parts = self._parts(frame, self.sensor.exposure_s / self.period_s)
             means.append(parts.mean(axis=0))
             if isinstance(self.sensor, Sensor):
-                rates.append(detection_rate(parts, self.bands_nm, self.sensor))
-        return np.stack(means), np.array(rates)
-
-    @property
-    def _frames(self) -> NDArray[Any]:
-        return np.asarray(self.radiance)
+                rates_hz.append(detection_rate(parts, self.bands_nm, self.sensor))
+        return np.stack(means), np.array(rates_hz)
 
     def _parts(self, frame: int, share: float) -> NDArray[np.floating]:
         """Radiance (S, H, W, B) in the first share of the time to the next frame."""
         if self.following is None:
-            return np.repeat(self._frames[frame : frame + 1], self.sub_frames, axis=0)
+            return np.repeat(self.radiance[frame : frame + 1], self.sub_frames, axis=0)
         middles = (np.arange(self.sub_frames) + 0.5) / self.sub_frames
-        return self.following.between(self._frames, frame, middles * share)
+        return self.following.between(self.radiance, frame, middles * share)
+
+    def readings(
+        self, state: PixelState | None, is_stated: bool = True
+    ) -> tuple[quantities.Exposure, PixelState | None]:
+        """Draw readings, with their mean and variance if they are stated."""
+        if not isinstance(self.sensor, Sensor):
+            radiance = self.radiance if self.following is None else self._light[0]
+            named = self.draw._asdict()
+            return expose(
+                radiance, self.bands_nm, self.sensor, **named, expectation=is_stated
+            ), None
+        radiance, rate_hz = self._light
+        exposure, state = expose_frames(
+            rate_hz, self.sensor, self.draw, "counts", is_running=self.is_running, state=state
+        )
+        if is_stated:
+            sensor = expectations.settled(self.sensor) if self.is_running else self.sensor
+            stated = expectations.expectation(
+                radiance, self.bands_nm, sensor, detections_hz=rate_hz
+            )
+            exposure = replace(exposure, expectation=stated)
+        return exposure, state
 
     def check_events(self) -> None:
         """Raise ValueError for light with more events per frame than fit into memory."""
-        effects = self._spad.avalanche_effects
-        for rate in self._detections_hz:
-            check_load(rate, self.sensor.exposure_s, effects, None, MOST_STORED)
+        exposure_s, effects = self.sensor.exposure_s, self._spad.avalanche_effects
+        for rate_hz in self._light[1]:
+            check_load(rate_hz, exposure_s, effects, None, MOST_STORED)
 
-    def events(self) -> Iterator[Events]:
-        """Events, frame by frame.
-
-        Raises ValueError if a frame has more events than fit into memory.
-        """
+    def events(
+        self, state: PixelState | None
+    ) -> Iterator[tuple[quantities.Events, PixelState | None]]:
+        """Events, frame by frame. Raises ValueError if those of a frame do not fit into memory."""
         self.check_events()
-        state = self._continuing("events")
-        for index, rate in enumerate(self._detections_hz):
-            state["first_frame"] = self.first_frame + index
-            yield expose_events(rate[np.newaxis], self._spad, **state)
+        for frame, rate_hz in enumerate(self._light[1]):
+            draw = self.draw._replace(first_frame=self.draw.first_frame + frame)
+            events, state = expose_frames(
+                rate_hz[np.newaxis], self._spad, draw, "events",
+                is_running=self.is_running, state=state,
+            )  # fmt: skip
+            yield events, state
 
-    def bits(self) -> NDArray[np.uint8]:
+    def bits(self, state: PixelState | None) -> tuple[NDArray[np.uint8], PixelState | None]:
         """Draw packed binary frames, (T, H, ceil(W/8))."""
-        return expose_binary(self._detections_hz, self._spad, **self._continuing("bits"))
+        return expose_frames(
+            self._light[1], self._spad, self.draw, "bits", is_running=self.is_running, state=state
+        )
 
-    def burst(self) -> Iterator[NDArray[np.uint8]]:
+    def burst(
+        self, state: PixelState | None
+    ) -> Iterator[tuple[NDArray[np.uint8], PixelState | None]]:
         """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces.
 
-        Each takes an equal share of that time, from a live start or, for a continuous array, from
-        the end of the one before.
+        Each takes an equal share of that time, from a live start or, for a running array, from the
+        end of the one before.
         """
-        array = self._array("burst")
-        exposure_s = self.frame_period_s / self.burst_frames
-        sensor = changed(self._spad, exposure_s=exposure_s)
+        sensor = changed(self._spad, exposure_s=self.period_s / self.burst_frames)
         part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
-        for frame in range(len(self._frames)):
-            rate = detection_rate(self._parts(frame, 1.0), self.bands_nm, sensor)
-            first = (self.first_frame + frame) * self.burst_frames
+        for frame in range(len(self.radiance)):
+            rate_hz = detection_rate(self._parts(frame, 1.0), self.bands_nm, sensor)
+            first = (self.draw.first_frame + frame) * self.burst_frames
             for start in range(0, self.burst_frames, _BITS_AT_ONCE):
-                yield expose_binary(
-                    rate[part_of[start : start + _BITS_AT_ONCE]],
-                    sensor,
-                    seed=self.seed,
-                    stream=f"{self.stream}/burst",
-                    first_frame=first + start,
-                    free_running=array,
+                draw = Draw(self.draw.seed, f"{self.draw.stream}/burst", first + start)
+                piece_hz = rate_hz[part_of[start : start + _BITS_AT_ONCE]]
+                bits, state = expose_frames(
+                    piece_hz, sensor, draw, "bits", is_running=self.is_running, state=state
                 )
+                yield bits, state
 
     def histograms(self) -> Iterator[NDArray[np.uint32]]:
         """Histograms (1, H, W, bins), frame by frame."""
-        rate = detection_rate(self._mean_radiance, self.bands_nm, self._spad)
-        for index in range(len(rate)):
-            yield expose_histograms(
-                rate[index : index + 1],
+        radiance = self.radiance if self.following is None else self._light[0]
+        rate_hz = detection_rate(radiance, self.bands_nm, self._spad)
+        for frame in range(len(rate_hz)):
+            yield histograms.expose_histograms(
+                rate_hz[frame : frame + 1],
                 self._spad,
-                seed=self.seed,
-                stream=self.stream,
-                first_frame=self.first_frame + index,
-                later_s=None if self.later_s is None else self.later_s[index : index + 1],
+                seed=self.draw.seed,
+                stream=self.draw.stream,
+                first_frame=self.draw.first_frame + frame,
+                later_s=None if self.later_s is None else self.later_s[frame : frame + 1],
             )
 
     @property

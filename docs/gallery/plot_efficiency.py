@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.optics.efficiency import band_efficiency
+from megalopta.sensor.optics import band_efficiency
 
 sensor = preset("spadcam")
 bands_nm = [(start, start + 100) for start in range(400, 900, 100)]

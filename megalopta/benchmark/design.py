@@ -50,7 +50,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.sensor import Sensor, changed, load_sensor, preset, without
-from megalopta.sensor.optics.pixels import detected_rate
+from megalopta.sensor.optics import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]
 Positives = Annotated[tuple[Positive, ...], ONCE]

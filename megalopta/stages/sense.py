@@ -46,7 +46,9 @@ from megalopta.sensor.formats.products import (
     product_path,
     product_writer,
 )
-from megalopta.sensor.shot import Arrays, Following, NextFrames, Shot
+from megalopta.sensor.sampling.streams import Draw
+from megalopta.sensor.shot import Following, NextFrames, Shot
+from megalopta.sensor.spad.simulation import PixelState
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
@@ -108,23 +110,25 @@ class _Product:
     kind: Kind
     files: list[Write]
 
-    def write(self, shot: Shot, is_stated: bool) -> None:
-        """Draw readings of some frames, and write them."""
-        drawn: Iterable[Any]
+    def write(self, shot: Shot, is_stated: bool, state: PixelState | None) -> PixelState | None:
+        """Draw readings of some frames and write them; return the state of a running array."""
+        drawn: Iterable[tuple[Any, PixelState | None]]
         match self.kind:
             case "readings":
-                drawn = [shot.readings(is_stated)]
+                drawn = [shot.readings(state, is_stated)]
             case "events":
-                drawn = shot.events()
+                drawn = shot.events(state)
             case "bits":
-                drawn = [shot.bits()]
+                drawn = [shot.bits(state)]
             case "burst":
-                drawn = shot.burst()
+                drawn = shot.burst(state)
             case "histograms":
-                drawn = shot.histograms()
-        for part in drawn:
+                drawn = ((histogram, None) for histogram in shot.histograms())
+        after = state
+        for reading, after in drawn:  # noqa: B007
             for write in self.files:
-                write(part)
+                write(reading)
+        return after
 
 
 class _Exposer:
@@ -138,7 +142,7 @@ class _Exposer:
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(settings, level).astype(np.float32)
-        self._arrays: Arrays | None = {} if settings.free_running else None
+        self._states: dict[Kind, PixelState | None] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
@@ -180,9 +184,9 @@ class _Exposer:
             shot = replace(shot, later_s=later_s)
         with refused_as(self._what):
             for product in self.products:
-                product.write(shot, self._settings.expectation)
-        if self._arrays is not None:
-            self._arrays = shot.arrays_after
+                state = self._states.get(product.kind)
+                is_stated = self._settings.expectation
+                self._states[product.kind] = product.write(shot, is_stated, state)
 
     def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
@@ -194,14 +198,11 @@ class _Exposer:
             radiance=radiance if (self._scale == 1).all() else radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
-            seed=self._settings.seed,
-            stream=self._stream,
-            first_frame=first,
-            frame_period_s=self._period_s,
+            draw=Draw(self._settings.seed, self._stream, first, self._period_s),
             following=following and following.scaled(self._scale),
             sub_frames=self._settings.sub_frames,
             burst_frames=burst_frames(self._settings),
-            arrays=self._arrays,
+            is_running=self._settings.free_running,
         )
 
 

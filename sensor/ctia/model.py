@@ -69,8 +69,7 @@ from megalopta.sensor.ctia.photodiode import (
     junction_currents,
     noise_current,
 )
-from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.pixels import PixelOptics, check_brightness, detected_rate
+from megalopta.sensor.optics import Efficiency, PixelOptics, detected_rate
 from megalopta.sensor.sampling.streams import generator, light_key, pixel_normals, sensor_stream
 
 
@@ -239,8 +238,7 @@ class CtiaExposure:
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
     """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose`."""
-    rate = detected_rate(radiance, bands_nm, sensor)
-    return ELEMENTARY_CHARGE_C * check_brightness(rate, sensor.exposure_s)
+    return ELEMENTARY_CHARGE_C * detected_rate(radiance, bands_nm, sensor)
 
 
 def expose_photocurrent(

@@ -30,7 +30,6 @@ class Afterpulsing(Effect, frozen=True):
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
     switch: ClassVar[str] = "mean_carriers"
-    scattered: ClassVar[str] = "afterpulsing"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Mean number of carriers that an avalanche leaves in traps (0: no afterpulsing)."""

@@ -37,7 +37,6 @@ decades (dissertation §2.3.1), that is ΔT of 6 to 9 K; 8 to 10 K is usual for 
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
@@ -45,7 +44,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_normals
 
 
@@ -106,26 +105,9 @@ class Bias(Effect, frozen=True):
         without = self.model_copy(update={"efficiency_scale_v": None})
         return without if without.matters else Bias()
 
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Scale efficiency, dark counts, afterpulsing and crosstalk of every pixel."""
-        offset = rates.breakdown_offset_v
-        if offset is None:
-            offset = breakdown_offset(self, rates.shape, rates.device_seed)
 
-        now = self.model_copy(update={"excess_v": self.excess_v - rates.breakdown_shift_v})
-
-        def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
-            is_measured = name in rates.measured
-            return since_measurement(law, now, offset) if is_measured else law(now, offset)
-
-        rates.efficiency_factor *= factor("efficiency", efficiency_factor)
-        rates.dark_counts_hz *= factor("dark_counts", dark_count_factor)
-        for name, slope in (
-            ("afterpulsing", self.afterpulsing_slope),
-            ("crosstalk", self.crosstalk_slope),
-        ):
-            if slope > 0:
-                rates.scale(name, factor(name, partial(_charge_factor, slope)))
+Dependence = Callable[[Bias, ArrayLike], Floats]
+"""Factor on a quantity, for pixels of given breakdown voltages above nominal, V."""
 
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
@@ -154,20 +136,18 @@ def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     is_sensitive = excess > bias.onset_v
     if bias.dark_efold_v is None:
         return np.asarray(is_sensitive, np.float64)
-    with np.errstate(over="ignore"):  # `draw_fixed_pattern` rejects values that are not finite
+    with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses rates that are not finite
         growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
     return np.where(is_sensitive, growth, 0.0)
 
 
-def _charge_factor(slope: float, bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+def charge_factor(slope: float, bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Trapped carriers, or fired neighbors, relative to those at the reference bias."""
     rise = (bias.excess_v - np.asarray(breakdown_offset_v, np.float64)) / bias.reference_v - 1
     return np.maximum(1 + slope * rise, 0.0)
 
 
-def since_measurement(
-    factor: Callable[[Bias, ArrayLike], Floats], bias: Bias, breakdown_offset_v: ArrayLike
-) -> Floats:
+def since_measurement(factor: Dependence, bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Apply one of the factors above to a map measured at the reference bias.
 
     In a pixel below the onset at that bias the factor is 1.
@@ -211,10 +191,14 @@ class Temperature(Effect, frozen=True):
         """True if it differs from the temperature at which the dark counts hold."""
         return self.celsius != self.reference_celsius
 
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Scale the dark counts and shift the breakdown voltage."""
-        rise = self.celsius - self.reference_celsius
-        rates.breakdown_shift_v += self.breakdown_v_per_k * rise
-        # `draw_fixed_pattern` rejects values that are not finite
-        with np.errstate(over="ignore", invalid="ignore"):
-            rates.dark_counts_hz *= float(np.exp2(rise / self.dcr_doubling_k))
+    @property
+    def dark_count_factor(self) -> float:
+        """Dark count rate relative to that at the reference temperature."""
+        rise_k = self.celsius - self.reference_celsius
+        with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses rates that are not finite
+            return float(np.exp2(rise_k / self.dcr_doubling_k))
+
+    @property
+    def breakdown_shift_v(self) -> float:
+        """Rise of every breakdown voltage since the reference temperature, V."""
+        return self.breakdown_v_per_k * (self.celsius - self.reference_celsius)

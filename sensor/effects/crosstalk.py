@@ -51,7 +51,6 @@ class Crosstalk(Effect, frozen=True):
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches send light to neighboring pixels"
     switch: ClassVar[str] = "mean_fired_neighbors"
-    scattered: ClassVar[str] = "crosstalk"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
     """Mean number of pixels that one avalanche inside the array fires (0: no crosstalk)."""

@@ -30,17 +30,16 @@ Physics (1957), for the mixture; Karami et al., Opt. Eng. 53, 2014, for levels o
 SPADs that switch over seconds to hours.
 """
 
-from functools import lru_cache
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 from scipy.stats import binom
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Frame, FrameRates, PixelRates, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_uniforms, uniform
 
 _UM2_PER_M2 = 1e12
@@ -79,11 +78,6 @@ class DarkCounts(Effect, frozen=True):
         """True if there are any."""
         bulk = self.hot_fraction < 1 and max(self.bulk_mean_hz_um2, self.bulk_sigma_hz_um2) > 0
         return bulk or self.hot_fraction * self.hot_mean_hz_um2 > 0
-
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Set the dark count rate of every pixel."""
-        density = dark_count_density(self, rates.shape, rates.device_seed)
-        rates.dark_counts_hz = density * (rates.active_area_m2 * _UM2_PER_M2)
 
 
 def dark_count_density(dark_counts: DarkCounts, shape: tuple[int, int], device_seed: int) -> Floats:
@@ -136,56 +130,50 @@ class Telegraph(Effect, frozen=True):
             )
         return self
 
-    def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
-        """Raise the dark counts by those of active traps."""
-        if self.is_on:
-            rates.dark_counts_hz *= 1 + self.step * rates.switching * active_traps(
-                self, rates, frame
-            )
 
-    def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
-        """Return rates for each number of active traps, with its probability."""
-        if not self.is_on:
-            return [(1.0, rates)]
-        switches = _traps(self, rates)[0] * rates.switching
-        chances = binom.pmf(np.arange(self.traps + 1), self.traps, self.active_share)
-        return [
-            (float(chance), rates.with_dark_counts(np.asarray(1 + self.step * active * switches)))
-            for active, chance in enumerate(chances)
-        ]
+class Traps(NamedTuple):
+    """Pixels of a device whose dark counts switch."""
+
+    step: Floats
+    """Factor on `telegraph.step` of every pixel, (H, W); 0: it does not switch"""
+    pixels: Ints
+    """Row and column of each switching pixel, (N, 2)"""
+    times_s: Floats
+    """Correlation times of the K traps of each, (N, K)"""
 
 
-def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Floats:
-    """Return the number of active traps of each pixel at the start of a frame, (H, W)."""
-    _, pixels, times_s = _traps(telegraph, rates)
-    active = np.zeros(rates.dark_counts_hz.shape)
-    run = np.uint64(frame.run)
-    _add_active(run, frame.time_s, telegraph.active_share, pixels, times_s, active)
-    return active
-
-
-def _traps(telegraph: Telegraph, rates: FrameRates) -> tuple[Mask, Ints, Floats]:
-    """Traps of the measured pixels, or of drawn ones, as `_traps_of`."""
-    factor = rates.telegraph_factor
-    measured = None if factor is None else (factor > 0).tobytes()
-    return _traps_of(telegraph, rates.dark_counts_hz.shape, rates.device_seed, measured)
-
-
-@lru_cache(maxsize=8)
-def _traps_of(
-    telegraph: Telegraph, shape: tuple[int, int], device_seed: int, measured: bytes | None
-) -> tuple[Mask, Ints, Floats]:
-    """Mask of switching pixels, (H, W); their rows and columns, (N, 2), and times, s, (N, K)."""
-    switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
-    if measured is not None:
-        switches = np.frombuffer(measured, np.bool_).reshape(shape)
+def draw_traps(
+    telegraph: Telegraph, shape: tuple[int, int], device_seed: int, measured_step: Floats | None
+) -> Traps:
+    """Return the traps of a device: of the pixels with a measured step, or of drawn ones."""
+    if measured_step is None:
+        switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
+        step = switches.astype(np.float64)
+    else:
+        switches, step = measured_step > 0, measured_step
     ranks = [
         pixel_uniforms(shape, device_seed, "telegraph, time", trap)[switches]
         for trap in range(telegraph.traps)
     ]
     spread = telegraph.slowest_s / telegraph.fastest_s
     times_s = telegraph.fastest_s * spread ** np.stack(ranks, axis=-1)
-    return switches, np.argwhere(switches), times_s
+    return Traps(step, np.argwhere(switches), times_s)
+
+
+def telegraph_factor(telegraph: Telegraph, traps: Traps, run: int, time_s: float) -> Floats:
+    """Return the factor on dark counts (H, W) at a time of a run, for the traps active then."""
+    active = np.zeros(traps.step.shape)
+    pixels, times_s = traps.pixels, traps.times_s
+    _add_active(np.uint64(run), time_s, telegraph.active_share, pixels, times_s, active)
+    return 1 + telegraph.step * traps.step * active
+
+
+def telegraph_levels(telegraph: Telegraph, traps: Traps) -> list[tuple[float, Floats]]:
+    """Return the probability of each number of active traps, and its factor on dark counts."""
+    numbers = np.arange(telegraph.traps + 1)
+    chances = binom.pmf(numbers, telegraph.traps, telegraph.active_share)
+    factors = (np.asarray(1 + telegraph.step * active * traps.step) for active in numbers)
+    return list(zip(map(float, chances), factors, strict=True))
 
 
 @compiled

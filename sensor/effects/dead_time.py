@@ -43,7 +43,6 @@ class DeadTime(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
-    scattered: ClassVar[str] = "dead_time"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """ideal: no dead time; nonparalyzable, active quench: arrivals in it are lost; paralyzable,

@@ -117,7 +117,7 @@ def product_writer(
         Binary frames per burst in that time.
     """
     from megalopta.sensor.formats import counts_store, events, packed, recorded_frames
-    from megalopta.sensor.optics.lens import demosaiced
+    from megalopta.sensor.optics import demosaiced
     from megalopta.sensor.spad.model import Sensor
 
     frames, rows, columns = shape

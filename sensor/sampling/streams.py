@@ -23,9 +23,12 @@ is shared.
 import hashlib
 import math
 import operator
+import os
 import re
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +62,15 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
 
 
+class Draw(NamedTuple):
+    """Names of the random numbers of consecutive frames; parameters as for `expose`."""
+
+    seed: int
+    stream: str | int
+    first_frame: int = 0
+    frame_period_s: float | None = None
+
+
 def sensor_stream(stream: str | int, sensor: BaseModel, dark_counts_hz: Floats) -> str:
     """Name of the draws of one sensor in a stream; those of other settings are unrelated.
 
@@ -80,6 +92,22 @@ def light_key(rates: Floats) -> str:
     for side in reversed(total.shape):
         total = total @ ((0.5 + _GOLDEN * np.arange(side)) % 1 + 0.5) / side
     return f"{float(total):.6g}"
+
+
+def over_frames(task: Callable[[int], None], frames: Iterable[int], in_turn: bool = False) -> None:
+    """Run a task for every frame number, in threads unless in turn.
+
+    Each task must write to its own places.
+    """
+    numbers = list(frames)
+    workers = min(os.cpu_count() or 1, len(numbers))
+    if in_turn or workers <= 1:
+        for frame in numbers:
+            task(frame)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(task, numbers):
+            pass
 
 
 def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> Floats:

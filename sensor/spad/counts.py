@@ -1,10 +1,7 @@
-"""Counts of a frame with their mean and variance, by the cheapest exact method.
+"""Counts of a frame with their mean and variance, where the distribution has no closed form.
 
-    dead time alone                       closed form (`dead_time`)
-    gate alone                            Poisson, in the time the gate is open
-    crosstalk alone                       Poisson, then generation after generation (`crosstalk`)
-    anything else                         simulated avalanche by avalanche (`simulation`), but from
-                                          mean and variance in bright light (`draw_matched`)
+Counts are simulated avalanche by avalanche (`simulation`), but drawn from mean and variance in
+bright light (`draw_matched`). Closed forms are drawn in `array`.
 
 Mean and variance come from `moments`, with crosstalk from `_coupled_moments`.
 
@@ -19,7 +16,7 @@ import numpy as np
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.core.errors import UserError
-from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.crosstalk import neighborhoods, of_pixels, places_fired
 from megalopta.sensor.effects.dead_time import check_arrivals
@@ -44,7 +41,7 @@ def draw_frame(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> Ints:
-    """Draw the counts of one exposure.
+    """Draw the counts of one exposure whose distribution has no closed form.
 
     Raises UserError for light in which it takes too long.
 
@@ -55,15 +52,6 @@ def draw_frame(
     maps : AvalancheMaps, optional
         Differences between pixels; default: none.
     """
-    if rate_hz.ndim == 3 and not effects.remembers:
-        rate_hz = mean_rate(rate_hz, exposure_s, effects)
-    if rate_hz.ndim == 2 and _is_simple(effects):
-        open_hz = open_rate(rate_hz, exposure_s, effects)
-        scale = 1.0 if maps is None else maps.dead_time
-        primaries = dead_time.draw_counts(rng, open_hz, exposure_s, effects.dead_time, scale)
-        if not effects.crosstalk.is_on:
-            return primaries
-        return crosstalk.spread(rng, primaries, effects.crosstalk, _strength(maps))
     check_arrivals(rate_hz, exposure_s)
     counted, simulated = _load(rate_hz, exposure_s, effects, maps)
     is_coupled = effects.crosstalk.is_on

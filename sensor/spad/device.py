@@ -1,55 +1,79 @@
-"""Fixed pattern of a device's pixels, the same in every frame, run and machine.
+"""Pixels of one device: what its fixed pattern is, in every frame, run and machine.
 
-The effects on rates draw it from the device seed, or read it from measured maps, in turn
-(`Effect.act_on_rates`): they describe pixels, not exposures.
+Patterns are drawn from the device seed or read from measured maps. They hold at the reference bias
+and temperature; the operating point scales them.
 """
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
+from megalopta.sensor.effects import bias
+from megalopta.sensor.effects.base import AvalancheMaps
+from megalopta.sensor.effects.dark_counts import (
+    Telegraph,
+    Traps,
+    dark_count_density,
+    draw_traps,
+    telegraph_factor,
+    telegraph_levels,
+)
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.optics.pixels import check_brightness, detected_rate
+from megalopta.sensor.sampling.streams import pixel_normals
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
-from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
+from megalopta.sensor.spad.measured import MeasuredMaps
+from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
+
+_UM2_PER_M2 = 1e12
 
 
-@dataclass(eq=False)
-class FixedPattern(PixelRates):
-    """Pixels of one device: their rates at its bias and temperature, and what else differs."""
+@dataclass(frozen=True, eq=False)
+class FixedPattern:
+    """Pixels of one device, (H, W), at its bias and temperature."""
 
-    counters: AnalogPixels | None = None
-    """Steps and leaks of analog counters"""
-
-    avalanches: AvalancheMaps | None = None
+    efficiency_factor: Floats
+    """Detection efficiency relative to the sensor's curve"""
+    dark_counts_hz: Floats
+    """Dark count rate without active traps"""
+    telegraph: Telegraph
+    traps: Traps | None
+    """Traps that switch dark counts; None without telegraph noise"""
+    avalanches: AvalancheMaps | None
     """Differences in dead time, afterpulsing and crosstalk; None if there are none"""
+    counters: AnalogPixels | None
+    """Steps and leaks of analog counters"""
+    stuck: Floats | None
+    """Readings of stuck pixels; -1: the pixel works"""
 
-    in_time: tuple[tuple[str, Effect], ...] = ()
-    """Effects that change from frame to frame, by name"""
+    def repeated(self, frames: int) -> "FixedPattern":
+        """Return pixels of frames one below the other."""
+        if frames == 1:
+            return self
 
-    def rates(self, detections_hz: Floats) -> FrameRates:
-        """Rates of a frame, before the effects that change with time."""
-        telegraph = self.factors.get("telegraph")
-        return FrameRates(detections_hz, self.dark_counts_hz, self.device_seed, telegraph)
+        def tall(values: Floats) -> Floats:
+            return np.tile(values, (frames, 1))
 
-    def over_time(self, detections_hz: Floats) -> list[tuple[float, FrameRates]]:
-        """Possible rates of a frame with their probabilities: one, if none change with time."""
-        rates = [(1.0, self.rates(detections_hz))]
-        for _, effect in self.in_time:
-            rates = [
-                (chance * share, changed)
-                for chance, each in rates
-                for share, changed in effect.over_time(each)
-            ]
-        return rates
+        return replace(
+            self,
+            dark_counts_hz=tall(self.dark_counts_hz),
+            avalanches=self.avalanches and AvalancheMaps(*map(tall, self.avalanches)),
+            counters=self.counters and AnalogPixels(*map(tall, self.counters)),
+        )
+
+    def dark_hz_at(self, run: int, time_s: float) -> Floats:
+        """Return dark count rates with the traps that are active at a time of a run, Hz."""
+        assert self.traps is not None
+        return self.dark_counts_hz * telegraph_factor(self.telegraph, self.traps, run, time_s)
+
+    def dark_levels(self) -> list[tuple[float, Floats]]:
+        """Return possible dark count rates, Hz, with their probabilities; one without traps."""
+        if self.traps is None:
+            return [(1.0, self.dark_counts_hz)]
+        levels = telegraph_levels(self.telegraph, self.traps)
+        return [(chance, self.dark_counts_hz * factor) for chance, factor in levels]
 
 
 def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
@@ -59,131 +83,120 @@ def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     the limit.
     """
     # files may change, drawn patterns cannot
-    return (_draw if sensor.measured.is_on else _draw_once)(sensor, shape)
+    return (_draw_once if sensor.measured == MeasuredMaps() else _draw)(sensor, shape)
 
 
 def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
-    seed = sensor.device_seed
-    rates = PixelRates(shape, seed, sensor.active_area_m2, np.ones(shape), np.zeros(shape))
-    for name in effects_of(type(sensor)):
-        getattr(sensor, name).act_on_rates(rates)
-    largest = float(rates.efficiency_factor.max(initial=0)) * max(sensor.efficiency.values)
-    if largest > 1:
-        raise ValueError(
-            f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
-            "measured.efficiency or bias.excess_v so that it is at most 1"
-        )
-    largest, most_hz = float(rates.dark_counts_hz.max(initial=0)), MOST_ARRIVALS / sensor.exposure_s
-    if not largest <= most_hz:
-        raise ValueError(
-            f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
-            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
-            f"lower these, at most {most_hz:g} Hz can be drawn"
-        )
-    for kind, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
-        factor = float(rates.factors.get(kind, np.zeros(1)).max(initial=0))
-        most = sensor.crosstalk.most_fired if kind == "crosstalk" else None
-        largest = factor * (most or getattr(getattr(sensor, kind), field))
-        if largest > MOST_OFFSPRING:
-            raise ValueError(
-                f"{kind}.{field}: {largest:g} in the worst pixel; lower it, {kind}."
-                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
-            )
-    capacity, stuck = sensor.counter.capacity, rates.stuck
-    wrong = [] if stuck is None else stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
-    if len(wrong):
-        raise ValueError(
-            f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers from "
-            f"0 to counter.capacity {capacity}, or -1 for pixels that work"
-        )
+    seed, operating, warm = sensor.device_seed, sensor.bias, sensor.temperature
+    maps = sensor.measured.load(shape)
+
+    # as made, at the reference bias and temperature
+    efficiency = maps.get("efficiency", np.ones(shape))
+    dark_hz = maps.get("dark_counts")
+    if dark_hz is None:
+        area_um2 = sensor.active_area_m2 * _UM2_PER_M2
+        dark_hz = dark_count_density(sensor.dark_counts, shape, seed) * area_um2
+    breakdown_v = maps.get("breakdown")  # above the nominal one
+    if breakdown_v is None:
+        breakdown_v = bias.breakdown_offset(operating, shape, seed)
+
+    # at the operating point
+    excess_v = operating.excess_v - warm.breakdown_shift_v
+    now = operating.model_copy(update={"excess_v": excess_v})
+
+    def bias_factor(name: str, law: bias.Dependence) -> Floats:
+        is_measured = name in maps
+        return (partial(bias.since_measurement, law) if is_measured else law)(now, breakdown_v)
+
+    efficiency = efficiency * bias_factor("efficiency", bias.efficiency_factor)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        dark_hz = dark_hz * warm.dark_count_factor
+        dark_hz = dark_hz * bias_factor("dark_counts", bias.dark_count_factor)
+
+    # differences between pixels in what avalanches do
+    factors = {name: maps.get(name, np.ones(shape)) for name in AvalancheMaps._fields}
+    for name, slope in (
+        ("afterpulsing", operating.afterpulsing_slope),
+        ("crosstalk", operating.crosstalk_slope),
+    ):
+        if slope > 0:
+            factors[name] = factors[name] * bias_factor(name, partial(bias.charge_factor, slope))
+    for name in factors:
+        effect = getattr(sensor, name)
+        if effect.is_on and effect.mismatch_sigma > 0 and name not in maps:
+            log_sigma = np.sqrt(np.log1p(effect.mismatch_sigma**2))
+            normals = pixel_normals(shape, seed, f"{name} mismatch")
+            factors[name] = factors[name] * np.exp(log_sigma * normals - log_sigma**2 / 2)
+    are_alike = all(np.all(factor == 1) for factor in factors.values())
+
+    traps, counters = None, None
     if sensor.telegraph.is_on:
-        steps = sensor.telegraph.traps * sensor.telegraph.step
-        relative = rates.factors.get("telegraph", np.ones(1))
-        largest = float((rates.dark_counts_hz * (1 + steps * relative)).max(initial=0))
-        if not largest <= most_hz:
-            raise ValueError(
-                f"telegraph.step: {largest:g} Hz of dark counts in the worst pixel when its traps "
-                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
-            )
-    counters = (
-        sensor.measured.of_counters(
-            analog_pixels(sensor.counter, shape, sensor.exposure_s, seed), sensor.exposure_s
-        )
-        if isinstance(sensor.counter, AnalogCounter)
-        else None
+        traps = draw_traps(sensor.telegraph, shape, seed, maps.get("telegraph"))
+    if isinstance(sensor.counter, AnalogCounter):
+        drawn = analog_pixels(sensor.counter, shape, sensor.exposure_s, seed)
+        leaked_v = maps["leak"] * sensor.exposure_s if "leak" in maps else drawn.leaked_v
+        step_v, offset_v = maps.get("step", drawn.step_v), maps.get("offset", drawn.offset_v)
+        counters = AnalogPixels(step_v, leaked_v, offset_v)
+    device = FixedPattern(
+        efficiency,
+        dark_hz,
+        sensor.telegraph,
+        traps,
+        None if are_alike else AvalancheMaps(**factors),
+        counters,
+        maps.get("stuck"),
     )
-    maps = AvalancheMaps.of(rates)
-    patterns = rates.efficiency_factor, rates.dark_counts_hz, *(counters or ()), *(maps or ())
-    for pattern in patterns:
+    for pattern in (efficiency, dark_hz, *(counters or ()), *(device.avalanches or ())):
         pattern.flags.writeable = False
-    effects = ((name, getattr(sensor, name)) for name in effects_of(type(sensor)))
-    in_time = tuple(
-        (name, effect)
-        for name, effect in effects
-        if effect.is_on and type(effect).act_on_frame is not Effect.act_on_frame
-    )
-    return FixedPattern(**vars(rates), counters=counters, avalanches=maps, in_time=in_time)
+    _check(device, sensor)
+    return device
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)
 
 
-def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Detection rate of always-live pixels, (T, H, W), Hz; parameters as for `expose`."""
-    _check_sensor(sensor)
-    rate = detected_rate(radiance, bands_nm, sensor)
-    _, rows, columns = rate.shape
-    rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
-    return check_brightness(rate, sensor.exposure_s)
+def _check(device: FixedPattern, sensor: Sensor) -> None:
+    """Raise ValueError for pixels that cannot be or cannot be drawn."""
 
+    def largest(values: ArrayLike) -> float:
+        return float(np.max(values, initial=0))
 
-def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
-    """Validated rate as (frames, [parts,] rows, columns), and the device.
-
-    Raises ValueError if the rate has another shape, is negative, not finite or too high to be
-    drawn.
-    """
-    _check_sensor(sensor)
-    rate = np.asarray(detections_hz, np.float64)
-    if rate.ndim not in (3, 4):
+    efficiency = largest(device.efficiency_factor) * max(sensor.efficiency.values)
+    if efficiency > 1:
         raise ValueError(
-            f"detections_hz: shape {rate.shape}; give (frames, rows, columns), or with parts of "
-            "the exposure (frames, parts, rows, columns)"
+            f"efficiency: {efficiency:g} in the best pixel; lower efficiency.values, "
+            "measured.efficiency or bias.excess_v so that it is at most 1"
         )
-    most = MOST_ARRIVALS / sensor.exposure_s
-    if not _are_within(rate.ravel(), most):
+    dark_hz, most_hz = largest(device.dark_counts_hz), MOST_ARRIVALS / sensor.exposure_s
+    if not dark_hz <= most_hz:
         raise ValueError(
-            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
-            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} per exposure)"
+            f"dark_counts: {dark_hz:g} Hz in the worst pixel at bias.excess_v "
+            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
+            f"lower these, at most {most_hz:g} Hz can be drawn"
         )
-    *_, rows, columns = rate.shape
-    return rate, draw_fixed_pattern(sensor, (rows, columns))
-
-
-@compiled
-def _are_within(values: Floats, most: float) -> bool:
-    """True if all values are from 0 to `most`, in one pass."""
-    within = np.int64(0)
-    for pixel in range(values.size):  # summed, which vectorizes
-        within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
-    return bool(within == values.size)
-
-
-def _check_sensor(sensor: Sensor) -> None:
-    if not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")
-
-
-def over_frames(task: Callable[[int], None], frames: int, in_turn: bool = False) -> None:
-    """Run a task for every frame number, in threads unless in turn.
-
-    Each task must write to its own places.
-    """
-    workers = min(os.cpu_count() or 1, frames)
-    if in_turn or workers <= 1:
-        for frame in range(frames):
-            task(frame)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        for _ in pool.map(task, range(frames)):
-            pass
+    if device.traps is not None:
+        rise = 1 + sensor.telegraph.traps * sensor.telegraph.step * device.traps.step
+        dark_hz = largest(device.dark_counts_hz * rise)
+        if not dark_hz <= most_hz:
+            raise ValueError(
+                f"telegraph.step: {dark_hz:g} Hz of dark counts in the worst pixel when its traps "
+                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
+            )
+    for field, mean, factor in (
+        ("afterpulsing.mean_carriers", sensor.afterpulsing.mean_carriers, "afterpulsing"),
+        ("crosstalk.mean_fired_neighbors", sensor.crosstalk.most_fired, "crosstalk"),
+    ):
+        offspring = mean * largest(getattr(device.avalanches, factor, 0.0))
+        if offspring > MOST_OFFSPRING:
+            raise ValueError(
+                f"{field}: {offspring:g} in the worst pixel; lower it, {factor}."
+                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
+            )
+    if device.stuck is not None:
+        stuck, capacity = device.stuck, sensor.counter.capacity
+        wrong = stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
+        if len(wrong):
+            raise ValueError(
+                f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers "
+                f"from 0 to counter.capacity {capacity}, or -1 for pixels that work"
+            )

@@ -25,12 +25,18 @@ from pydantic import BaseModel, Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import file_content, named_path, plain_array
-from megalopta.sensor.effects.base import AvalancheMaps, Effect, PixelRates, Stage
-from megalopta.sensor.spad.counters import AnalogPixels
+from megalopta.sensor.effects.base import AvalancheMaps, Effect, Stage
 
 Fit = Literal["exact", "top_left", "center"]
 
-_SMALLEST_STEP_V = 1e-5
+_LOWEST = {
+    "breakdown": -np.finfo(float).max,
+    "stuck": -1.0,
+    "step": 1e-5,
+    "leak": -np.finfo(float).max,
+    "offset": -np.finfo(float).max,
+}
+"""Smallest value of each map, where it is not 0."""
 
 
 class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
@@ -97,42 +103,16 @@ class MeasuredMaps(Effect, frozen=True):
         """True if there is a map."""
         return any(getattr(self, name) for name in type(self).model_fields if name != "fit")
 
-    def act_on_rates(self, rates: PixelRates) -> None:
-        """Replace drawn values by maps."""
-        if self.breakdown:
-            lowest = -np.finfo(float).max
-            rates.breakdown_offset_v = self._load("breakdown", rates, lowest)
-        if self.efficiency:
-            rates.efficiency_factor = self._load("efficiency", rates)
-        if self.dark_counts:
-            rates.dark_counts_hz = self._load("dark_counts", rates)
-        for name in self.relative:
-            if getattr(self, name):
-                rates.scale(name, self._load(name, rates))
-        if self.stuck:
-            rates.stuck = self._load("stuck", rates, -1.0)
-
-    def of_counters(self, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
-        """Replace drawn counters by maps.
+    def load(self, shape: tuple[int, int]) -> dict[str, Floats]:
+        """Read the maps that there are, for an image of (rows, columns) pixels.
 
         Raises ValueError as `load_map`.
         """
-        lowest = -np.finfo(float).max
-        for name, field, times, least in (
-            ("step", "step_v", 1.0, _SMALLEST_STEP_V),
-            ("leak", "leaked_v", exposure_s, lowest),
-            ("offset", "offset_v", 1.0, lowest),
-        ):
-            file = getattr(self, name)
-            if file:
-                shape = pixels.step_v.shape[0], pixels.step_v.shape[1]
-                values = load_map(file, shape, f"measured.{name}", self.fit, least)
-                pixels = pixels._replace(**{field: times * values})
-        return pixels
-
-    def _load(self, name: str, rates: PixelRates, lowest: float = 0.0) -> Floats:
-        rates.measured.add(name)
-        return load_map(getattr(self, name), rates.shape, f"measured.{name}", self.fit, lowest)
+        return {
+            name: load_map(file, shape, f"measured.{name}", self.fit, _LOWEST.get(name, 0.0))
+            for name in type(self).model_fields
+            if name != "fit" and (file := getattr(self, name))
+        }
 
 
 def load_map(

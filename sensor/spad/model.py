@@ -18,7 +18,7 @@ from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.timing import Jitter, Tcspc
-from megalopta.sensor.optics.pixels import PixelOptics
+from megalopta.sensor.optics import PixelOptics
 from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter, without_bits
 from megalopta.sensor.spad.measured import MeasuredMaps
 
@@ -41,7 +41,7 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
 
     @property
     def has_law(self) -> bool:
-        """True if dead time acts alone, so that counts can be drawn directly."""
+        """True if dead time acts alone, and has a count distribution in closed form."""
         return self.on == {"dead_time"} and self.dead_time.has_law
 
     @property
@@ -151,6 +151,16 @@ class Sensor(PixelOptics, frozen=True):
         """Effects that decide which avalanches occur."""
         names = AvalancheEffects.model_fields
         return AvalancheEffects(**{name: getattr(self, name) for name in names})
+
+    @cached_property
+    def count_distribution(self) -> Literal["Poisson", "crosstalk", "dead time", "simulated"]:
+        """Distribution of the counts of an exposure in steady light."""
+        on = self.avalanche_effects.on
+        if not on:
+            return "Poisson"
+        if on <= {"gate", "crosstalk"}:
+            return "crosstalk"
+        return "dead time" if self.avalanche_effects.has_law else "simulated"
 
 
 def effects_of(model: type[Sensor]) -> tuple[str, ...]:

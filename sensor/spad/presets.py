@@ -44,7 +44,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.validation import checked, merged
 from megalopta.sensor.effects.crosstalk import with_kernel
-from megalopta.sensor.optics.efficiency import with_curve, with_curves
+from megalopta.sensor.optics import with_curve, with_curves
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
 

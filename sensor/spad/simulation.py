@@ -12,7 +12,6 @@ that the array runs continuously. At r·τ = a, a non-paralyzable pixel forgets 
 carriers at a = 5.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +71,7 @@ def simulate_frame(
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
-    maps = maps or AvalancheMaps.alike((1, 1))
+    maps = maps or AvalancheMaps(*(np.ones((1, 1)) for _ in range(3)))
     parameters, tables = parameters_of(rates, exposure_s, effects, maps)
     if state is None:
         before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
@@ -84,40 +83,3 @@ def simulate_frame(
     after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
     times, pixels = events
     return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)
-
-
-@dataclass
-class FreeRunning:
-    """Array that is not reset between exposures, which follow each other without a gap.
-
-    `FreeRunning()` has no past.
-    """
-
-    state: PixelState | None = None
-    """State of its pixels; replaced by every exposure."""
-
-    def expose(
-        self,
-        rng: np.random.Generator,
-        rate_hz: Floats,
-        exposure_s: float,
-        effects: AvalancheEffects,
-        maps: AvalancheMaps | None = None,
-        *,
-        keep_events: bool = True,
-    ) -> SimulatedFrame:
-        """Simulate the next exposure; parameters as for `simulate_frame`.
-
-        Raises ValueError if the array had another number of pixels before.
-        """
-        rows, columns = rate_hz.shape[-2:]
-        if self.state is not None and self.state.blind_until_s.size != rows * columns:
-            raise ValueError(
-                f"free_running: the array had {self.state.blind_until_s.size} pixels before and "
-                f"has {rows} × {columns} now; give frames of the same size or a new FreeRunning"
-            )
-        frame = simulate_frame(
-            rng, rate_hz, exposure_s, effects, maps=maps, state=self.state, keep_events=keep_events
-        )
-        self.state = frame.state
-        return frame

@@ -13,14 +13,6 @@ def draw(rate=RATE, sensor=IDEAL, **place):
     return expose_events(rate, sensor, **({"seed": 0, "stream": "s"} | place))
 
 
-def test_events_lie_in_the_exposure_and_are_sorted_by_frame_and_time():
-    events = draw()
-    assert events.time_s.min() >= 0
-    assert events.time_s.max() < IDEAL.exposure_s
-    order = np.lexsort((events.time_s, events.frame))
-    np.testing.assert_array_equal(order, np.arange(order.size))
-
-
 def test_histogram_counts_every_event_once_in_its_pixel():
     events = draw()
     counts = histogram(events)

@@ -41,26 +41,19 @@ def signal_to_noise(sensor, radiance=RADIANCE):
     return expectation(radiance, BANDS, sensor).signal_to_noise(brighter, 0.01)
 
 
-def same(first, second):
-    return all(
-        getattr(first, name).tobytes() == getattr(second, name).tobytes()
-        for name in ("counts", "saturated")
-    )
-
-
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(5, 29)])
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
     whole = expose_frames(SENSORS[name])
     part = expose_frames(SENSORS[name], RADIANCE[frames], first_frame=frames.start)
-    for field in ("counts", "saturated"):
-        assert getattr(part, field).tobytes() == getattr(whole, field)[frames].tobytes()
+    assert part.counts.tobytes() == whole.counts[frames].tobytes()
+    assert part.saturated.tobytes() == whole.saturated[frames].tobytes()
 
 
 def test_same_seed_same_bytes_and_any_other_name_other_counts():
     sensor = SENSORS["ideal"]
     reference = expose_frames(sensor)
-    assert same(reference, expose_frames(sensor))
+    assert expose_frames(sensor).counts.tobytes() == reference.counts.tobytes()
     for other in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
         assert np.mean(expose_frames(sensor, **other).counts != reference.counts) > 0.5
 

@@ -26,16 +26,16 @@ from megalopta.sensor import (
     expose_events,
     expose_photocurrent,
     expose_rate,
-    exposure,
     generator,
+    optics,
     reading_moments,
     volt_moments,
 )
 from megalopta.sensor.ctia import model as ctia_model
 from megalopta.sensor.effects import bias
-from megalopta.sensor.optics import pixels
-from megalopta.sensor.optics.lens import falloff
+from megalopta.sensor.optics import falloff
 from megalopta.sensor.sampling.poisson import unpack
+from megalopta.sensor.spad import array as array_page
 
 from .plainest import (
     brute_force_events,
@@ -285,14 +285,14 @@ def falls_off_in_columns_alone(lens, shape):
 
 
 WRONG = [
-    (pixels, "image_irradiance", lambda L, lens: np.pi * L / (4 * lens.f_number**2),
+    (optics, "image_irradiance", lambda L, lens: np.pi * L / (4 * lens.f_number**2),
      "lens, filter, efficiency"),
-    (pixels, "falloff", falls_off_in_columns_alone, "cos⁴ falloff"),
+    (optics, "falloff", falls_off_in_columns_alone, "cos⁴ falloff"),
     (bias, "since_measurement", lambda factor, *at: factor(*at), "bias and breakdown, measured"),
     (bias, "dark_count_factor",
      lambda law, offset, right=bias.dark_count_factor: right(law, -np.asarray(offset)),
      "bias and breakdown, drawn"),
-    (exposure, "open_fraction", lambda gate, exposure_s: 3 / 7, "binary frames, gate"),
+    (array_page, "open_fraction", lambda gate, exposure_s: 3 / 7, "binary frames, gate"),
     (ctia_model, "gain_from_db", lambda decibels: 10 ** (decibels / 10), "CTIA, poor amplifiers"),
     (ctia_model, "poisson_charge", lambda rng, charge: 0 * charge, "CTIA, electrons"),
     (ctia_model, "reset_variance", lambda noise, pixel: 0.0, "CTIA, reset and readout"),

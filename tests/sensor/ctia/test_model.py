@@ -19,8 +19,7 @@ from megalopta.sensor.ctia.model import (
     volt_moments,
 )
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
-from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
+from megalopta.sensor.optics import PLANCK_TIMES_LIGHT_SPEED, Efficiency, Lens
 from megalopta.sensor.sampling.streams import generator
 
 BANDS = np.array([[900.0, 1300.0], [1300.0, 1700.0]])

@@ -13,8 +13,11 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.effects.base import Frame, FrameRates
-from megalopta.sensor.effects.dark_counts import active_traps, dark_count_density
+from megalopta.sensor.effects.dark_counts import (
+    dark_count_density,
+    draw_traps,
+    telegraph_factor,
+)
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SPADCAM = preset("spadcam").dark_counts
@@ -81,9 +84,10 @@ SLOW = Telegraph(share=0.5, step=1.0, traps=2, active_share=0.3, fastest_s=1.0, 
 
 def states(telegraph, frames, period_s, shape=(40, 50)):
     """Active traps (frames, H, W)."""
-    rates = FrameRates(np.zeros(shape), np.ones(shape), 0)
-    frame = (Frame(number, number * period_s, 12345) for number in range(frames))
-    return np.array([active_traps(telegraph, rates, each) for each in frame])
+    traps = draw_traps(telegraph, shape, 0, None)
+    times_s = period_s * np.arange(frames)
+    factors = np.array([telegraph_factor(telegraph, traps, 12345, time_s) for time_s in times_s])
+    return (factors - 1) / telegraph.step
 
 
 def periodogram(states):

@@ -263,10 +263,3 @@ def test_steps_of_telegraph_noise_that_cannot_be_drawn_are_refused(folder):
     )
     with pytest.raises(ValueError, match=r"telegraph\.step: .* Hz of dark counts in the worst"):
         expose_rate(np.full((1, *SHAPE), 1e3), sensor, seed=1, stream="steps")
-
-
-def test_readings_of_analog_counters_are_not_given_by_counts(folder):
-    np.save(folder / "stuck.npy", np.zeros(SHAPE))
-    write(folder, {"preset": "spadcam", "measured": maps("stuck")})
-    with pytest.raises(ValueError, match=r"measured\.stuck: .*digital"):
-        load(folder)

@@ -1,5 +1,3 @@
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
@@ -8,7 +6,6 @@ from megalopta.sensor import (
     Afterpulsing,
     ColorFilters,
     Crosstalk,
-    Effect,
     Gate,
     Jitter,
     MapFile,
@@ -24,8 +21,6 @@ from megalopta.sensor import (
     preset,
     without,
 )
-from megalopta.sensor.effects.base import Stage
-from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import active_effects
 
 NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
@@ -89,30 +84,6 @@ def test_without_efficiency_every_photon_on_the_active_area_is_detected(all_on):
     rate = detection_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
     photons = photon_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
     np.testing.assert_allclose(rate, photons * sensor.fill_factor, rtol=1e-12)
-
-
-class Microlens(Effect, frozen=True):
-    """A rate-level effect of which nothing else knows."""
-
-    stage: ClassVar[Stage] = Stage.OPERATION
-    gain: float = 1.0
-
-    def act_on_rates(self, rates):
-        """Gather more light."""
-        rates.efficiency_factor *= self.gain
-
-
-class WithMicrolens(Sensor, frozen=True):
-    microlens: Microlens = Microlens()
-
-
-def test_a_new_effect_on_rates_is_a_class_and_a_field():
-    sensor = WithMicrolens(**dict(preset("gersbach-130nm-5v")), microlens={"gain": 2})
-    assert active_effects(sensor)[-1] == "microlens"
-    assert (draw_fixed_pattern(sensor, SHAPE).efficiency_factor == 2).all()
-    plain = without(sensor, "microlens")
-    assert "microlens" not in active_effects(plain)
-    assert (draw_fixed_pattern(plain, SHAPE).efficiency_factor == 1).all()
 
 
 def test_unknown_effect_is_refused_with_the_known_ones():

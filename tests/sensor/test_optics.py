@@ -1,4 +1,4 @@
-"""Color filters: light behind each of them, and colors from a mosaic."""
+"""Lens, color filters and efficiency curves: from radiance to detected photons."""
 
 import numpy as np
 import pytest
@@ -7,28 +7,106 @@ from scipy.integrate import quad
 from megalopta.sensor import (
     PRESETS,
     ColorFilters,
+    Efficiency,
+    Lens,
     changed,
     check_sensor,
     demosaiced,
     detection_rate,
     load_sensor,
+    optics,
     photon_rate,
     preset,
 )
-from megalopta.sensor.optics.lens import (
-    Lens,
-    blurred,
-    check_bands,
-    falloff,
-    photon_flux,
+
+CURVE = Efficiency(wavelengths_nm=(380, 450, 470, 620, 900), values=(0.02, 0.3, 0.21, 0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    "band", [(380.0, 900.0), (400.0, 440.0), (449.0, 451.0), (469.999, 620.001), (600.0, 601.0)]
 )
+def test_band_mean_equals_numerical_integral(band):
+    nodes = [*band, *(w for w in CURVE.wavelengths_nm if band[0] < w < band[1])]
+    pieces = zip(sorted(nodes)[:-1], sorted(nodes)[1:], strict=True)
+    detected = sum(
+        quad(lambda nm: np.interp(nm, CURVE.wavelengths_nm, CURVE.values) * nm, *piece)[0]
+        for piece in pieces
+    )
+    photons = quad(lambda nm: nm, *band)[0]
+    assert optics.band_efficiency(CURVE, [band])[0] == pytest.approx(detected / photons, rel=1e-12)
+
+
+@pytest.mark.parametrize("band", [(379.0, 500.0), (500.0, 900.5), (1000.0, 1100.0)])
+def test_band_outside_the_curve_is_refused_with_both_ranges(band):
+    with pytest.raises(ValueError, match=rf"{band[0]:g}–{band[1]:g} nm.*380–900 nm"):
+        optics.band_efficiency(CURVE, [band])
+
+
+POINTS = Efficiency(wavelengths_nm=(400, 450.5, 700), values=(0.01, 0.2, 0.005))
+
+
+def device(folder, text):
+    (folder / "pde.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    (folder / "device.yaml").write_text("{preset: spadcam, efficiency: {path: pde.csv}}")
+    return folder / "device.yaml"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "400,0.01\n450.5,0.2\n700,0.005",
+        "wavelength_nm,efficiency\n400,0.01\n450.5,0.2\n700,0.005\n",
+        "# bench, May\r\nnm,PDE\r\n 400 , 1e-2\r\n\r\n450.5,.2\r\n# end\r\n700,0.005\r\n",
+        "\ufeff400,0.01\n450.5,0.2\n700,0.005",
+    ],
+)
+def test_curve_is_read_with_or_without_names_and_comments(tmp_path, text):
+    assert load_sensor(device(tmp_path, text)).efficiency == POINTS
+
+
+def test_record_holds_the_numbers_and_needs_no_file(tmp_path):
+    path = device(tmp_path, "400,0.01\n450.5,0.2\n700,0.005")
+    sensor = load_sensor(path)
+    (tmp_path / "pde.csv").unlink()
+    assert type(sensor).model_validate(sensor.model_dump(mode="json")) == sensor
+    assert sensor.lens == preset("spadcam").lens
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("400,1\n500,20", "line 2: efficiency 20 is not from 0 to 1; divide percents by 100"),
+        ("400,0.1\n500,nan", "nan is not from 0 to 1"),
+        ("400,0.1\n400,0.1", "line 2: .*400 nm follows 400; sort"),
+        ("inf,0.1\n400,0.1", "sort"),
+        ("0,0.1\n400,0.1", "positive wavelengths"),
+        ("400;0.1\n500;0.2", "line 1 is not wavelength_nm,efficiency"),
+        ("400,0.1\n500,20 %", "line 2 is not"),
+        ("400,0.1", "has 1 points; give 2 or more"),
+        (b"\xff\xfe4\x000\x00", "is not UTF-8 text"),
+        ('400,"0.1\n500,0.2', "is not wavelength_nm"),
+    ],
+)
+def test_impossible_curve_is_refused_in_one_sentence_with_its_line(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as refusal:
+        load_sensor(device(tmp_path, text))
+    assert "efficiency: " in str(refusal.value)
+    assert "pde.csv" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_file_and_numbers_at_once_are_refused(tmp_path):
+    path = device(tmp_path, "400,0.01\n500,0.2")
+    path.write_text("{preset: spadcam, efficiency: {path: pde.csv, values: [0, 1]}}")
+    with pytest.raises(ValueError, match="path and values given; give a file or numbers, not both"):
+        load_sensor(path)
 
 
 def test_check_beam_gives_396_photons_per_square_micrometer_and_second():
     # dissertation §2.4.5: 17.5 nW over 100 mm² at 450 nm, monochromator resolution 2 nm. The exact
     # figure is 396.44; the thesis prints it without decimals.
     irradiance = 17.5e-9 / 100e-6 / 2.0
-    per_square_micrometer = photon_flux([irradiance], [(449.0, 451.0)])[0] * 1e-12
+    per_square_micrometer = optics.photon_flux([irradiance], [(449.0, 451.0)])[0] * 1e-12
     one_photon = 1.98644586e-25 / 450e-9
     assert per_square_micrometer == pytest.approx(17.5e-9 / one_photon / 100e6, rel=1e-12)
     assert round(per_square_micrometer) == 396
@@ -38,12 +116,12 @@ def test_photon_flux_of_a_flat_spectrum_is_the_integral_over_wavelength():
     planck, light_speed = 6.62607015e-34, 299792458.0
     expected, _ = quad(lambda nm: 0.3 * nm * 1e-9 / (planck * light_speed), 420.0, 655.0)
     # the design's rounded h·c is the tolerance
-    assert photon_flux([0.3], [(420.0, 655.0)])[0] == pytest.approx(expected, rel=1e-8)
+    assert optics.photon_flux([0.3], [(420.0, 655.0)])[0] == pytest.approx(expected, rel=1e-8)
 
 
 def test_falloff_goes_by_the_angle_in_every_direction():
     # 3 rows of 9 columns over 60°: pixel centers at known tangents of the angle
-    factor = falloff(Lens(falloff_fov_deg=60.0), (3, 9))
+    factor = optics.falloff(Lens(falloff_fov_deg=60.0), (3, 9))
     pixel = 2 * np.tan(np.radians(30)) / 9
     for row, column in np.ndindex(3, 9):
         angle = np.arctan(np.hypot(row - 1, column - 4) * pixel)
@@ -64,7 +142,7 @@ def test_falloff_goes_by_the_angle_in_every_direction():
 )
 def test_bands_that_make_no_sense_are_refused(bands, message):
     with pytest.raises(ValueError, match=message):
-        check_bands(bands)
+        optics.check_bands(bands)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +158,7 @@ def test_impossible_lens_is_refused(wrong):
 def test_blur_spreads_a_point_by_its_standard_deviation_and_keeps_its_light(blur_px):
     image = np.zeros((2, 81, 101))
     image[:, 40, 50] = 1.0
-    spread = blurred(image, blur_px)
+    spread = optics.blurred(image, blur_px)
     assert spread.sum(axis=(1, 2)) == pytest.approx(1.0, rel=1e-12)
     for axis, middle in ((1, 40), (2, 50)):
         places = np.arange(image.shape[axis]) - middle
@@ -101,8 +179,8 @@ def test_blur_of_pixels_is_that_of_the_finer_image_within_what_is_stated():
         return image.reshape(side, fold, side, fold).mean(axis=(1, 3))
 
     for blur_px, stated in ((0.5, 0.12), (1.0, 0.025), (1.5, 0.01)):
-        true = pooled(blurred(fine[np.newaxis], blur_px * fold)[0])[inner, inner]
-        coarse = blurred(pooled(fine)[np.newaxis], blur_px)[0, inner, inner]
+        true = pooled(optics.blurred(fine[np.newaxis], blur_px * fold)[0])[inner, inner]
+        coarse = optics.blurred(pooled(fine)[np.newaxis], blur_px)[0, inner, inner]
         assert (coarse - true).std() < stated * true.std()
 
 
@@ -112,7 +190,9 @@ def test_photons_and_detections_are_those_of_the_blurred_light():
     light = np.random.default_rng(2).random((2, 20, 30, 1))
     for rate in (photon_rate, detection_rate):
         sharp = rate(light, [(500, 600)], sensor)
-        np.testing.assert_allclose(rate(light, [(500, 600)], soft), blurred(sharp, 2.0), rtol=1e-9)
+        np.testing.assert_allclose(
+            rate(light, [(500, 600)], soft), optics.blurred(sharp, 2.0), rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize("pixels", [0.3, 101])

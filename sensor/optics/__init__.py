@@ -1,1 +1,0 @@
-"""Optics: from radiance to photons on a pixel and the fraction detected."""
