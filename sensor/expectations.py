@@ -1,7 +1,5 @@
 """Mean and variance of events and readings, frame by frame, without drawing any."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,17 +12,14 @@ from megalopta.sensor.ctia.model import (
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.effects.base import AvalancheMaps, FrameRates
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics.pixels import photon_rate
 from megalopta.sensor.quantities import Expectation
-from megalopta.sensor.spad.counters import AnalogPixels
-from megalopta.sensor.spad.counts import count_moments
-from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
+from megalopta.sensor.spad.device import checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import count_moments
 from megalopta.sensor.spad.readings import moments_of_readings
 
-_PIXELS_AT_ONCE = 2**19
 PARTS_ERROR = (
     "with dead time alone mean_events by at most one count a part, times the share of time dead; "
     "with afterpulsing by as much over one less mean_carriers, and the carriers that wait; "
@@ -101,57 +96,29 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     """Mean and variance of events, mean and variance of readings, (4, T, H, W)."""
     rate, device = checked_rate(detections_hz, sensor)
     moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
+    exposure_s, effects, maps = sensor.exposure_s, sensor.avalanche_effects, device.avalanches
 
-    def state(frame: int) -> None:
-        states = device.over_time(rate[frame])
-        if len(states) == 1 and not sensor.avalanche_effects.crosstalk.is_on:
-            _fill_by_rows(moments[:, frame], states[0][1], sensor, device)
-            return
-        of_states = np.array([_frame_moments(rates, sensor, device) for _, rates in states])
-        if len(states) == 1:
-            moments[:, frame] = of_states[0]
+    def fill_frame(frame: int) -> None:
+        chances, in_states = [], []
+        for chance, rates in device.over_time(rate[frame]):
+            arrivals_hz = rates.detections_hz + rates.dark_counts_hz
+            events = count_moments(arrivals_hz, exposure_s, effects, maps)
+            arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
+            readings = moments_of_readings(
+                arrivals, events, sensor.counter, device.counters, exposure_s, effects, maps
+            )
+            chances.append(chance)
+            in_states.append((*events, *readings))
+        if len(chances) == 1:
+            moments[:, frame] = in_states[0]
             return
         # a mixture of distributions
-        chances = [chance for chance, _ in states]
-        means, variances = of_states[:, ::2], of_states[:, 1::2]
+        means, variances = np.array(in_states)[:, ::2], np.array(in_states)[:, 1::2]
         moments[::2, frame] = mean = np.tensordot(chances, means, 1)
         moments[1::2, frame] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
 
-    over_frames(state, len(rate))
-    return moments
-
-
-def _fill_by_rows(moments: Floats, rates: FrameRates, sensor: Sensor, device: FixedPattern) -> None:
-    """Compute moments (4, H, W) of pixels that do not act on each other, some rows at a time."""
-    rows, columns = moments.shape[1:]
-    step = max(1, _PIXELS_AT_ONCE // columns)
-    for part in (slice(first, first + step) for first in range(0, rows, step)):
-        maps, counters, stuck = device.avalanches, device.counters, device.stuck
-        of_rows = replace(
-            device,
-            avalanches=maps and AvalancheMaps(*(each[part] for each in maps)),
-            counters=counters and AnalogPixels(*(each[part] for each in counters)),
-            stuck=None if stuck is None else stuck[part],
-        )
-        here = replace(
-            rates,
-            detections_hz=rates.detections_hz[..., part, :],
-            dark_counts_hz=rates.dark_counts_hz[part],
-        )
-        moments[:, part] = _frame_moments(here, sensor, of_rows)
-
-
-def _frame_moments(rates: FrameRates, sensor: Sensor, device: FixedPattern) -> Floats:
-    """Moments (4, H, W) of a frame at these rates."""
-    effects, exposure_s = sensor.avalanche_effects, sensor.exposure_s
-    arrivals_hz = rates.detections_hz + rates.dark_counts_hz
-    events = count_moments(arrivals_hz, exposure_s, effects, device.avalanches)
-    arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
-    readings = moments_of_readings(
-        arrivals, events, sensor.counter, device.counters, exposure_s, effects, device.avalanches
-    )
-    moments = np.array([*events, *readings])
+    over_frames(fill_frame, len(rate))
     if device.stuck is not None:
         stuck = device.stuck >= 0
-        moments[2, stuck], moments[3, stuck] = device.stuck[stuck], 0.0
+        moments[2][:, stuck], moments[3][:, stuck] = device.stuck[stuck], 0.0
     return moments

@@ -304,7 +304,7 @@ def check_binary(sensor: Sensor) -> None:
             f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
             "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
         )
-    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.remembers:
+    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.has_memory:
         raise ValueError(
             "dead_time.start: 'stationary'; binary frames start live: choose 'live', or use a "
             "counter of capacity 1 with expose_rate"
@@ -356,7 +356,7 @@ class _Frames:
 
         Raises UserError, before any is drawn, if a frame that is simulated has too many events.
         """
-        is_running = bool(asked) and self.sensor.avalanche_effects.remembers
+        is_running = bool(asked) and self.sensor.avalanche_effects.has_memory
         if is_running or most == MOST_STORED:
             for detections_hz in self.detections_hz:
                 self._check_load(detections_hz + self.device.dark_counts_hz, most)

@@ -90,7 +90,9 @@ def parameters_of(
     dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
-    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not effects.has_law)
+    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (
+        not effects.is_closed_form
+    )
     weights = neighborhoods(effects.crosstalk)
     rows, columns = weights.shape[:2]
     places = places_fired(weights)

@@ -40,12 +40,12 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
     @property
-    def has_law(self) -> bool:
+    def is_closed_form(self) -> bool:
         """True if dead time acts alone, so that counts can be drawn directly."""
-        return self.on == {"dead_time"} and self.dead_time.has_law
+        return self.on == {"dead_time"} and self.dead_time.is_closed_form
 
     @property
-    def remembers(self) -> bool:
+    def has_memory(self) -> bool:
         """True if an exposure leaves anything in the pixels that affects the next one."""
         return not self.on <= {"gate", "crosstalk"}
 

@@ -1,4 +1,4 @@
-"""Readings from tables over the light against the laws that single pixels are stated by.
+"""Readings interpolated over the light against those from the distribution of each pixel.
 
 The corner of a device is a smaller device of the same pixels, too few of them for a table.
 """
@@ -72,20 +72,20 @@ CASES = {
         for name in CASES
     ],
 )
-def test_tables_state_what_the_laws_of_single_pixels_state(name):
+def test_interpolated_readings_are_those_of_each_pixels_distribution(name):
     changes, arrivals = CASES[name]
     sensor = changed(IDEAL, **changes)
     share = np.random.default_rng(0).uniform(0.5, 1.5, (1, 96, 96))
     rate = share * arrivals / sensor.exposure_s
     mean, variance = (each[:, :6, :6] for each in reading_moments(rate, sensor))
-    law_mean, law_variance = reading_moments(rate[:, :6, :6], sensor)
-    # moments of afterpulsing are cubics between nodes, with corners there, and right to 3e-3
+    exact_mean, exact_variance = reading_moments(rate[:, :6, :6], sensor)
+    # moments of afterpulsing are polynomials between nodes, with corners there, right to 3e-3
     off = 100 if "afterpulsing" in changes else 1
     # full counters hardly vary: their deviation counts as a hundredth of a count
-    sigma = np.sqrt(np.maximum(law_variance, 1e-4))
-    assert np.abs((mean - law_mean) / sigma).max() < 2e-6 * off
-    assert np.abs((variance - law_variance) / np.maximum(law_variance, 1e-2)).max() < 2e-5 * off
-    is_table = not np.array_equal(mean, law_mean)
+    sigma = np.sqrt(np.maximum(exact_variance, 1e-4))
+    assert np.abs((mean - exact_mean) / sigma).max() < 2e-6 * off
+    assert np.abs((variance - exact_variance) / np.maximum(exact_variance, 1e-2)).max() < 2e-5 * off
+    is_table = not np.array_equal(mean, exact_mean)
     assert is_table, "the frame is large enough for a table"
 
 
