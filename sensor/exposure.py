@@ -51,9 +51,10 @@ from megalopta.sensor.spad.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.spad.counts import MOST_SIMULATED, check_load, draw_frame, mean_rate
+from megalopta.sensor.spad.counts import MOST_SIMULATED, check_load, draw_frame
 from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate, over_frames
 from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import mean_rate
 from megalopta.sensor.spad.simulation import FreeRunning, SimulatedFrame
 
 _FEW_PIXELS = 2**15

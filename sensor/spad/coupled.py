@@ -122,28 +122,26 @@ def _light(
     sent = np.ones(shape) if strength is None else strength
     received_hz, effective_hz, squares = (np.zeros(shape) for _ in range(3))
 
-    def of_neighbors(values: Floats) -> Floats:
-        """Values of the neighbors at `place`, 0 beyond the edge."""
-        row, column = 2 * reach - place
-        padded = np.pad(values, [(width, width) for width in reach])
-        return padded[row : row + shape[0], column : column + shape[1]]
+    def padded(values: Floats) -> Floats:
+        wide = np.full(np.add(shape, 2 * reach), 0.0)
+        wide[reach[0] : reach[0] + shape[0], reach[1] : reach[1] + shape[1]] = values
+        return wide
 
+    wide_counts_hz, wide_rate_hz, wide_dead_s = map(padded, (counts_hz, rate_hz, dead_s))
     for place in crosstalk.places_fired(chances):
+        opposite = 2 * reach - place
+        neighbors = tuple(
+            slice(start, start + size) for start, size in zip(opposite, shape, strict=True)
+        )
         to, back = (
             crosstalk.of_pixels(chances[:, :, row, column], shape) * sent
-            for row, column in (place, 2 * reach - place)
+            for row, column in (place, opposite)
         )
-        their_counts_hz, to = of_neighbors(counts_hz), of_neighbors(to)
+        their_counts_hz, to = wide_counts_hz[neighbors], padded(to)[neighbors]
         light_hz = to * their_counts_hz
         if kind != "ideal":
-            q_back = _live(
-                kind,
-                their_counts_hz,
-                of_neighbors(rate_hz),
-                back * counts_hz,
-                to,
-                of_neighbors(dead_s),
-            )
+            their_rate_hz, their_dead_s = wide_rate_hz[neighbors], wide_dead_s[neighbors]
+            q_back = _live(kind, their_counts_hz, their_rate_hz, back * counts_hz, to, their_dead_s)
             light_hz = np.maximum(light_hz - to * back * q_back * counts_hz, 0.0)
         met_hz = light_hz
         if kind == "nonparalyzable":

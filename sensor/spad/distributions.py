@@ -93,7 +93,7 @@ def _paralyzable(
         E[z^N] = Σ_k e^(W_k·(T/τ + 1))/(1 + W_k)                     after running for long
     """
     if arrivals == 0:
-        return np.eye(1, size)[0]
+        return np.asarray(np.eye(1, size)[0])
     points = size + 1 - size % 2  # odd, so that −1, where branches may meet, is excluded
     z = np.exp(2j * np.pi * np.arange(points // 2 + 1) / points)
     a = arrivals * dead_fraction

@@ -30,7 +30,7 @@ would, (p/τ)·x/(eˣ − 1) per second with x = τ/d. Neglected is (p/rτ)², a
 changes: 2·p/(rτ)² of the variance.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import product
 from threading import Lock
@@ -41,6 +41,7 @@ from scipy.interpolate import BarycentricInterpolator
 from scipy.special import gammainc
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.compiling import compiled
 from megalopta.core.errors import UserError
 from megalopta.sensor.effects import crosstalk, dead_time, gating
 from megalopta.sensor.effects.base import AvalancheMaps
@@ -309,16 +310,24 @@ def _factors(factors: Floats, is_on: bool, number: int) -> list[tuple[float, Flo
     if not is_on or not factors.size or high - low <= 1e-9 * high:
         return [(high if is_on and factors.size else 1.0, np.ones_like(factors))]
     places = (1 - np.cos(np.pi * np.arange(number) / (number - 1))) / 2
-    nodes = (low + (high - low) * places).tolist()
-    return list(zip(nodes, lagrange_weights(factors, nodes), strict=True))
+    nodes = low + (high - low) * places
+    weights = lagrange_weights(factors.ravel(), nodes).T.reshape(number, *factors.shape)
+    return list(zip(nodes.tolist(), weights, strict=True))
 
 
-def lagrange_weights(x: Floats, nodes: Sequence[float]) -> list[Floats]:
-    """Return the weight of each node in a polynomial through the values at all of them."""
-    return [
-        np.prod([(x - other) / (node - other) for other in nodes if other != node], axis=0)
-        for node in nodes
-    ]
+@compiled
+def lagrange_weights(x: Floats, nodes: Floats) -> Floats:
+    """Return the weight of each node in a polynomial through the values at all of them, (N, M)."""
+    weights = np.empty((x.size, nodes.size))
+    for place in range(x.size):
+        for node in range(nodes.size):
+            above = below = 1.0
+            for other in range(nodes.size):
+                if other != node:
+                    above *= x[place] - nodes[other]
+                    below *= nodes[node] - nodes[other]
+            weights[place, node] = above / below
+    return weights
 
 
 def _at_rates(

@@ -109,35 +109,35 @@ def moments_of_readings(
     arrivals = arrivals.ravel() if arrivals is not None and is_steady else None
     if arrivals is not None:
         is_done = np.zeros(left.size, np.bool_)
-        is_alike = pixels is None or all(np.all(v[left] == v[left[:1]]) for v in pixels)
+        is_alike = pixels is None or all(
+            np.all(values[left] == values[left[:1]]) for values in pixels
+        )
         x = 2 * np.sqrt(arrivals[left]) * _STEPS
         node = x.astype(np.int64) - (_POINTS // 2 - 1)
-        weights = np.stack(lagrange_weights(x - node, range(_POINTS)), axis=1)
-        blocks = np.flatnonzero(np.bincount(node // _BLOCK + 1)) - 1
-        if left.size < _BLOCK * blocks.size or not (is_alike or not _misreads(counter, pixels)):
-            blocks = blocks[:0]
-        for block in blocks.tolist():
-            some = np.flatnonzero(node // _BLOCK == block)
+        weights = lagrange_weights(x - node, np.arange(float(_POINTS)))
+        block_of_pixel = node // _BLOCK
+        blocks = np.flatnonzero(np.bincount(block_of_pixel + 1)) - 1
+        is_worth_it = left.size >= _BLOCK * blocks.size and (
+            is_alike or not _misreads(counter, pixels)
+        )
+        for block in blocks.tolist() if is_worth_it else ():
+            some = np.flatnonzero(block_of_pixel == block)
             distributions = _distributions(block, exposure_s, effects)
             if distributions is None:
                 continue
-            first, at_nodes = node[some] - block * _BLOCK, np.zeros(_BLOCK + _POINTS - 1, np.int64)
+            chosen, first_node = left[some], node[some] - block * _BLOCK
             if is_alike:
-                moments = _respond(
-                    counter, _chosen(pixels, left[at_nodes]), exposure_s, *distributions
+                alike = _chosen(pixels, np.full(_BLOCK + _POINTS - 1, left[0]))
+                at_nodes = _respond(counter, alike, exposure_s, *distributions)
+                around = first_node[:, None] + np.arange(_POINTS)
+                mean[chosen], variance[chosen] = (
+                    np.einsum("pk,pk->p", weights[some], values[around]) for values in at_nodes
                 )
-                around = first[:, None] + np.arange(_POINTS)
-                moments = [np.einsum("pk,pk->p", weights[some], part[around]) for part in moments]
             else:
-                moments = _respond(
-                    counter,
-                    _chosen(pixels, left[some]),
-                    exposure_s,
-                    *distributions,
-                    first,
-                    weights[some],
+                differing = _chosen(pixels, chosen)
+                mean[chosen], variance[chosen] = _respond(
+                    counter, differing, exposure_s, *distributions, first_node, weights[some]
                 )
-            mean[left[some]], variance[left[some]] = moments
             is_done[some] = True
         left = left[~is_done]
     left = left[np.argsort((most - least)[left], kind="stable")]

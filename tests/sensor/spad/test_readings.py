@@ -38,7 +38,6 @@ def active(dead_time_s):
 
 CASES = {
     "one bit": ({"counter": DigitalCounter(capacity=1)}, 2.0),
-    "four bits": ({"counter": DigitalCounter(capacity=15)}, 14.0),
     "eight bits": ({"counter": DigitalCounter(capacity=255)}, 250.0),
     "wrapping": ({"counter": DigitalCounter(capacity=255, overflow="wrap")}, 250.0),
     "active": ({"counter": DigitalCounter(capacity=255), "dead_time": active(1e-6)}, 300.0),
@@ -57,20 +56,17 @@ CASES = {
     ),
     "misread": ({"counter": AnalogCounter(step_v=0.1, swing_v=1.6, read_noise_v=0.05)}, 12.0),
     "uneven": ({"counter": UNEVEN}, 105.0),
-    "uneven, dim": ({"counter": UNEVEN}, 85.0),
     "uneven, offsets": ({"counter": changed(UNEVEN, adc_bits=None, offset_sigma_v=0.01)}, 105.0),
     "uneven, active": ({"counter": UNEVEN, "dead_time": active(1e-6)}, 115.0),
     "uneven, passive": ({"counter": UNEVEN, "dead_time": passive(1e-6)}, 115.0),
 }
 
 
+SLOW = "afterpulsing, gate"
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        # a table by simulation takes long; that of events alone is tested in `tests/sensor/avalanches`
-        pytest.param(name, marks=[pytest.mark.slow] if "afterpulsing" in name else [])
-        for name in CASES
-    ],
+    "name", [*(name for name in CASES if name != SLOW), pytest.param(SLOW, marks=pytest.mark.slow)]
 )
 def test_interpolated_readings_are_those_of_each_pixels_distribution(name):
     changes, arrivals = CASES[name]
