@@ -1,7 +1,5 @@
 """Mean and variance of events and readings, frame by frame, without drawing any."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,19 +12,16 @@ from megalopta.sensor.ctia.model import (
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics import checked_rate, photon_rate
 from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.sampling.streams import over_frames
 from megalopta.sensor.spad.array import detection_rate
-from megalopta.sensor.spad.counters import AnalogPixels
-from megalopta.sensor.spad.counts import count_moments
-from megalopta.sensor.spad.device import FixedPattern, draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import count_moments
 from megalopta.sensor.spad.readings import moments_of_readings
 
-_PIXELS_AT_ONCE = 2**19
 PARTS_ERROR = (
     "with dead time alone mean_events by at most one count a part, times the share of time dead; "
     "with afterpulsing by as much over one less mean_carriers, and the carriers that wait; "
@@ -104,56 +99,29 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     rate = checked_rate(detections_hz, sensor)
     device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
     moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
+    exposure_s, effects, maps = sensor.exposure_s, sensor.avalanche_effects, device.avalanches
 
-    def state(frame: int) -> None:
-        states = device.dark_levels()
-        if len(states) == 1 and not sensor.avalanche_effects.crosstalk.is_on:
-            _fill_by_rows(moments[:, frame], rate[frame], sensor, device)
-            return
-        of_states = np.array(
-            [_frame_moments(rate[frame] + dark_hz, sensor, device) for _, dark_hz in states]
-        )
-        if len(states) == 1:
-            moments[:, frame] = of_states[0]
+    def fill_frame(frame: int) -> None:
+        chances, in_states = [], []
+        for chance, dark_hz in device.dark_levels():
+            arrivals_hz = rate[frame] + dark_hz
+            events = count_moments(arrivals_hz, exposure_s, effects, maps)
+            arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
+            readings = moments_of_readings(
+                arrivals, events, sensor.counter, device.counters, exposure_s, effects, maps
+            )
+            chances.append(chance)
+            in_states.append((*events, *readings))
+        if len(chances) == 1:
+            moments[:, frame] = in_states[0]
             return
         # a mixture of distributions
-        chances = [chance for chance, _ in states]
-        means, variances = of_states[:, ::2], of_states[:, 1::2]
+        means, variances = np.array(in_states)[:, ::2], np.array(in_states)[:, 1::2]
         moments[::2, frame] = mean = np.tensordot(chances, means, 1)
         moments[1::2, frame] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
 
-    over_frames(state, range(len(rate)))
-    return moments
-
-
-def _fill_by_rows(
-    moments: Floats, detections_hz: Floats, sensor: Sensor, device: FixedPattern
-) -> None:
-    """Compute moments (4, H, W) of pixels that do not act on each other, some rows at a time."""
-    rows, columns = moments.shape[1:]
-    step = max(1, _PIXELS_AT_ONCE // columns)
-    for part in (slice(first, first + step) for first in range(0, rows, step)):
-        maps, counters, stuck = device.avalanches, device.counters, device.stuck
-        of_rows = replace(
-            device,
-            avalanches=maps and AvalancheMaps(*(each[part] for each in maps)),
-            counters=counters and AnalogPixels(*(each[part] for each in counters)),
-            stuck=None if stuck is None else stuck[part],
-        )
-        arrivals_hz = detections_hz[..., part, :] + device.dark_counts_hz[part]
-        moments[:, part] = _frame_moments(arrivals_hz, sensor, of_rows)
-
-
-def _frame_moments(arrivals_hz: Floats, sensor: Sensor, device: FixedPattern) -> Floats:
-    """Moments (4, H, W) of a frame at these rates."""
-    effects, exposure_s = sensor.avalanche_effects, sensor.exposure_s
-    events = count_moments(arrivals_hz, exposure_s, effects, device.avalanches)
-    arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
-    readings = moments_of_readings(
-        arrivals, events, sensor.counter, device.counters, exposure_s, effects, device.avalanches
-    )
-    moments = np.array([*events, *readings])
+    over_frames(fill_frame, range(len(rate)))
     if device.stuck is not None:
         stuck = device.stuck >= 0
-        moments[2, stuck], moments[3, stuck] = device.stuck[stuck], 0.0
+        moments[2][:, stuck], moments[3][:, stuck] = device.stuck[stuck], 0.0
     return moments

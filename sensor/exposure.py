@@ -181,7 +181,7 @@ def check_binary(sensor: Sensor) -> None:
             f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
             "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
         )
-    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.remembers:
+    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.has_memory:
         raise ValueError(
             "dead_time.start: 'stationary'; binary frames start live: choose 'live', or use a "
             "counter of capacity 1 with expose_rate"

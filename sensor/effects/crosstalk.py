@@ -214,7 +214,7 @@ def spread_variance(
     counts: Floats,
     crosstalk: Crosstalk,
     strength: Floats | None = None,
-    answer: Floats | None = None,
+    gain: Floats | None = None,
     returns: bool = True,
 ) -> Floats:
     """Variance of counts that fire, and are fired by, their neighbors.
@@ -227,14 +227,14 @@ def spread_variance(
         Mean counts.
     strength : (rows, columns) float64, optional
         As for `spread`.
-    answer : (rows, columns) float64, optional
+    gain : (rows, columns) float64, optional
         Counts that a pixel gains per arrival; default: 1.
     returns : bool
         True if light from avalanches that a pixel caused elsewhere may fire it again.
     """
     weights = neighborhoods(crosstalk)
     sent = np.ones_like(counts) if strength is None else strength
-    gain = np.ones_like(counts) if answer is None else answer
+    gain = np.ones_like(counts) if gain is None else gain
     noise = drawn - gain**2 * _received(counts * sent**2, weights**2)
     total = np.empty(counts.size)
     matrix = diags(gain.ravel()) @ _matrix(counts.shape, crosstalk) @ diags(sent.ravel())

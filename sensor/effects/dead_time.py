@@ -70,7 +70,7 @@ class DeadTime(Effect, frozen=True):
                 f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
                 f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
-        if self.kind != "nonparalyzable" and not self.has_law:
+        if self.kind != "nonparalyzable" and not self.is_closed_form:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
                 f"with kind {self.kind!r}; omit them or use kind 'nonparalyzable'"
@@ -93,7 +93,7 @@ class DeadTime(Effect, frozen=True):
         return self.kind != "ideal"
 
     @property
-    def has_law(self) -> bool:
+    def is_closed_form(self) -> bool:
         """True if the counts can be drawn directly: no twilight or recharging."""
         return self.twilight_s == 0 and self.recharge_s == 0
 

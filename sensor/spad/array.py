@@ -28,7 +28,7 @@ from megalopta.sensor.effects import crosstalk, dead_time, timing
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.sampling import poisson, streams
-from megalopta.sensor.spad import counters, counts
+from megalopta.sensor.spad import counters, counts, moments
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.simulation import PixelState, simulate_frame
@@ -70,7 +70,7 @@ def expose_frames(
     open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
     period_s = draw.frame_period_s or exposure_s
     stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
-    is_running, keeps_times = is_running and effects.remembers, reading == "events"
+    is_running, keeps_times = is_running and effects.has_memory, reading == "events"
     by_event = is_running or keeps_times
     is_direct = reading == "counts" and sensor.count_distribution == "Poisson" and not parts
     is_direct &= counter.kind == "digital" and counter.overflow == "saturate"
@@ -115,7 +115,7 @@ def expose_frames(
             )  # fmt: skip
             fired, state = simulated.counts, simulated.state if is_running else None
         elif reading == "bits":  # 1 − e^(−r·T): dead time and afterpulses follow the first event
-            mean_hz = counts.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
+            mean_hz = moments.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
             rates_hz = np.ascontiguousarray(mean_hz), dark_hz
             bit_words = streams.word_streams(generator("binary", first))
             poisson.fill_bits(bit_words, *rates_hz, open_s, bits[first])
@@ -174,13 +174,13 @@ def _avalanches(
 ) -> Ints:
     """Draw the avalanches (H, W) of an exposure from arrivals, Hz, (H, W) or in parts (S, H, W)."""
     exposure_s, effects = sensor.exposure_s, sensor.avalanche_effects
-    if sensor.count_distribution == "simulated" or (arrivals_hz.ndim == 3 and effects.remembers):
+    if sensor.count_distribution == "simulated" or (arrivals_hz.ndim == 3 and effects.has_memory):
         return counts.draw_frame(rng, arrivals_hz, exposure_s, effects, maps)
     if sensor.count_distribution == "dead time":
         scale = 1.0 if maps is None else maps.dead_time
         return dead_time.draw_counts(rng, arrivals_hz, exposure_s, sensor.dead_time, scale)
     if arrivals_hz.ndim == 3:
-        arrivals_hz = counts.mean_rate(arrivals_hz, exposure_s, effects)
+        arrivals_hz = moments.mean_rate(arrivals_hz, exposure_s, effects)
     open_hz = arrivals_hz * open_fraction(sensor.gate, exposure_s)
     primaries = poisson.draw_poisson(rng, open_hz.ravel(), factor=exposure_s)
     strength = None if maps is None else maps.crosstalk

@@ -75,7 +75,7 @@ class Before(NamedTuple):
 
     is_begun: bool
     """True if there was a previous exposure"""
-    blind_until: Floats
+    dead_until: Floats
     """End of each pixel's dead time, (N,), changed in place"""
     times: Floats
     """Times of released carriers and twilight pulses"""
@@ -90,7 +90,9 @@ def parameters_of(
     dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
     is_stationary = dead_time.start == "stationary"
     dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
-    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not effects.has_law)
+    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (
+        not effects.is_closed_form
+    )
     weights = neighborhoods(effects.crosstalk)
     rows, columns = weights.shape[:2]
     places = places_fired(weights)
@@ -159,7 +161,7 @@ def run_frame(
     entries = _most_entries(tables.taps)
     spare = 1 + entries
     times, owners = np.empty(spare), np.empty(spare, np.int64)
-    blind_until = before.blind_until
+    dead_until = before.dead_until
     ahead_times, ahead_pixels = np.empty(_AHEAD), np.empty(_AHEAD, np.int64)
     chances = np.empty(_AHEAD)
     next_ahead = _AHEAD
@@ -175,7 +177,7 @@ def run_frame(
             times, owners = _longer(times, spare), _longer(owners, spare)
         if not before.is_begun:
             for pixel in range(first, first + block):
-                blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
+                dead_until[pixel] = _first_dead_until(rng, pixel, parameters, tables)
         if parameters.is_coupled:
             photon = parameters.start_s
             _look_ahead(
@@ -186,19 +188,19 @@ def run_frame(
                 ahead_times,
                 ahead_pixels,
                 chances,
-                blind_until,
+                dead_until,
                 counts,
             )
             next_ahead, photon = 0, ahead_times[0]
         else:
-            photon = _first_photon(rng, first, parameters, tables, blind_until[first])
+            photon = _first_photon(rng, first, parameters, tables, dead_until[first])
         while photon < parameters.exposure_s or (size > 0 and times[0] < parameters.exposure_s):
             if size + entries > times.size:
                 times, owners = _longer(times, spare), _longer(owners, spare)
             if kept == stamps.size:
                 stamps, places = _longer(stamps, spare), _longer(places, spare)
             size, kept, photon, next_ahead = _run(
-                rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places,
+                rng, parameters, tables, counts, dead_until, times, owners, size, stamps, places,
                 kept, first, photon, ahead_times, ahead_pixels, chances, next_ahead,
             )  # fmt: skip
         for entry in range(size):
@@ -219,7 +221,7 @@ def _most_entries(taps: Floats) -> int:
 
 @compiled
 def _run(  # type: ignore[no-untyped-def]
-    rng, parameters, tables, counts, blind_until, times, owners, size, stamps, places, kept, pixel,
+    rng, parameters, tables, counts, dead_until, times, owners, size, stamps, places, kept, pixel,
     photon, ahead_times, ahead_pixels, chances, next_ahead,
 ):  # fmt: skip
     """Run to the end of the exposure, or until an array is too short.
@@ -250,18 +252,18 @@ def _run(  # type: ignore[no-untyped-def]
             size = _pop(times, owners, size)
         elif is_coupled:
             pixel = ahead_pixels[next_ahead]
-        tau, blind = dead_times[own * pixel], blind_until[pixel]
+        tau, blind = dead_times[own * pixel], dead_until[pixel]
         arrives = is_photon or is_open(time, *gate)
         fires = arrives and time >= blind
         if fires and recharge > 0:
             fires = rng.random() < -np.expm1(-(time - blind) / recharge)
         elif arrives and not fires:
             if is_paralyzable:
-                blind_until[pixel] = max(blind, time + tau)
+                dead_until[pixel] = max(blind, time + tau)
             elif time >= blind - twilight:
                 size = _push(times, owners, size, blind, KINDS * pixel + TWILIGHT)
         if fires:
-            blind_until[pixel] = time + tau
+            dead_until[pixel] = time + tau
             if time >= 0:
                 counts[pixel] += 1
                 if kept >= 0:
@@ -271,7 +273,7 @@ def _run(  # type: ignore[no-untyped-def]
                 for _ in range(min(draw_carriers(rng, carriers[own * pixel]), _MOST_CARRIERS)):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # an entry that is lost without effect need not be kept
-                    if is_paralyzable or release >= blind_until[pixel] - twilight:
+                    if is_paralyzable or release >= dead_until[pixel] - twilight:
                         size = _push(times, owners, size, release, KINDS * pixel + CARRIER)
             if is_coupled:
                 # one number tells the first pixel that is fired, most often none
@@ -290,24 +292,24 @@ def _run(  # type: ignore[no-untyped-def]
                     ahead_times,
                     ahead_pixels,
                     chances,
-                    blind_until,
+                    dead_until,
                     counts,
                 )
                 next_ahead = 0
             photon = ahead_times[next_ahead]
         elif is_photon:
             # unless the dead time is extended, arrivals in it need not be drawn
-            since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
+            since = time if is_paralyzable else max(time, dead_until[pixel] - twilight)
             photon = _next_photon(rng, rates, pixel, since, part_s, gate)
             # photons that only extend the dead time need not be met
-            while is_paralyzable and photon < min(blind_until[pixel], exposure):
-                blind_until[pixel] = photon + tau
+            while is_paralyzable and photon < min(dead_until[pixel], exposure):
+                dead_until[pixel] = photon + tau
                 photon = _next_photon(rng, rates, pixel, photon, part_s, gate)
 
 
 @compiled
 def _look_ahead(  # type: ignore[no-untyped-def]
-    rng, parameters, tables, since, ahead_times, ahead_pixels, chances, blind_until, counts
+    rng, parameters, tables, since, ahead_times, ahead_pixels, chances, dead_until, counts
 ):
     """Draw the next photons of all pixels: one stream, each on a pixel by its share of the rate."""
     totals, ranks, guide = tables.totals, tables.ranks, tables.guide
@@ -325,7 +327,7 @@ def _look_ahead(  # type: ignore[no-untyped-def]
             pixel += 1
         ahead_pixels[k] = pixel
     for k in range(drawn):
-        chances[k] = blind_until[ahead_pixels[k]] + counts[ahead_pixels[k]]
+        chances[k] = dead_until[ahead_pixels[k]] + counts[ahead_pixels[k]]
 
 
 @compiled
@@ -347,7 +349,7 @@ def _push_crosstalk(rng, taps, times, owners, size, avalanche, pixels):  # type:
 
 
 @compiled
-def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
+def _first_dead_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
     """End of the dead time in which a pixel starts; far in the past if it is live and charged."""
     start, rate = parameters.start_s, tables.rates[0, pixel]
     tau = tables.dead_times[pixel if tables.dead_times.size > 1 else 0]
@@ -360,11 +362,11 @@ def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyp
 
 
 @compiled
-def _first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
+def _first_photon(rng, pixel, parameters, tables, dead_until):  # type: ignore[no-untyped-def]
     """Time of the first photon that can act, in a pixel that is dead until a given time."""
     start, twilight = parameters.start_s, parameters.twilight_s
     part_s = parameters.exposure_s / tables.rates.shape[0]
-    since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
+    since = start if parameters.is_paralyzable else max(start, dead_until - twilight)
     return _next_photon(rng, tables.rates, pixel, since, part_s, parameters.gate)
 
 

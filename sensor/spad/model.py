@@ -40,12 +40,12 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
     @property
-    def has_law(self) -> bool:
-        """True if dead time acts alone, and has a count distribution in closed form."""
-        return self.on == {"dead_time"} and self.dead_time.has_law
+    def is_closed_form(self) -> bool:
+        """True if dead time acts alone, so that counts can be drawn directly."""
+        return self.on == {"dead_time"} and self.dead_time.is_closed_form
 
     @property
-    def remembers(self) -> bool:
+    def has_memory(self) -> bool:
         """True if an exposure leaves anything in the pixels that affects the next one."""
         return not self.on <= {"gate", "crosstalk"}
 
@@ -160,7 +160,7 @@ class Sensor(PixelOptics, frozen=True):
             return "Poisson"
         if on <= {"gate", "crosstalk"}:
             return "crosstalk"
-        return "dead time" if self.avalanche_effects.has_law else "simulated"
+        return "dead time" if self.avalanche_effects.is_closed_form else "simulated"
 
 
 def effects_of(model: type[Sensor]) -> tuple[str, ...]:

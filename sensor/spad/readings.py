@@ -1,57 +1,64 @@
-"""Mean and variance of a frame's readings, from event distributions only where needed.
+"""Mean and variance of a frame's readings: a counter's response times the distribution of events.
 
-Without crosstalk and differences in avalanches between pixels, and in constant light, readings
-depend on the mean number of arrivals a and the pixel's counter. A Poisson distribution moves by its
-own standard deviation while x = 2·√a moves by 1, and distributions with dead time and afterpulses
-no faster, so moments are smooth in x on that scale. They are tabulated at steps of 1/8 and
-interpolated by polynomials through six entries. The error is below 2e-6 standard deviations of the
-reading, or with afterpulsing that of its own tables (`tests/sensor/spad/test_readings.py`).
+The response is the mean reading and mean square of a pixel after N events. A digital counter of
+capacity C reads min(N, C) or N mod (C + 1). An analog one reads j or more if its output is below
+the upper edge of the last ADC code for j. With a normal drop F_N of the output (step noise),
+clipped at the bottom S of the swing, and read noise r,
 
-For identical counters the moments are tabulated, for differing analog ones the event distributions.
-Tables are kept while the program runs, 64 entries at a time.
+    P(count >= j | N) = P(min(F_N, S) − r > t_j)          t_j: that edge, from supply and offset
+
+is an integral of the normal distribution, two-dimensional near the bottom, and the response is a
+sum over j. A counter that misreads fewer than one in 10⁵ events is treated as exact away from its
+ends, with an error of its variance below 1e-5 counts².
+
+Where all likely numbers of events are read exactly, readings have the moments of the events; where
+all fill the counter, those of its response to one number.
+
+**Many pixels**: in constant light, and where pixels differ at most in their counters, the
+distribution depends on the mean number of arrivals a alone. A Poisson distribution moves by its own
+standard deviation while x = 2·√a moves by 1, and distributions with dead time and afterpulses no
+faster. So distributions at steps of 1/8 in x are computed, and polynomials through six of them
+interpolate what is linear in them: the moments of identical counters, or for differing ones the
+sums up to the number of events that a pixel reads exactly and the few probabilities above. The
+error is below 2e-6 standard deviations of the reading, or with afterpulsing that of the moments of
+events (`tests/sensor/spad/test_readings.py`).
 """
 
-from collections.abc import Iterator
+import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import gammainc, lambertw
+from scipy.special import ndtr
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints
+from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.spad.counter_moments import (
-    Counter,
-    LawTable,
-    counter_moments,
-    events_until_full,
-    misreads,
-    simple_moments,
-    tabulated_moments,
-)
-from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels
-from megalopta.sensor.spad.counts import count_moments, fill_matched, reach_of_events
+from megalopta.sensor.spad import counters
+from megalopta.sensor.spad.distributions import event_distribution, likely_events
 from megalopta.sensor.spad.model import AvalancheEffects
-from megalopta.sensor.spad.moments import lagrange
+from megalopta.sensor.spad.moments import Moments, count_moments, lagrange_weights
 
-_LARGEST_LAW = 100_000
+_LARGEST_GROUP = 100_000
 """Probabilities of pixels treated together, to stay in the second-level cache."""
 _STEPS = 8
-"""Table entries while 2·√a moves by 1."""
-_POINTS = 6
-_BLOCK = 64
-_LARGEST_TABLE = 2_000_000
-"""Limit of tabulated probabilities; more are not worth their memory."""
+"""Distributions while 2·√a moves by 1."""
+_POINTS, _BLOCK = 6, 64
+"""Distributions that a polynomial connects, and that are computed and kept together."""
+_LARGEST_BLOCK = 1_000_000
+"""Limit of kept probabilities; more are not worth their memory."""
+_FEW_MISREAD = 1e-5
+_FAR = 7.0
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
-Moments = tuple[Floats, Floats]
-Places = NDArray[np.intp]
+Counter = counters.DigitalCounter | counters.AnalogCounter
 
 
 def moments_of_readings(
     arrivals: Floats | None,
     events: Moments,
     counter: Counter,
-    pixels: AnalogPixels | None,
+    pixels: counters.AnalogPixels | None,
     exposure_s: float,
     effects: AvalancheEffects,
     maps: AvalancheMaps | None,
@@ -67,209 +74,304 @@ def moments_of_readings(
     pixels : AnalogPixels, optional
         Pixels of an analog counter.
     maps : AvalancheMaps, optional
+        Differences between pixels in their avalanches.
     """
-    reach = reach_of_events(*events)
-    simple_mean, simple_variance, needs_law = simple_moments(counter, pixels, events, reach)
-    mean, variance = np.array(simple_mean), np.array(simple_variance)
-    until = np.broadcast_to(events_until_full(counter, pixels), mean.shape)
-    is_full = reach[0] >= until
-    has_law = effects.has_law and maps is None and arrivals is not None
-    if arrivals is not None and maps is None and not effects.crosstalk.is_on:
-        chosen = np.nonzero(needs_law & ~is_full)
-        found = _tabulated(arrivals[chosen], counter, _at(pixels, chosen), exposure_s, effects)
-        if found is not None:
-            mean[chosen], variance[chosen] = found
-            needs_law = needs_law & is_full
-    arrivals = events[0] if arrivals is None else arrivals
-    for chosen in _groups(needs_law, np.where(is_full, 0, reach[1] - reach[0])):
-        first, law = until[chosen], np.ones((len(chosen[0]), 1))
-        if not is_full[chosen].all():
-            first, within = reach[0][chosen], (events[0][chosen], events[1][chosen])
-            ends = reach[:, chosen[0], chosen[1]]
-            law = event_law(arrivals[chosen], within, exposure_s, effects, ends, has_law)
-        mean[chosen], variance[chosen] = counter_moments(
-            counter, _at(pixels, chosen), exposure_s, first, law
+    shape, (events_mean, events_variance) = events[0].shape, (part.ravel() for part in events)
+    pixels = pixels and counters.AnalogPixels(*(values.ravel() for values in pixels))
+    mean, variance = events_mean.copy(), events_variance.copy()
+    least, most = likely_events(mean, variance)
+    if isinstance(counter, counters.AnalogCounter):
+        assert pixels is not None
+        capacity = np.floor((counter.swing_v - pixels.leaked_v) / pixels.step_v)
+        is_open = _misreads(counter, pixels) | (most > capacity)
+        # a slope of 1 takes 10 % more steps; their noise is below a ninth, taken nine times
+        steps = 1.2 * counter.swing_v / pixels.step_v
+        full = np.ceil(steps + np.sqrt(steps) + 1)
+        is_full = is_open & (least >= full)
+        certain = np.ones((np.count_nonzero(is_full), 1))
+        mean[is_full], variance[is_full] = _respond(
+            counter, _chosen(pixels, is_full), exposure_s, full[is_full], certain
         )
-    return mean, variance
-
-
-def _at(pixels: AnalogPixels | None, places: tuple[Places, ...]) -> AnalogPixels | None:
-    return None if pixels is None else AnalogPixels(*(each[places] for each in pixels))
-
-
-def _groups(needs_law: Mask, width: Floats) -> Iterator[tuple[Places, Places]]:
-    """Groups of pixels of similar width whose distributions fit into memory."""
-    places = np.flatnonzero(needs_law)
-    places = places[np.argsort(width.ravel()[places], kind="stable")]
-    while places.size:
-        widths = width.ravel()[places]
-        fits = (widths + 1) * np.arange(1, places.size + 1) <= _LARGEST_LAW
-        size = max(int(fits.sum()), 1)
-        if widths[0] == 0:  # saturated
-            size = min(size, int((widths == 0).sum()))
-        rows, columns = np.unravel_index(places[:size], needs_law.shape)
-        yield rows, columns
-        places = places[size:]
-
-
-def _tabulated(
-    arrivals: Floats,
-    counter: Counter,
-    pixels: AnalogPixels | None,
-    exposure_s: float,
-    effects: AvalancheEffects,
-) -> Moments | None:
-    """Moments of pixels (P,) from tables over light, where possible and cheaper."""
-    # the first entry of each pixel, and its weights of the entries (6, P) (Lagrange)
-    x = 2 * np.sqrt(arrivals) * _STEPS
-    first = x.astype(np.int64) - (_POINTS // 2 - 1)
-    weights = np.array(lagrange(x - first, range(_POINTS)))
-    low, high = int(first.min(initial=0)), int(first.max(initial=0)) + _POINTS
-    blocks = range(low // _BLOCK, high // _BLOCK + 1)
-    if arrivals.size < _BLOCK * len(blocks):
-        return None
-    first = first - blocks[0] * _BLOCK
-    values = None if pixels is None else tuple(float(each[0]) for each in pixels)
-    if pixels is None or all(np.all(each == each[0]) for each in pixels):
-        table = np.concatenate(
-            [_block(number, counter, values, exposure_s, effects) for number in blocks], axis=1
+        is_open &= ~is_full
+    elif counter.overflow == "saturate":
+        is_full = least >= counter.capacity
+        mean[is_full], variance[is_full] = counter.capacity, 0.0
+        is_open = ~is_full & (most > counter.capacity)
+    else:
+        size = counter.capacity + 1
+        mean -= least // size * size
+        # with so wide a distribution all remainders are equally likely, to 3e-9
+        is_even = variance > size**2
+        mean[is_even], variance[is_even] = counter.capacity / 2, (size**2 - 1) / 12
+        is_open = ~is_even & (least // size != most // size)
+    left = np.flatnonzero(is_open)
+    is_steady = arrivals is not None and maps is None and not effects.crosstalk.is_on
+    arrivals = arrivals.ravel() if arrivals is not None and is_steady else None
+    if arrivals is not None:
+        is_done = np.zeros(left.size, np.bool_)
+        is_alike = pixels is None or all(
+            np.all(values[left] == values[left[:1]]) for values in pixels
         )
-        mean, variance = (sum(weights[k] * row[first + k] for k in range(_POINTS)) for row in table)
-        return np.asarray(mean), np.maximum(variance, 0.0)
-    assert isinstance(counter, AnalogCounter)
-    laws = None if misreads(counter, pixels) else _laws(blocks, exposure_s, effects)
-    if laws is None:
+        x = 2 * np.sqrt(arrivals[left]) * _STEPS
+        node = x.astype(np.int64) - (_POINTS // 2 - 1)
+        weights = lagrange_weights(x - node, np.arange(float(_POINTS)))
+        block_of_pixel = node // _BLOCK
+        blocks = np.flatnonzero(np.bincount(block_of_pixel + 1)) - 1
+        is_worth_it = left.size >= _BLOCK * blocks.size and (
+            is_alike or not _misreads(counter, pixels)
+        )
+        for block in blocks.tolist() if is_worth_it else ():
+            some = np.flatnonzero(block_of_pixel == block)
+            distributions = _distributions(block, exposure_s, effects)
+            if distributions is None:
+                continue
+            chosen, first_node = left[some], node[some] - block * _BLOCK
+            if is_alike:
+                alike = _chosen(pixels, np.full(_BLOCK + _POINTS - 1, left[0]))
+                at_nodes = _respond(counter, alike, exposure_s, *distributions)
+                around = first_node[:, None] + np.arange(_POINTS)
+                mean[chosen], variance[chosen] = (
+                    np.einsum("pk,pk->p", weights[some], values[around]) for values in at_nodes
+                )
+            else:
+                differing = _chosen(pixels, chosen)
+                mean[chosen], variance[chosen] = _respond(
+                    counter, differing, exposure_s, *distributions, first_node, weights[some]
+                )
+            is_done[some] = True
+        left = left[~is_done]
+    left = left[np.argsort((most - least)[left], kind="stable")]
+    while left.size:
+        # pixels of similar width
+        fits = ((most - least)[left] + 1) * np.arange(1, left.size + 1) <= _LARGEST_GROUP
+        group, left = np.split(left, [max(int(fits.sum()), 1)])
+        first, probability = event_distribution(
+            None if arrivals is None else arrivals[group],
+            events_mean[group],
+            events_variance[group],
+            exposure_s,
+            effects,
+        )
+        mean[group], variance[group] = _respond(
+            counter, _chosen(pixels, group), exposure_s, first, probability
+        )
+    return mean.reshape(shape), np.maximum(variance, 0.0).reshape(shape)
+
+
+def _chosen(pixels: counters.AnalogPixels | None, chosen: Ints) -> counters.AnalogPixels | None:
+    return pixels and counters.AnalogPixels(*(values[chosen] for values in pixels))
+
+
+def _misreads(counter: Counter, pixels: counters.AnalogPixels | None) -> bool:
+    """True if events are misread even away from the ends of the counter."""
+    if isinstance(counter, counters.DigitalCounter) or pixels is None:
+        return False
+    is_clipped = counter.offset_sigma_v > 0 and counter.adc_bits is not None
+    if not counter.calibrated or counter.step_slope or counter.step_noise_v or is_clipped:
+        return True
+    margin_v = (float(pixels.step_v.min(initial=counter.step_v)) - counter.lsb_v) / 2
+    if counter.read_noise_v == 0:
+        return margin_v <= 0
+    return bool(2 * ndtr(-margin_v / counter.read_noise_v) > _FEW_MISREAD)
+
+
+@lru_cache(maxsize=16)
+def _distributions(
+    block: int, exposure_s: float, effects: AvalancheEffects
+) -> tuple[Floats, Floats, float, Floats] | None:
+    """First number of events (K,), probabilities (K, N), a center and sums at a block of light."""
+    # those below zero mirror those above
+    x = (block * _BLOCK + np.arange(_BLOCK + _POINTS - 1)) / _STEPS
+    arrivals = x**2 / 4
+    mean, variance = count_moments(arrivals / exposure_s, exposure_s, effects)
+    least, most = likely_events(mean, variance)
+    if (most - least).max() * arrivals.size > _LARGEST_BLOCK:
         return None
-    return tabulated_moments(counter, pixels, exposure_s, laws, first, weights.T.copy())
+    first, probability = event_distribution(arrivals, mean, variance, exposure_s, effects)
+    return first, probability, *_sums(first, probability)
 
 
-def _block_arrivals(number: int) -> Floats:
-    """Mean arrivals at the entries of a block; those below zero mirror those above."""
-    x = (number * _BLOCK + np.arange(_BLOCK)) / _STEPS
-    return np.asarray(x**2 / 4)
+def _sums(first: Floats, probability: Floats) -> tuple[float, Floats]:
+    """A center, and sums (3, K, N) of the probability up to each number of events.
+
+    Alone, and times the distance from the center and its square.
+    """
+    center = float(np.rint(np.mean(first) + probability.shape[1] / 2)) if first.size else 0.0
+    distance = first[:, None] + np.arange(probability.shape[1]) - center
+    weighted = probability * distance
+    return center, np.cumsum([probability, weighted, weighted * distance], axis=-1)
 
 
-@lru_cache(maxsize=512)
-def _block(
-    number: int,
+class CounterPixel(NamedTuple):
+    """Step, leakage and offset, V; assumed step and output without events."""
+
+    step_v: float
+    leaked_v: float
+    offset_v: float
+    known_step_v: float
+    reference_v: float
+    capacity: float
+    exact_below: float
+    """Number of events below which they are read exactly"""
+
+
+def _respond(
     counter: Counter,
-    pixel: tuple[float, ...] | None,
+    pixels: counters.AnalogPixels | None,
     exposure_s: float,
-    effects: AvalancheEffects,
-) -> Floats:
-    """Mean and variance of the readings of a pixel at the arrivals of a block, (2, 64)."""
-    arrivals = _block_arrivals(number)[None]
-    pixels = None
-    if pixel is not None:
-        pixels = AnalogPixels(*(np.full(arrivals.shape, value) for value in pixel))
-    events = count_moments(arrivals / exposure_s, exposure_s, effects)
-    # fewer pixels than are worth a table: by distribution
-    moments = moments_of_readings(arrivals, events, counter, pixels, exposure_s, effects, None)
-    return np.array(moments)[:, 0]
-
-
-@lru_cache(maxsize=4)
-def _laws(blocks: range, exposure_s: float, effects: AvalancheEffects) -> LawTable | None:
-    """Event distributions at the arrivals of blocks; None if these are too large."""
-    arrivals = np.concatenate([_block_arrivals(number) for number in blocks])
-    mean, variance = count_moments(arrivals[:, None] / exposure_s, exposure_s, effects)
-    moments = mean[:, 0], variance[:, 0]
-    reach = reach_of_events(*moments)
-    if (reach[1] - reach[0]).max(initial=0) * arrivals.size > _LARGEST_TABLE:
-        return None
-    law = event_law(arrivals, moments, exposure_s, effects, reach, effects.has_law)
-    return LawTable.of(reach[0], law)
-
-
-# Branches fall as (r·τ·e^(−rτ)/(2πk))^(T/τ).
-_BRANCHES, _FEW_BRANCHES, _LONG = 8, 1, 20
-
-
-def event_law(
-    arrivals: Floats,
-    moments: tuple[Floats, Floats],
-    exposure_s: float,
-    effects: AvalancheEffects,
-    reach: Floats,
-    has_law: bool,
-) -> Floats:
-    """Probability of each number of events, (P, N), from the smallest in reach on.
-
-        none of the effects, or a gate     Poisson, exact
-        non-paralyzable dead time          exact (`effects.nonparalyzable`)
-        paralyzable dead time              exact (`_paralyzable`), to 3e-5 in exposures of half a
-                                           dead time, 1e-9 from three on
-        anything else                      matched in mean and variance (`counts.fill_matched`)
+    first: Floats,
+    probability: Floats,
+    center: float = 0.0,
+    sums: Floats | None = None,
+    rows: Ints | None = None,
+    weights: Floats | None = None,
+) -> Moments:
+    """Mean and variance of the readings of pixels (P,): response times distribution.
 
     Parameters
     ----------
-    arrivals : (P,)
-        Mean number of detectable photons plus dark counts, without the gate.
-    moments : (mean, variance)
-        Moments of the events, each (P,).
-    reach : (2, P)
-        Result of `reach_of_events`.
-    has_law : bool
-        True if all pixels have the same dead time and no other effect.
+    pixels : AnalogPixels, optional
+        Pixels of an analog counter, each (P,).
+    first : (K,)
+        Number of events of the first column of `probability`.
+    probability : (K, N)
+        Probability of that number of events and of the following ones.
+    center, sums : float, (3, K, N)
+        Result of `_sums`; computed if an analog counter needs them.
+    rows, weights : (P,), (P, M), optional
+        First of the M consecutive distributions that a pixel mixes, with these weights; default:
+        each pixel has its own.
     """
-    size = int((reach[1] - reach[0]).max(initial=0)) + 1
-    dead, mean, variance = effects.dead_time, *moments
-    if has_law and dead.kind == "nonparalyzable":
-        fraction = dead.dead_time_s / exposure_s
-        return _nonparalyzable(arrivals, fraction, dead.start == "stationary", reach[0], size)
-    law = np.zeros((arrivals.size, size))
-    if has_law:
-        fraction = dead.dead_time_s / exposure_s
-        law[arrivals == 0, 0] = 1.0
-        for bright in np.unique(arrivals[arrivals > 0]):
-            alike = np.flatnonzero(arrivals == bright)
-            least = int(reach[0, alike[0]])
-            law[alike] = _paralyzable(bright, fraction, dead.start == "stationary", least, size)
-    else:
-        fill_matched(mean, variance, np.ascontiguousarray(reach[0]), law)
-    return law
+    if isinstance(counter, counters.DigitalCounter):
+        events = first[:, None] + np.arange(probability.shape[1])
+        is_wrapped = counter.overflow == "wrap"
+        size = counter.capacity + 1
+        counts = events % size if is_wrapped else np.minimum(events, counter.capacity)
+        mean = (probability * counts).sum(1)
+        return mean, (probability * (counts - mean[:, None]) ** 2).sum(1)
+    assert pixels is not None
+    known = counters.assumed_pixels(counter, pixels, exposure_s)
+    volts, is_exact = counters.voltages(counter), not _misreads(counter, pixels)
+    if sums is None:  # which counters that misread do not need
+        center, sums = _sums(first, probability[:, : probability.shape[1] * is_exact])
+    rows = np.arange(first.size) if rows is None else rows
+    weights = np.ones((rows.size, 1)) if weights is None else weights
+    mean, variance = np.empty(rows.size), np.empty(rows.size)
+    mixed = first, probability, sums, rows, weights
+    _fill_moments(mixed, center, pixels, known, volts, is_exact, mean, variance)
+    return mean, variance
 
 
-def _nonparalyzable(
-    arrivals: Floats, dead_fraction: float, is_stationary: bool, least: Floats, size: int
-) -> Floats:
-    """Differences of P(N >= n), from gammainc."""
-    n = least[:, None] + np.arange(size + 1)
-    lost = (arrivals * dead_fraction)[:, None]
-    left = np.maximum(arrivals[:, None] - (n - 1) * lost, 0)
-    reached = gammainc(np.maximum(n, 1e-9), left)
-    if is_stationary:  # dead at the start for a time uniform up to the dead time
-        blind = _integral(n, left) - _integral(n, np.maximum(left - lost, 0))
-        reached = (reached + blind) / (1 + lost)
-    reached[n <= 0] = 1.0
-    return np.asarray(reached[:, :-1] - reached[:, 1:])
+@compiled
+def _fill_moments(mixed, center, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
+    first, probability, sums, rows, weights = mixed
+    points, width = weights.shape[1], probability.shape[1]
+    for at in range(rows.size):
+        pixel, row = _pixel_of(at, pixels, known, volts, is_exact), rows[at]
+        events = max(np.ceil(pixel.exact_below), first[row])
+        below = once = twice = 0.0
+        for point in range(points):
+            column = min(int(events - 1 - first[row + point]), width - 1)
+            if column >= 0:
+                below += weights[at, point] * sums[0, row + point, column]
+                once += weights[at, point] * sums[1, row + point, column]
+                twice += weights[at, point] * sums[2, row + point, column]
+        while events <= first[row + points - 1] + width - 1:
+            read, square, is_full = _read_of(events, center, pixel, volts)
+            share = 1 - below if is_full else 0.0
+            for point in range(0 if is_full else points):
+                column = int(events - first[row + point])
+                if 0 <= column < width:
+                    share += weights[at, point] * probability[row + point, column]
+            below += share
+            once += share * (read - center)
+            twice += share * square
+            events = np.inf if is_full else events + 1
+        mean[at] = center + once
+        variance[at] = max(twice - once**2, 0.0)
 
 
-def _integral(n: Floats, upper: Floats) -> Floats:
-    """Integral of P(n, y) over y from 0."""
-    n = np.maximum(n, 1e-9)
-    return np.asarray(upper * gammainc(n, upper) - n * gammainc(n + 1, upper))
+@compiled
+def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
+    """Values of one pixel, and the number of events below which it reads exactly."""
+    supply, swing, read_noise = volts[0], volts[1], volts[4]
+    leaked = pixels.leaked_v[at]
+    capacity = counters.largest_count(known.step_v[at], known.leaked_v[at], swing)
+    exact_below = 0.0
+    if is_exact:
+        exact_swing = swing - leaked - _FAR * read_noise
+        exact_below = min(capacity, exact_swing / pixels.step_v[at])
+    reference = supply + known.offset_v[at] - known.leaked_v[at]
+    return CounterPixel(
+        pixels.step_v[at], leaked, pixels.offset_v[at],
+        known.step_v[at], reference, capacity, exact_below,
+    )  # fmt: skip
 
 
-def _paralyzable(
-    arrivals: float, dead_fraction: float, is_stationary: bool, least: int, size: int
-) -> Floats:
-    """Fourier transform of the generating function.
+@compiled
+def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
+    """Mean reading of a number of events, mean square about a center, and True if saturated."""
+    supply, swing, slope, step_noise, read_noise, lsb = volts
+    fallen = counters.fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
+    scatter = counters.fall_deviation(events, step_noise, pixel.step_v, swing)
+    noise = np.hypot(scatter, read_noise)
+    step, reference, capacity = pixel.known_step_v, pixel.reference_v, pixel.capacity
+    reached = (min(fallen, swing) - pixel.offset_v + reference - supply) / step
+    margin = (_FAR * noise + lsb) / step
+    count = min(max(np.floor(reached - margin), 0.0), capacity)
+    if lsb > 0:  # an output below ground is read as ground
+        count = min(count, max(np.floor(reference / step + 0.5), 0.0))
+    mean, square = count, (count - center) ** 2
+    while count < capacity:
+        edge, always, never = _edge(reference - (count + 0.5) * step, supply, lsb)
+        chance = 1.0
+        if never:
+            chance = 0.0
+        elif not always:
+            depth = supply + pixel.offset_v - edge
+            chance = _chance(fallen - depth, swing - depth, scatter, read_noise)
+        if chance < 1e-12:
+            break
+        count += 1
+        mean += chance
+        square += chance * (2 * (count - center) - 1)
+    return mean, square, fallen >= swing and scatter == 0
 
-    From the Laplace transforms in `effects.paralyzable`, with W_k the branches of Lambert's
-    function at a·e^(−a)·(z − 1),
 
-        E[z^N] = Σ_k z·a/(a + W_k)·e^(W_k·T/τ)/(1 + W_k)             live start
-        E[z^N] = Σ_k e^(W_k·(T/τ + 1))/(1 + W_k)                     after running for long
+@compiled
+def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
+    """Output below which the ADC reads at most `below`; True if always or never."""
+    if lsb == 0:
+        return below, False, False
+    code = np.floor(below / lsb)
+    return (code + 0.5) * lsb, code >= np.rint(supply / lsb), code < 0
+
+
+@compiled
+def _chance(deeper, clearance, scatter, read_noise):  # type: ignore[no-untyped-def]
+    """Probability that the clipped drop plus read noise exceeds a depth.
+
+    `deeper` is how far the mean drop exceeds it, `clearance` how far the bottom does.
     """
-    points = size + 1 - size % 2  # odd, so that −1, where branches may meet, is excluded
-    z = np.exp(2j * np.pi * np.arange(points // 2 + 1) / points)
-    a = arrivals * dead_fraction
-    total = np.zeros(z.size, complex)
-    branches = _FEW_BRANCHES if 1 / dead_fraction > _LONG else _BRANCHES
-    for branch in range(-branches, branches + 1):
-        w = lambertw(a * np.exp(-a) * (z[1:] - 1), branch)
-        start = np.exp(w) if is_stationary else z[1:] * a / (a + w)
-        total[1:] += start * np.exp(w / dead_fraction) / (1 + w)
-    total[0] = 1
-    return np.asarray(np.fft.irfft((total * z**-least).conj(), points)[:size])
+    noise = math.hypot(scatter, read_noise)
+    if noise == 0:
+        return 1.0 if min(deeper, clearance) > 0 else 0.0
+    h = deeper / noise
+    if read_noise == 0:
+        return _normal(h) if clearance > 0 else 0.0
+    k = clearance / read_noise
+    if scatter == 0 or abs(h) > _FAR or abs(k) > _FAR:
+        return _normal(min(h, k))
+    # Drezner and Wesolowsky, J. Stat. Comput. Simul. 35, 101 (1990), over the angle
+    half = math.asin(read_noise / noise) / 2
+    total = 0.0
+    for node, weight in zip(_NODES, _WEIGHTS):  # noqa: B905
+        angle = half * (1 + node)
+        distance = h * h + k * k - 2 * h * k * math.sin(angle)
+        total += weight * math.exp(-distance / (2 * math.cos(angle) ** 2))
+    return _normal(h) * _normal(k) + half * total / (2 * math.pi)
+
+
+@compiled
+def _normal(z):  # type: ignore[no-untyped-def]
+    return 0.5 * math.erfc(-z / math.sqrt(2))

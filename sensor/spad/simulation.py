@@ -25,7 +25,7 @@ from megalopta.sensor.spad.model import AvalancheEffects
 class PixelState(NamedTuple):
     """State of an array's pixels at the end of an exposure; times from that end."""
 
-    blind_until_s: Floats
+    dead_until_s: Floats
     """End of the last dead time, (N,)"""
     pending_s: Floats
     """Times of released carriers and twilight pulses, (M,)"""
@@ -77,9 +77,9 @@ def simulate_frame(
         before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
     else:
         parameters = parameters._replace(start_s=0.0)
-        before = Before(True, state.blind_until_s.copy(), state.pending_s, state.owners)
+        before = Before(True, state.dead_until_s.copy(), state.pending_s, state.owners)
     counts, events, left = run_frame(rng, parameters, tables, keep_events, before)
     order = np.argsort(left[1] // KINDS, kind="stable")
-    after = PixelState(before.blind_until - exposure_s, left[0][order] - exposure_s, left[1][order])
+    after = PixelState(before.dead_until - exposure_s, left[0][order] - exposure_s, left[1][order])
     times, pixels = events
     return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)

@@ -152,7 +152,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
         rates = light[array]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
         arrivals = np.array([_pause(rng, each) for each in brightest]) - device.run_up
-        blind_until = np.full(brightest.size, -np.inf)
+        dead_until = np.full(brightest.size, -np.inf)
         waiting = [(np.inf, 0)]  # carriers, and arrivals in the twilight of a dead time
         while True:
             pixel = int(arrivals.argmin())
@@ -170,32 +170,32 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
                     continue
             period, width, phase = device.gate
             if period == 0 or (now - phase) % period < width:
-                _strike(rng, device, (array, now, pixel), blind_until, waiting, counts[array])
+                _strike(rng, device, (array, now, pixel), dead_until, waiting, counts[array])
 
 
 @compiled
-def _strike(rng, device, arrival, blind_until, waiting, counts):  # type: ignore[no-untyped-def]
+def _strike(rng, device, arrival, dead_until, waiting, counts):  # type: ignore[no-untyped-def]
     """Process an avalanche: of the pixel, and of those fired by crosstalk."""
     array, now, first = arrival
     struck = [first]
     while len(struck) > 0:
         pixel = struck.pop()
-        since, tau = now - blind_until[pixel], device.dead_times[array, pixel]
+        since, tau = now - dead_until[pixel], device.dead_times[array, pixel]
         if since < 0:
             if device.extends:
-                blind_until[pixel] = now + tau
+                dead_until[pixel] = now + tau
             elif -since <= device.twilight:
-                waiting.append((blind_until[pixel], pixel))
+                waiting.append((dead_until[pixel], pixel))
             continue
         if device.recharge > 0 and rng.random() < np.exp(-since / device.recharge):
             continue
-        blind_until[pixel] = now + tau
+        dead_until[pixel] = now + tau
         if now >= 0:
             counts[_frame(rng, device, now, len(counts)), pixel] += 1
         if device.carriers[array, pixel] > 0:
             for _ in range(rng.poisson(device.carriers[array, pixel])):
                 waiting.append((now + _delay(rng, device), pixel))
-        for other in range(blind_until.size):
+        for other in range(dead_until.size):
             if rng.random() < device.chances[pixel, other] * device.strengths[array, pixel]:
                 struck.append(other)
 

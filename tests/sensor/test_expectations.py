@@ -14,7 +14,7 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.spad.readings import event_law, reach_of_events
+from megalopta.sensor.spad.distributions import event_distribution
 
 IDEAL = changed(preset("ideal"), exposure_s=1.0)
 N = np.arange(400)
@@ -54,32 +54,28 @@ def test_noise_of_an_empty_analog_counter_is_cut_at_zero(noise):
 @pytest.mark.parametrize("start", ["live", "stationary"])
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
 @pytest.mark.parametrize("arrivals", [0.5, 6.0, 40.0, 150.0])
-def test_laws_of_dead_time_have_its_exact_moments(kind, start, arrivals):
+def test_distributions_of_dead_time_have_its_exact_moments(kind, start, arrivals):
     dead = DeadTime(kind=kind, dead_time_s=0.02, start=start)
     sensor = changed(IDEAL, dead_time=dead)
     rate = np.array([[[arrivals]]])
     mean, variance = (each[0, 0] for each in event_moments(rate, sensor))
-    reach = reach_of_events(mean, variance)
-    law = event_law(
-        rate[0, 0], (mean, variance), 1.0, sensor.avalanche_effects, reach, dead.has_law
-    )[0]
-    assert law.sum() == pytest.approx(1, abs=1e-9)
-    assert law.min() > -1e-9
-    found = moments_of(reach[0, 0] + np.arange(law.size), law)
-    np.testing.assert_allclose(found, (mean[0], variance[0]), rtol=1e-7, atol=1e-9)
+    effects = sensor.avalanche_effects
+    first, [probability] = event_distribution(rate[0, 0], mean, variance, 1.0, effects)
+    assert probability.sum() == pytest.approx(1, abs=1e-9)
+    assert probability.min() > -1e-9
+    moments = moments_of(first + np.arange(probability.size), probability)
+    np.testing.assert_allclose(moments, (mean[0], variance[0]), rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("variance", [0.21, 0.5, 0.9, 1.7, 4.0])
 @pytest.mark.parametrize("mean", [0.3, 1.5, 2.0, 30.4])
-def test_matched_laws_have_any_possible_mean_and_variance(mean, variance):
+def test_matched_distributions_have_any_possible_mean_and_variance(mean, variance):
     # whole numbers about a mean between two cannot vary less
     variance = max(variance * mean, mean % 1 * (1 - mean % 1))
-    effects = changed(IDEAL, afterpulsing=Afterpulsing(mean_carriers=0.1, delay_s=1e-6))
     moments = np.array([mean]), np.array([variance])
-    reach = reach_of_events(*moments)
-    law = event_law(np.array([mean]), moments, 1.0, effects.avalanche_effects, reach, False)[0]
-    found = moments_of(reach[0, 0] + np.arange(law.size), law)
-    np.testing.assert_allclose(found, (mean, variance), rtol=1e-6)
+    first, [probability] = event_distribution(None, *moments, 1.0, IDEAL.avalanche_effects)
+    moments = moments_of(first + np.arange(probability.size), probability)
+    np.testing.assert_allclose(moments, (mean, variance), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -99,8 +95,8 @@ def test_matched_laws_have_any_possible_mean_and_variance(mean, variance):
         },
     ],
 )
-def test_matched_laws_are_good_to_two_percent_of_a_standard_deviation(effects):
-    """Beside a capacity that cuts the law in two; the error of drawing is a third of that."""
+def test_matched_distributions_are_good_to_two_percent_of_a_standard_deviation(effects):
+    """Beside a capacity that cuts the distribution in two; the error of drawing is a third of that."""
     sensor = changed(IDEAL, counter=DigitalCounter(capacity=15), **effects)
     rate = np.full((1, 200, 200), 15.0 if "gate" not in effects else 30.0)
     counts = expose_rate(rate, sensor, seed=0, stream="matched").counts

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor import Crosstalk, ctia_preset
+from megalopta.sensor import Crosstalk, changed, ctia_preset, preset
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_frames
-<<<<<<< HEAD
-=======
 from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.shot import NextFrames, Shot
->>>>>>> expo
 from megalopta.stages.sense import open_exposure
 
 from ..small import made
@@ -77,17 +74,6 @@ def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
         sensor = sensor.model_copy(update=changes) if changes else ctia_preset("ctia_si")
     with pytest.raises(ValueError, match=f"{product}: .*{message}"):
         check_product(product, sensor, (40, 48))
-<<<<<<< HEAD
-=======
-
-
-@pytest.mark.parametrize(
-    ("products", "message"),
-    [("[events_npz]", "counts are missing"), ("[counts, counts]", "twice"), ("[raw]", "products")],
-)
-def test_products_are_checked_with_the_settings(products, message):
-    with pytest.raises(UserError, match=message):
-        load("grating", {"products": products})
 
 
 def test_light_is_not_known_beyond_the_next_frame():
@@ -102,4 +88,3 @@ def test_light_is_not_known_beyond_the_next_frame():
             radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=sensor,
             draw=Draw(0, "s", 0, 0.01), following=following,
         )  # fmt: skip
->>>>>>> expo

@@ -94,11 +94,6 @@ def read(counter, events=RAMP, exposure_s=0.1):
     return read_analog(generator(0), events, counter, pixels, exposure_s)
 
 
-def test_ten_millivolts_give_320_counts_and_thirty_107_less_what_rounds_down():
-    assert QUIET.capacity == 320
-    assert AnalogCounter(step_v=30e-3).capacity == 106
-
-
 def test_without_noise_counts_are_exact_up_to_saturation_and_flagged_from_there():
     counts, saturated = read(QUIET)
     np.testing.assert_array_equal(counts, np.minimum(RAMP, 320))
