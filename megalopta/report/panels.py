@@ -98,6 +98,7 @@ class View:
     """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
     rim: float | None = None
     """Speed of the full color, px per frame, if there is flow"""
+    sequence: Sequence | None = None
 
     def of(self, *kinds: str) -> list[Panel]:
         """Return the panels of these kinds."""
@@ -166,6 +167,7 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         treatment=treatment,
         panels=tuple(panels),
         rim=shown.rim,
+        sequence=sequence,
     )
 
 

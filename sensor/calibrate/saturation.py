@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.level import inverses
-from megalopta.sensor.effects.dead_time import LAWS
+from megalopta.sensor.effects.dead_time import COUNT_DISTRIBUTIONS
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
 KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
@@ -97,7 +97,7 @@ def dead_time_moments(
     """Return mean and variance of counts; rates (Hz), exposures and dead times (s) broadcast."""
     rate, exposure, dead = np.broadcast_arrays(rate_hz, exposure_s, dead_time_s)
     arrivals, fraction = (rate * exposure).ravel(), (dead / exposure).ravel()
-    mean, variance = LAWS[kind].moments(arrivals, fraction, is_stationary=False)
+    mean, variance = COUNT_DISTRIBUTIONS[kind].moments(arrivals, fraction, is_stationary=False)
     return mean.reshape(rate.shape), variance.reshape(rate.shape)
 
 

@@ -34,7 +34,7 @@ from megalopta.sensor.sampling.poisson import draw_poisson
 MOST_ARRIVALS = 1e15
 # Far below that of any detector; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
-LAWS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
+COUNT_DISTRIBUTIONS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyzable}
 """Modules with `moments` and `draw` of the counts of each kind."""
 
 
@@ -120,8 +120,10 @@ def moments(
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
-    law = LAWS.get(dead_time.kind)
-    mean, variance = law.moments(arrivals, *fractions) if law else (arrivals, arrivals.copy())
+    distribution = COUNT_DISTRIBUTIONS.get(dead_time.kind)
+    mean, variance = (
+        distribution.moments(arrivals, *fractions) if distribution else (arrivals, arrivals.copy())
+    )
     return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
 
@@ -135,8 +137,12 @@ def draw_counts(
     """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
     fractions = _fractions(arrivals, exposure_s, dead_time, scale)
-    law = LAWS.get(dead_time.kind)
-    counts = law.draw(rng, arrivals, *fractions) if law else draw_poisson(rng, arrivals)
+    distribution = COUNT_DISTRIBUTIONS.get(dead_time.kind)
+    counts = (
+        distribution.draw(rng, arrivals, *fractions)
+        if distribution
+        else draw_poisson(rng, arrivals)
+    )
     return np.asarray(counts.reshape(np.shape(rate_hz)))
 
 
