@@ -127,12 +127,10 @@ class Meshes(SceneDescription, frozen=True):
             check_triangles("the scene", triangles)
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         notes: list[str] = []
-        for placed, pieces in zip(self.files, models, strict=True):
-            used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
-            notes += placed.notes(pieces, *used)
         materials: dict[str, Material] = {}
         parts: list[tuple[Asset, Placement]] = []
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
+            notes += placed.notes(pieces)
             shines = self.lights == "file"
             of = placed.file.path, self.materials, self.reflectance, shines, materials
             for number, (piece, asset) in enumerate(Surfacing(*of).objects(pieces)):
