@@ -100,11 +100,6 @@ class FrameExposure:
     by_columns: bool = False
     """True if columns are read one after the other, not rows."""
 
-    @property
-    def is_instant(self) -> bool:
-        """True for an instant, with a single pose."""
-        return self.parts[0].poses.ndim == 2
-
 
 class Film:
     """Mitsuba sensor with the division of frames into passes.

@@ -23,7 +23,6 @@ from megalopta.render.film import developed, pixel_means
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.scene import Layers
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
-from megalopta.render.shading import wavelength_groups
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²: 1/p and
 # 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
@@ -179,12 +178,25 @@ def _share(pdf: Any, other: Any) -> Any:
     return dr.select(dr.isfinite(weight), weight, 0.0)
 
 
+def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
+    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
+
+    `place` is the position of the wavelength in each band, 0 to 1.
+    """
+    for first in range(0, len(bands_nm), 4):
+        group = bands_nm[first : first + 4]
+        # Unused wavelengths repeat the last band and are not read.
+        padded = [*group, *[group[-1]] * (4 - len(group))]
+        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
+        yield first, len(group), mi.Spectrum(wavelengths)
+
+
 class BandPaths:
     """Light paths of selected rays, in bands."""
 
     def __init__(self, bands_nm: Bands, max_depth: int, layers: Layers | None = None) -> None:
         self._bands = bands_nm
-        self._paths = LightPaths(max_depth, layers)
+        self._paths, self._sampler = LightPaths(max_depth, layers), keyed_sampler()
 
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
         """Radiance of each band along those of N rays that are active; 0 along others.
@@ -198,11 +210,10 @@ class BandPaths:
         if not dr.width(lanes):
             return found
         rays, place = dr.gather(mi.Ray3f, mi.Ray3f(ray), lanes), dr.gather(mi.Float, place, lanes)
-        numbers = keyed_sampler()
-        numbers.start(dr.gather(mi.UInt, key, lanes), lanes)
+        self._sampler.start(dr.gather(mi.UInt, key, lanes), lanes)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
-            values, _ = self._paths.radiance(scene, numbers, rays)
+            values, _ = self._paths.radiance(scene, self._sampler, rays)
             for band in range(size):
                 dr.scatter(found[first + band], values[band], lanes)
         return found

@@ -25,9 +25,8 @@ from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import LightSurvey
-from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.geometry import Geometry, Instant, Rolling
 from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer, albedo_of
-from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera

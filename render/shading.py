@@ -11,7 +11,7 @@ the correlation of green leaves and green light amounts to several percent. Ther
 or four where a surface of the scene has a texture of colors: black, red, green and blue.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,19 +102,6 @@ class Scattering:
     def _under(self, sky: Spectrum) -> Floats:
         light = np.array([sky(grid) for grid in self._grids])
         return np.asarray(np.mean(self._table * light, axis=-1)).reshape(len(self._table), 2, -1)
-
-
-def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
-    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
-
-    `place` is the position of the wavelength in each band, 0 to 1.
-    """
-    for first in range(0, len(bands_nm), 4):
-        group = bands_nm[first : first + 4]
-        # Unused wavelengths repeat the last band and are not read.
-        padded = [*group, *[group[-1]] * (4 - len(group))]
-        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
-        yield first, len(group), mi.Spectrum(wavelengths)
 
 
 # Wavelengths per band mean.

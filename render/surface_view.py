@@ -139,7 +139,8 @@ class SurfaceView:
 
         Lines of a rolling shutter share poses of moving objects (`sharing`).
         """
-        integrator = self._integrator if exposure.is_instant else self._integrator.exposing
+        is_exposed = exposure.parts[0].poses.ndim > 2  # by many poses
+        integrator = self._integrator.exposing if is_exposed else self._integrator
         trace = integrator.measured if is_measured else integrator.render
         move_to = self.move_to if integrator is self._integrator else integrator.move_to
         rows = None
@@ -148,8 +149,7 @@ class SurfaceView:
             count, lines = part.poses.shape[:2]
             pose, meshes = part.poses[count // 2, lines // 2], list(self._moving.values())
             rows = lines_of_a_pose(meshes, self._camera, pose, part.line_times_s)
-        parts, is_exposed = len(exposure.parts), not exposure.is_instant
-        film = self._film(parts, is_exposed, rows, exposure.by_columns)
+        film = self._film(len(exposure.parts), is_exposed, rows, exposure.by_columns)
         images = []
         for part in exposure.parts:
             self._check(part.poses)
