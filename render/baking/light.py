@@ -267,11 +267,13 @@ class BakedLight:
 
         Cells and activity are already evaluated.
         """
-        cluster = dr.gather(mi.UInt, self._cluster_of, self._places(cell, active), active)
+        place = self._places(cell, active)
+        cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
         lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
         if dr.width(lanes):
             self.link(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
-            cluster = dr.gather(mi.UInt, self._cluster_of, self._places(cell, active), active)
+            place = self._places(cell, active)
+            cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
         return cluster, active & (cluster < NOT_SURVEYED)
 
     def link(self, cell: UInt32) -> None:
