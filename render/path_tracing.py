@@ -114,13 +114,13 @@ class LightPaths:
         first: Any = mi.Ray3f(origin, rays.d)
         first.wavelengths = rays.wavelengths
         try:
-            found = self._traced(scene, sampler, first, active)
+            light, valid = self._traced(scene, sampler, first, active)
         except RuntimeError as problem:  # Dr.Jit's, also for Ctrl-C in the loop
             if isinstance(problem.__cause__, KeyboardInterrupt):
                 raise KeyboardInterrupt from problem
             raise
-        dr.eval(found)
-        return found
+        dr.eval(light, valid)
+        return light, valid
 
     @dr.syntax
     def _traced(self, scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any]:
@@ -205,18 +205,18 @@ class BandPaths:
         with random numbers derived from one of the sampler's.
         """
         key = mi.UInt(sampler.next_1d() * 2.0**32)
-        found = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
+        light = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
         lanes: Any = dr.compress(active)
         if not dr.width(lanes):
-            return found
+            return light
         rays, place = dr.gather(mi.Ray3f, mi.Ray3f(ray), lanes), dr.gather(mi.Float, place, lanes)
         self._sampler.start(dr.gather(mi.UInt, key, lanes), lanes)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             values, _ = self._paths.radiance(scene, self._sampler, rays)
             for band in range(size):
-                dr.scatter(found[first + band], values[band], lanes)
-        return found
+                dr.scatter(light[first + band], values[band], lanes)
+        return light
 
 
 SCATTERINGS = 64
@@ -285,16 +285,14 @@ class PathIntegrator:
             return np.array(self._radiance(scene, sampler, rays)[0], np.float64)
 
         if self._is_scalar:
-            each = zip(
-                origins.T.tolist(), directions.T.tolist(), wavelengths.T.tolist(), strict=True
-            )
-            return np.stack([light(*ray) for ray in each], axis=-1)
+            columns = (values.T.tolist() for values in (origins, directions, wavelengths))
+            return np.stack([light(*ray) for ray in zip(*columns, strict=True)], axis=-1)
         return light(*(values.astype(np.float32) for values in (origins, directions, wavelengths)))
 
     def _radiance(self, scene: Any, sampler: Any, rays: Any) -> tuple[Any, Any]:
         if not self._air and not self._is_scalar:
-            found: tuple[Any, Any] = self._trace.radiance(scene, sampler, rays)
-            return found
+            traced: tuple[Any, Any] = self._trace.radiance(scene, sampler, rays)
+            return traced
         medium = self._air.medium if self._air else None
         light, valid, _ = self._trace.sample(scene, sampler, rays, medium)
         return light, valid
@@ -305,12 +303,12 @@ class PathIntegrator:
         if self._is_scalar:
             sky = _scalar_sky(scene, sensor, seed)
         else:
-            sky = pixel_means(sensor, sensor.sampler(), seed, partial(_sky, scene))
+
+            def look(ray: Any, *_: Any) -> list[Any]:
+                return [dr.select(scene.ray_test(ray), 0.0, 1.0)]
+
+            sky = pixel_means(sensor, sensor.sampler(), seed, look)
         return np.concatenate([radiance, sky], axis=-1)
-
-
-def _sky(scene: Any, ray: Any, *_: Any) -> list[Any]:
-    return [dr.select(scene.ray_test(ray), 0.0, 1.0)]
 
 
 def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:

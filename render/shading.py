@@ -124,6 +124,11 @@ class Sight:
     mesh: Any
     """Index of the mesh, as loaded."""
 
+    @property
+    def sky(self) -> Any:
+        """1 where a ray hits nothing."""
+        return dr.select(self.point.is_valid(), 0.0, 1.0)
+
 
 def side_of(sight: Sight, through: Any) -> Any:
     """Row of meshes and their two sides: the first for reflected light."""

@@ -212,7 +212,7 @@ class BakedLightIntegrator:
             point.wavelengths = wavelengths
             values = emitter.eval(point)
             emitted += [values[band] for band in range(size)]
-        sky = dr.select(point.is_valid(), 0.0, 1.0)
+        sky = sight.sky
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
         dr.eval(sight.cell, rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
