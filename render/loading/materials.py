@@ -3,6 +3,7 @@
 Every spectral quantity is passed unchanged (spectral variants apply no color conversion).
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
-from megalopta.scenes.material import ColorTexture, Emission, Finish, Material, Part, Rgb
+from megalopta.scenes.material import ColorTexture, Emission, Finish, Material, Part, Rgb, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 # Mitsuba's spectra are zero beyond their table; here the end values continue.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
+_LEAST_SHARE = 0.1
+
+_Surface = Callable[[Spectrum | None], dict[str, Any]]
 
 
 def bsdf(material: Material) -> dict[str, Any]:
@@ -23,7 +27,9 @@ def bsdf(material: Material) -> dict[str, Any]:
         return _as_it_is(material.finish)
     if material.emission:
         return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
-    return _blade(material) if material.transmits else _reflecting(material)
+    if not material.transmits:
+        return _reflecting(material, 1.0)
+    return _of_parts(material) if is_scalar() else _blade(material)
 
 
 def _as_it_is(finish: Finish) -> dict[str, Any]:
@@ -57,6 +63,20 @@ def _blade(material: Material) -> dict[str, Any]:
     return {"type": registered(_Blade), **spectra, "weight": weight}
 
 
+def _of_parts(material: Material) -> dict[str, Any]:
+    """Mitsuba surface composed of Mitsuba's own ones, as scalar variants are slow with Python ones.
+
+    A blend of a reflecting and a transmitting surface, each scaled up by its inverse share, is
+    equivalent; values above 1 are harmless. Paths continue to either side by these shares.
+    """
+    through = mean(material.transmittance) / (
+        mean(material.transmittance) + mean(material.reflectance) or 1.0
+    )
+    through = min(max(through, _LEAST_SHARE), 1 - _LEAST_SHARE)
+    back, beyond = _reflecting(material, 1 / (1 - through)), _transmitting(material, 1 / through)
+    return _blend(through, back, beyond)
+
+
 def _blend(weight: Any, first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
     """Mitsuba surface that is the second with a weight, otherwise the first."""
     return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
@@ -67,25 +87,45 @@ def mean(of: Spectrum | None) -> float:
     return float(of(np.arange(400, 1700)).mean()) if of else 0.0
 
 
-def _reflecting(material: Material) -> dict[str, Any]:
+def _reflecting(material: Material, factor: float) -> dict[str, Any]:
     def diffuse(of: Spectrum | None) -> dict[str, Any]:
-        return {"type": "diffuse", "reflectance": spectrum(of or flat(0.0))}
+        return {"type": "diffuse", "reflectance": _scaled(of, factor)}
 
     texture = material.texture
     if isinstance(texture, ColorTexture):
-        # The mean of three colors, each three times as bright; values above 1 are harmless.
+        # The mean of three colors, each three times as bright.
         weights = np.moveaxis(texture.weight, -1, 0)
         red, green, blue = (
-            _blend(bitmap(weight), diffuse(None), diffuse(color.scaled(3.0)))
+            _blend(bitmap(weight), diffuse(flat(0.0)), diffuse(color.scaled(3.0)))
             for weight, color in zip(weights, texture.reflectances, strict=True)
         )
-        surface = _blend(2 / 3, red, _blend(0.5, green, blue))
-    elif texture:
-        first, second = diffuse(material.reflectance), diffuse(texture.spectra[0][0])
-        surface = _blend(bitmap(texture.weight), first, second)
-    else:
-        surface = diffuse(material.reflectance)
-    return {"type": "twosided", "surface": surface}
+        mean_color = _blend(2 / 3, red, _blend(0.5, green, blue))
+        return {"type": "twosided", "surface": mean_color}
+    second = texture.spectra[0][0] if texture else None
+    return {"type": "twosided", "surface": _mixed(diffuse, texture, material.reflectance, second)}
+
+
+def _transmitting(material: Material, factor: float) -> dict[str, Any]:
+    def thin(of: Spectrum | None) -> dict[str, Any]:
+        # With 2, all of the diffuse light is transmitted, uniformly.
+        lobes = {"diff_trans": 2.0, "spec_trans": 0.0}
+        return {"type": "principledthin", "base_color": _scaled(of, factor), **lobes}
+
+    texture = material.texture
+    second = texture.spectra[0][1] if texture else None
+    return _mixed(thin, texture, material.transmittance, second)
+
+
+def _mixed(
+    surface: _Surface,
+    texture: Texture | ColorTexture | None,
+    first: Spectrum | None,
+    second: Spectrum | None,
+) -> dict[str, Any]:
+    """Surfaces of two spectra, or of the first alone without a texture."""
+    if texture is None:
+        return surface(first)
+    return _blend(bitmap(texture.weight), surface(first), surface(second))
 
 
 def emission(of: Emission) -> dict[str, Any]:
@@ -102,6 +142,10 @@ def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
     # Mitsuba's first row is v = 0, as here; it accepts no read-only array.
     image = np.array(values.reshape(*values.shape[:2], -1), dtype=np.float32, order="C")
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
+
+
+def _scaled(of: Spectrum | None, factor: float) -> dict[str, Any]:
+    return spectrum((of or flat(0.0)).scaled(factor))
 
 
 def spectrum(of: Spectrum) -> dict[str, Any]:
@@ -152,8 +196,7 @@ class _Blade(PlugIn):
             for first, second in self.spectra
         )
         total = dr.mean(back) + dr.mean(through)
-        chance = dr.mean(back) / dr.maximum(total, 1e-30)
-        return back, through, dr.select(total > 0, chance, 0.5)
+        return back, through, dr.select(total > 0, dr.mean(back) / total, 0.5)
 
     def lobes(self, point: Any, to: Any, shares: Any, active: Any) -> tuple[Any, Any]:
         back, through, chance = shares
@@ -167,7 +210,7 @@ class _Blade(PlugIn):
         same = first < chance
         to = mi.warp.square_to_cosine_hemisphere(second)
         to.z = dr.select(same == (point.wi.z > 0), to.z, -to.z)
-        sample: Any = mi.BSDFSample3f() if is_scalar() else dr.zeros(mi.BSDFSample3f)
+        sample: Any = dr.zeros(mi.BSDFSample3f)
         sample.wo, sample.eta = to, 1.0
         sample.pdf = dr.abs(to.z) / dr.pi * dr.select(same, chance, 1 - chance)
         kinds = +mi.BSDFFlags.DiffuseReflection, +mi.BSDFFlags.DiffuseTransmission
