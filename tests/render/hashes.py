@@ -38,9 +38,9 @@ pixels = png(np.random.default_rng(1).integers(0, 255, (4, 4, 3)))
 for kind in ("diffuse", "conductor"):
     (folder / f"{kind}.xml").write_text(XML.replace("METAL", kind))
 model = Gltf()
-model.header["images"] = [{"bufferView": model.view(pixels), "mimeType": "image/png"}]
-model.header["textures"] = [{"source": 0}]
-model.header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+image = {"bufferView": model.view(pixels), "mimeType": "image/png"}
+look = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+model.header |= {"images": [image], "textures": [{"source": 0}], "materials": [look]}
 uv = model.accessor(np.array([[0, 0], [1, 0], [0, 1]], np.float32))
 model.triangle(5 * np.eye(3, dtype=np.float32), material=0, TEXCOORD_0=uv)
 (folder / "model.glb").write_bytes(model.glb())
@@ -56,9 +56,8 @@ for name, integrator in [(name, kind) for name in SCENES for kind in ("path", "b
     if name == "rolling":
         radiance = renderer.exposed(path, shutter, 1, seed=1)
         truth = renderer.shutter_truth(path, shutter, 1)
-    write_radiance(folder / "radiance.exr", radiance, given.render.bands_nm)
-    write_truth(folder / "truth.exr", truth)
-    for file in ("radiance", "truth"):
-        for channel, values in sorted(read_channels(folder / f"{file}.exr")[1].items()):
-            digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
-            print(name, integrator, channel, digest)
+    write_radiance(folder / "0.exr", radiance, given.render.bands_nm)
+    write_truth(folder / "1.exr", truth)
+    for file in ("0.exr", "1.exr"):
+        for channel, values in sorted(read_channels(folder / file)[1].items()):
+            print(name, integrator, channel, hashlib.sha256(values.tobytes()).hexdigest())
