@@ -52,6 +52,10 @@ class RegionNoise:
     """Share of the image that these pixels fill."""
     rms: float
     """RMS error over their mean radiance (sum over bands)."""
+    median: float
+    """σ/mean of the pixels of a block of 4 × 4, median over blocks (sum over bands)."""
+    p95: float
+    """The same at the 95th percentile of the blocks."""
     bands: tuple[float, ...]
     """(B,): RMS error of each band over its mean radiance."""
     gradient: float
@@ -68,6 +72,8 @@ class RenderNoise:
 
     passes: int
     """Number of passes averaged in the frame."""
+    median_relative: float
+    """σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands)."""
     rms_over_mean: float
     """RMS of the error over the mean radiance (sum over bands)."""
     mean: tuple[float, ...]
@@ -115,34 +121,37 @@ class Standing:
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
-        scatter = _without_scatter(self.draw[part])
-        compared = _finite(self.differences[part])
-        if len(compared) < _FEWEST:
+        found, scatter = self._compared(self.differences, part), _without_scatter(self.draw[part])
+        if len(found) < _FEWEST:
             return scatter
-        return max(_without_scatter(compared), scatter, key=np.sum)
+        return max(_without_scatter(found), scatter, key=np.sum)
 
     def slope(self, part: Mask) -> float:
         """Mean squared difference between neighbors of the error, summed over bands."""
-        draws, compared = (
-            np.concatenate(
-                [
-                    np.diff(values.sum(axis=-1, keepdims=True), axis=axis)[both]
-                    for axis, both in enumerate(pairs(part))
-                ]
-            )
-            for values in (self.draw, self.differences)
-        )
-        scatter, compared = float(_without_scatter(draws).sum()), _finite(compared)
+        draws, found = [], []
+        for axis, both in enumerate(pairs(part)):
+            draws.append(np.diff(self.draw.sum(axis=-1, keepdims=True), axis=axis)[both])
+            each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
+            found.append(self._compared(each, both))
+        compared = np.concatenate(found)
+        scatter = float(_without_scatter(np.concatenate(draws)).sum())
         if len(compared) < _FEWEST:
             return scatter
         return max(float(_without_scatter(compared).sum()), scatter)
 
+    def squares(self, part: Mask) -> Floats:
+        """Squared error of each pixel (H, W), summed over bands, scaled to the measured mean."""
+        draw = self.draw.sum(axis=-1).mean(axis=-1) ** 2
+        mean = draw[part].mean()
+        due = max(float(self.covariance(part).sum()), 0.0)
+        return np.asarray(draw * (due / mean) if mean > 0 else np.full_like(draw, due))
 
-def _finite(groups: Floats) -> Floats:
-    """Rows of groups (n, G, B) that were compared: none if there are no groups."""
-    if not groups.shape[1]:
-        return groups[:0]
-    return np.asarray(groups[np.isfinite(groups).all(axis=(1, 2))])
+    @staticmethod
+    def _compared(differences: Floats, part: Mask) -> Floats:
+        inside = differences[part]
+        if not inside.shape[1]:
+            return inside[:0]
+        return np.asarray(inside[np.isfinite(inside).all(axis=(1, 2))])
 
 
 def _without_scatter(groups: Floats) -> Floats:
@@ -168,6 +177,12 @@ def pairs(part: Mask) -> list[Mask]:
     return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
 
 
+_BLOCK_PX = 4
+_TAIL = 0.95
+_TYPICAL = 0.9
+"""Share of the blocks that set the level."""
+
+
 class RunningMean:
     """Mean of a frame's passes so far and their scatter (Welford's method, float64)."""
 
@@ -189,8 +204,8 @@ class RunningMean:
         self._mean += before / self.count
         after = image - self._mean
         self._squares += before[..., :, None] * after[..., None, :]
-        products = [a * b for a, b in zip(slopes(before), slopes(after), strict=True)]
-        self._slopes = [sums + new for sums, new in zip(self._slopes, products, strict=True)]
+        pairs = zip(self._slopes, slopes(before), slopes(after), strict=True)
+        self._slopes = [total + a * b for total, a, b in pairs]
 
     @property
     def mean(self) -> Image:
@@ -217,6 +232,7 @@ class RunningMean:
         whole = frame.region(part)
         return RenderNoise(
             passes=averaged,
+            median_relative=whole.median,
             rms_over_mean=whole.rms,
             mean=tuple(self._mean[part].mean(axis=0).tolist()),
             covariance=_rows(frame.covariance(part)),
@@ -248,9 +264,11 @@ class _Frame:
 
     def region(self, part: Mask) -> RegionNoise:
         """Error of the pixels of a part (H, W)."""
-        covariance, fixed = self.covariance(part), self.standing.covariance(part)
-        light = self.mean[part].mean(axis=0)
-        level = max(float(light.sum()), 1e-300)
+        light, squares = self.mean.sum(axis=-1), self.standing.squares(part)
+        flicker = self.flicker.sum(axis=(-2, -1)) / self.averaged
+        covariance = self.covariance(part)
+        level, levels = max(light[part].mean(), 1e-300), self.mean[part].mean(axis=0)
+        median, tail = _relative(flicker, squares, light, part)
         # Shares of the squared differences between neighbors that are due to either error.
         flickering = still = seen = flickers = stands = 0.0
         slope = self.standing.slope(part)
@@ -264,9 +282,11 @@ class _Frame:
         return RegionNoise(
             share=float(part.mean()),
             rms=float(np.sqrt(covariance.sum()) / level),
-            bands=tuple((np.sqrt(covariance.diagonal()) / np.maximum(light, 1e-300)).tolist()),
+            median=median,
+            p95=tail,
+            bands=tuple((np.sqrt(covariance.diagonal()) / np.maximum(levels, 1e-300)).tolist()),
             gradient=flickers + stands,
-            standing=float(np.sqrt(max(fixed.sum(), 0.0)) / level),
+            standing=float(np.sqrt(squares[part].mean()) / level),
             standing_gradient=stands,
         )
 
@@ -276,6 +296,59 @@ def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
     along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(pairs(part))]
     differences = np.concatenate(along)
     return np.asarray(differences.T @ differences / (2 * max(len(differences), 1)))
+
+
+def _relative(flicker: Floats, squares: Floats, light: Floats, part: Mask) -> tuple[float, float]:
+    """Median over blocks of σ/mean, and its 95th percentile."""
+    is_even = np.indices(light.shape).sum(axis=0) % 2 == 0
+    whole, *halves = (
+        _of_blocks(flicker, light, pixels) for pixels in (part, part & is_even, part & ~is_even)
+    )
+    lit = np.isfinite(whole)
+    if not lit.any():
+        return 0.0, 0.0
+    moving = _shrunk(whole[lit], np.stack(halves)[:, lit])
+    relative = np.sqrt(moving + _of_blocks(squares, light, part)[lit])
+    return float(np.median(relative)), float(np.quantile(relative, _TAIL))
+
+
+def _shrunk(variances: Floats, halves: Floats) -> Floats:
+    """Estimated variances (N,) of blocks, with the spread and level that the true ones have.
+
+    Two passes rarely meet what makes most of a block's noise, so most blocks show too little and
+    some too much. What the logarithms of two halves (2, N) of a block's pixels have in common is
+    the spread of the true ones, to which they are shrunk (constrained empirical Bayes: Louis 1984,
+    J. Am. Stat. Assoc. 79:393). One half then chooses blocks, as the mean of many may be that of a
+    few outliers, and the other gives their mean variance without bias.
+    """
+    noisy, both = variances > 0, (halves > 0).all(axis=0)
+    if np.count_nonzero(both) < 2:
+        return variances
+    common = np.cov(np.log(halves[:, both]))[0, 1]
+    seen = max(np.log(variances[both]).var(ddof=1), 1e-300)
+    shrunk = np.zeros_like(variances)
+    shrunk[noisy] = np.exp(np.sqrt(np.clip(common / seen, 0, 1)) * np.log(variances[noisy]))
+    full = np.isfinite(halves).all(axis=0)
+    given = due = 0.0
+    for one, other in (halves[:, full], halves[::-1, full]):
+        chosen = one <= np.quantile(one, _TYPICAL)
+        given += float(shrunk[full][chosen].sum())
+        due += float(other[chosen].sum())
+    return shrunk * (due / given) if given else variances
+
+
+def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
+    """Mean square of a part's (H, W) pixels in each block over their squared mean light.
+
+    NaN for blocks without light.
+    """
+    masked = (np.where(part, each, 0.0) for each in (squares, light, np.ones_like(light)))
+    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
+    total, lights, pixels = (
+        np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1) for values in masked
+    )
+    unlit = np.full_like(lights, np.nan)
+    return np.asarray(np.divide(total * pixels, lights**2, out=unlit, where=lights > 0))
 
 
 def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:

@@ -2,14 +2,15 @@
 
 Figures are for pixels without sky if there are any, else for the whole image.
 
-rms_over_mean                      mean square over the measured frames
-equivalent_photons_per_pixel       Poisson counts with the same scatter
+median_relative, rms_over_mean     over the measured frames, median and mean square
+equivalent_photons_per_pixel       Poisson counts with the scatter of pixels of the median block
 mean, covariance, detail           of bands, their error and the scene (`RenderNoise`),
                                    averaged over measured frames
-surface, sky                       `RegionNoise` of either, over the measured frames: mean
-                                   squares of errors, means of shares; None without such pixels
+surface, sky                       `RegionNoise` of either, over the measured frames: medians of
+                                   median and p95, mean squares of other errors, means of shares;
+                                   None without pixels of that kind
 measured_frames                    numbers of the measured frames, from 0
-samples_per_pixel, rms_over_mean_of_frames
+samples_per_pixel, median_relative_of_frames, rms_over_mean_of_frames
                                    of every frame; between measured frames, interpolated
 """
 
@@ -34,11 +35,13 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
     if not found:
         return None
     measured = list(found)
+    median = [each.median_relative for each in found.values()]
     rms = [each.rms_over_mean for each in found.values()]
-    total = float(np.sqrt(np.mean(np.square(rms))))
+    typical = float(np.median(median))
     return {
-        "rms_over_mean": total,
-        "equivalent_photons_per_pixel": 1 / max(total, 1e-6) ** 2,
+        "median_relative": typical,
+        "rms_over_mean": float(np.sqrt(np.mean(np.square(rms)))),
+        "equivalent_photons_per_pixel": 1 / max(typical, 1e-6) ** 2,
         "mean": np.mean([each.mean for each in found.values()], axis=0).tolist(),
         "covariance": np.mean([each.covariance for each in found.values()], axis=0).tolist(),
         "detail": np.mean([each.detail for each in found.values()], axis=0).tolist(),
@@ -48,6 +51,7 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
         "samples_per_pixel": [
             samples_per_pass * (found[index].passes if index in found else 1) for index in frames
         ],
+        "median_relative_of_frames": np.interp(frames, measured, median).tolist(),
         "rms_over_mean_of_frames": np.interp(frames, measured, rms).tolist(),
     }
 
@@ -59,6 +63,7 @@ def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
         return None
     combine: dict[str, Callable[[Any], Any]] = {
         **dict.fromkeys(("share", "gradient", "standing_gradient"), np.mean),
+        **dict.fromkeys(("median", "p95"), np.median),
         **dict.fromkeys(("rms", "standing"), lambda values: np.sqrt(np.mean(np.square(values)))),
     }
     record = {name: float(how([each[name] for each in seen])) for name, how in combine.items()}

@@ -121,16 +121,17 @@ def absent(report: Report, stage: str, what: str) -> Markup:
 def rendering(record: Mapping[str, Any], consequence: str) -> Markup:
     """Return the noise of the rendering, from a scene record; empty if unknown.
 
-    More than a tenth of a pixel's light (RMS) is a warning. The render stage
+    More than a tenth of a pixel's light (median over pixels) is a warning. The render stage
     measures it, on pixels without sky if there are any.
     """
     noise = record.get("monte_carlo")
-    if not noise or not noise["rms_over_mean"]:
+    if not noise or not noise["median_relative"]:
         return Markup("")
-    relative, photons = noise["rms_over_mean"], number(noise["equivalent_photons_per_pixel"])
+    relative, photons = noise["median_relative"], number(noise["equivalent_photons_per_pixel"])
     is_noisy = relative > _CAUTION
     text = Markup(
-        "{}The rendering is as noisy as {} photons per pixel ({} of a pixel’s light, RMS). {}"
+        "{}The rendering is as noisy as {} photons per pixel ({} of a pixel’s light, median over "
+        "pixels). {}"
     ).format(
         Markup("<b>Caution: noisy rendering.</b> ") if is_noisy else "",
         photons,

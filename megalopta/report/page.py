@@ -411,8 +411,9 @@ def _rendering_errors(report: Report) -> Iterator[tuple[str, str]]:
     noise = report.scene.get("monte_carlo") or {}
     surface, sky = noise.get("surface") or {}, noise.get("sky") or {}
     errors = {
-        "error (RMS) over the mean light": noise.get("rms_over_mean"),
+        "error (RMS) over the mean light": noise.get("median_relative") and noise["rms_over_mean"],
         "the same, of pixels without sky": surface.get("rms"),
+        "relative error that 95 % of the pixels do not exceed": surface.get("p95"),
         "share of the gradient energy due to it": surface.get("gradient"),
         "fixed error of baked light (RMS)": surface.get("standing"),
         "share of the gradient energy due to the fixed error": surface.get("standing_gradient"),

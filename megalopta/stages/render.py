@@ -355,9 +355,10 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
     if surface is None:
         say(f"render: error of a pixel {_percent(noise['rms_over_mean'])} RMS, from two renderings")
     else:
-        text = f"render: error on surfaces {_percent(surface['rms'])} RMS"
+        rms, median, fixed = (_percent(surface[key]) for key in ("rms", "median", "standing"))
+        text = f"render: error on surfaces {rms} RMS, {median} median"
         if surface["standing"]:
-            text += f", of which {_percent(surface['standing'])} is the same in all frames"
+            text += f", of which {fixed} RMS is the same in all frames"
         say(text)
     target = settings.render.target_error
     errors = noise["rms_over_mean_of_frames"]

@@ -69,7 +69,7 @@ def test_a_panorama_renders_with_the_requested_light(sky, tmp_path, capsys):
     record = json.loads(dataset.scene_record.read_text())
     # The measuring rays cross texels of a very rough picture.
     assert record["illuminance"]["unshaded_lux"] == pytest.approx(1.0, rel=0.01)
-    assert record["monte_carlo"]["rms_over_mean"] == 0
+    assert record["monte_carlo"]["median_relative"] == 0
     assert "takes more hits" not in capsys.readouterr().err
     run_stage(tmp_path / "data", dataset.configuration, "sense")
 

@@ -225,10 +225,10 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
 def test_noise_of_the_rendering_is_measured(finished):
     record = json.loads(finished.scene_record.read_text())
     # Four pixels wide bars at one sample: noise, but far less than the signal.
-    assert 1e-3 < record["monte_carlo"]["rms_over_mean"] < 0.5
+    assert 1e-3 < record["monte_carlo"]["median_relative"] < 0.5
     assert record["objects"] == 1
     assert record["monte_carlo"]["measured_frames"] == [0, 16]
-    assert len(record["monte_carlo"]["rms_over_mean_of_frames"]) == 24
+    assert len(record["monte_carlo"]["median_relative_of_frames"]) == 24
     assert record["illuminance"] is None  # the grating glows by itself
 
 
