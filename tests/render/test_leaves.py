@@ -127,3 +127,15 @@ def test_leaves_that_absorb_nothing_vanish_in_baked_light_within_its_stated_erro
     assert true < 1.25 * surface.rms < 0.1
     # And in the mean over pixels, of which a cluster fills a few.
     assert off.mean() == pytest.approx(0, abs=5 * true / math.sqrt(off.size / 16))
+
+
+@pytest.mark.parametrize("lit_by", ["sky", "sun"])
+def test_the_light_meter_finds_what_comes_through_a_leaf(lit_by):
+    ground, leaf = sheet(0.0), sheet(3.0)
+    sky, sun = Lighting(flat(LEVEL)), Lighting(flat(0.0), Sun(TOWARD_SUN, flat(LEVEL)))
+    material = Material(flat(0.3), transmittance=flat(0.35))
+    lighting = sky if lit_by == "sky" else sun
+    scene = scene_of(lighting, (ground, Material(flat(0.0))), (leaf, material))
+    renderer = renderer_of(scene, None, "path", max_depth=3)
+    measured = renderer.light_survey(np.array([[0, 0, 1.5]]))
+    assert measured.ground[0].lux == pytest.approx(0.35 * measured.unshaded.lux, rel=0.02)

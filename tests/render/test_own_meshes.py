@@ -69,6 +69,30 @@ def test_a_texture_of_colors_reflects_as_their_reflectance(integrator, backend, 
     np.testing.assert_allclose(found, expected, rtol=6e-3 if is_known else 0.06)
 
 
+@pytest.mark.parametrize(("integrator", "backend"), KINDS)
+def test_light_between_colored_surfaces_is_that_of_their_reflectance(integrator, backend):
+    """The inside of half a sphere, open above."""
+    room = trimesh.creation.icosphere(4, 20.0)
+    room.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(room.vertices), 2)))
+    color = Material(
+        flat(0.0), ColorTexture(np.full((2, 2, 3), COLOR, np.float32), (RED, GREEN, BLUE))
+    )
+    keep = room.triangles_center[:, 2] < 0
+    bowl = trimesh.Trimesh(room.vertices, room.faces[keep], process=False)
+    bowl.visual = room.visual
+    scene = scene_of(Lighting(LIGHT), (bowl, color))
+    # From any point of a half sphere, half of the light comes from the opening and half from the
+    # wall, evenly: L = ρ·(sky + L)/2.
+    grid = [np.linspace(*band, 4001) for band in BANDS]
+    rho = [reflectance_of_color(COLOR)(each) for each in grid]
+    expected = [
+        np.mean(share * LIGHT(each) / (2 - share)) for share, each in zip(rho, grid, strict=True)
+    ]
+    samples = 256 if backend == "scalar" else 1024
+    found = mean_radiance(scene, integrator, backend, samples, 12)
+    np.testing.assert_allclose(found, expected, rtol=0.05)
+
+
 VIEW = Trajectory(
     frames=3,
     position_m=(-6.0, 1.0, 2.5),

@@ -111,6 +111,15 @@ def test_white_sphere_vanishes_in_its_environment():
     np.testing.assert_allclose(image[..., 0], LEVEL, rtol=0.1)  # nor is its outline seen
 
 
+@pytest.mark.slow
+def test_white_open_box_vanishes_in_its_environment():
+    box = trimesh.creation.box((2, 2, 2))
+    box.update_faces(box.face_normals[:, 0] > -0.5)  # open toward the camera
+    # A path stays inside with a chance below 0.8 a bounce: 64 bounces leave less than 1e-6.
+    image = furnace(box, 65, samples=4096)
+    assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)
+
+
 LONGER_PATHS_BANDS = (500.0, 600.0), (800.0, 900.0)
 REFLECTANCES = 0.2, 0.8
 DOWN = Trajectory(frames=2, look_at_m=(0.01, 0, -50), up=(1, 0, 0)).poses()[0]
@@ -136,6 +145,9 @@ def test_share_is_the_rest_of_a_geometric_series(max_depth):
     expected = kept ** (max_depth - 1)
     found = of_walls(max_depth).light_left_out(DOWN)
     np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
+
+
+# Elements of 10 nm over V(λ).
 
 
 def survey(lighting, place, *things):

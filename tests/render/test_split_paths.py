@@ -77,6 +77,17 @@ def test_a_band_reads_the_same_beside_others_with_gaps_between():
 
 
 @vectorized
+@pytest.mark.slow
+def test_a_depth_limit_leaves_parts_out():
+    sky, once, twice = (
+        rendering("daylight", max_depth=depth).measured(PATH.poses()[0], 1) for depth in (1, 2, 3)
+    )
+    sky, once, twice = (each.radiance[each.sky == 0] for each in (sky, once, twice))
+    assert sky.sum() == 0 < once.sum() < twice.sum()
+    assert (twice >= once).all()
+
+
+@vectorized
 def test_a_renderer_is_freed_at_once():
     # A scene that the garbage collector frees while paths are traced ends the process.
     renderer = rendering("daylight")

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from megalopta.render import mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
@@ -183,6 +185,18 @@ def test_surfaces_that_repeat_their_parts_are_bounded(write, last):
     blends += METAL.replace("Brass", "gold")
     with pytest.raises(ValueError, match="material 'b0' is of more than 200 parts"):
         scene_of(write(blends + square('<ref id="b0"/>')))
+
+
+def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
+    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 50)
+    path = write("".join(square(
+        '<bsdf type="principled"><texture type="bitmap" name="base_color">'
+        f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))
+    )  # fmt: skip
+    for number in range(2):
+        Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
+    with pytest.raises(ValueError, match="scene.xml with its pictures takes .*64 values"):
+        scene_of(path)
 
 
 def test_entities_are_refused_before_they_grow(write):
