@@ -127,10 +127,12 @@ class Meshes(SceneDescription, frozen=True):
             check_triangles("the scene", triangles)
         check_names(self.materials, [piece for pieces in models for piece in pieces])
         notes: list[str] = []
+        for placed, pieces in zip(self.files, models, strict=True):
+            used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
+            notes += placed.notes(pieces, *used)
         materials: dict[str, Material] = {}
         parts: list[tuple[Asset, Placement]] = []
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            notes += placed.notes(pieces)
             path = placed.file.path
             surfacing = Surfacing(path, self.materials, self.reflectance, shines, materials)
             for number, (piece, asset) in enumerate(surfacing.objects(pieces)):

@@ -9,7 +9,7 @@ of any kind mean a damaged file.
 
 import base64
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 from urllib.parse import unquote
@@ -22,14 +22,15 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, check_decoded, from_json, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
-from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, check_map, linear_picture
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, check_map, linear_picture
 
 _JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _VALUE_BYTES = 24
 """Memory of a value that an accessor reads, with its copies."""
-_EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
+EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
+"""Extensions that have an effect."""
 
 Json = Mapping[str, Any]
 
@@ -61,7 +62,7 @@ def _checked(header: Any) -> Json:
     if version.split(".")[0] != "2":
         raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
     for name in header.get("extensionsRequired", ()):
-        if name not in _EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
+        if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
             raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
     return dict(header)
 
@@ -69,14 +70,19 @@ def _checked(header: Any) -> Json:
 def names_in(content: bytes) -> list[str]:
     """Names of the files with buffers and colors that a glTF file names. Raises any exception."""
     header, _ = parts_of(content)
-    models = (each.get("pbrMetallicRoughness", {}) for each in header.get("materials", ()))
-    textures = [model["baseColorTexture"] for model in models if "baseColorTexture" in model]
-    images = [header["images"][_image_of(header, texture)] for texture in textures]
-    uris = [entry["uri"] for entry in [*header.get("buffers", ()), *images] if "uri" in entry]
+    textures = (color_of(each)[1] for each in header.get("materials", ()))
+    images = [header["images"][image_of(header, each)] for each in textures if each is not None]
+    uris = [each["uri"] for each in [*header.get("buffers", ()), *images] if "uri" in each]
     return [unquote(uri) for uri in uris if not uri.startswith("data:")]
 
 
-def _image_of(header: Json, texture: Json) -> int:
+def color_of(material: Json) -> tuple[list[float], Json | None]:
+    """Color factor, in linear sRGB, and entry of the texture, or None, of a material."""
+    model = material.get("pbrMetallicRoughness", {})
+    return model.get("baseColorFactor", [1, 1, 1])[:3], model.get("baseColorTexture")
+
+
+def image_of(header: Json, texture: Json) -> int:
     """Number of the image of a texture's entry in a material."""
     return int(header["textures"][texture["index"]]["source"])
 
@@ -139,6 +145,7 @@ class GltfFile:
 
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_REPEAT = 10497
 _MOST_STEPS = 100_000
 """Most nodes on the ways from the scene's root to all moving meshes."""
 Picture = NDArray[np.float32]
@@ -183,19 +190,59 @@ def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator
         steps += len(chain)
         check_count(next(iter(contents)), "nodes above moving ones", steps, _MOST_STEPS)
         motion = _motion(nodes, chain, pose, tracks)
-        mesh = file.header["meshes"][node["mesh"]]
-        name = str(node.get("name") or mesh.get("name") or f"node {number}")
-        for part in mesh["primitives"]:
-            if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
-                raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
-            if mode >= _TRIANGLES:
-                is_moving |= motion is not None
-                piece = _piece(file, part, looks, (number, name))
-                yield replace(piece.moved(pose), motion=motion)
+        for piece in _parts(file, number, looks):
+            is_moving |= motion is not None
+            yield replace(piece.moved(pose), motion=motion)
     if animated and not is_moving:
         raise DamagedFileError(
             "it has no animation of nodes with meshes, and morph weights do not move; omit animate"
         )
+
+
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect, if "animation" is used or not. Raises any exception."""
+    header, _ = parts_of(next(iter(contents.values())))
+    shown, playing = header.get("scene", 0), "animation" in used
+
+    def named(kind: str, plural: str) -> list[tuple[str, Json]]:
+        entries = enumerate(header.get(plural, ()))
+        return [(str(entry.get("name") or f"{kind} {n}"), entry) for n, entry in entries]
+
+    extensions = header.get("extensionsUsed", ())
+    scenes, animations = named("scene", "scenes"), named("animation", "animations")
+    yield from (("extensions", name) for name in extensions if name not in EFFECTIVE)
+    yield from (("cameras", name) for name, _ in named("camera", "cameras"))
+    yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
+    yield from (("animations", name) for name, _ in animations[playing:])
+    for name, material in named("material", "materials"):
+        yield from ((what, name) for what in _ignored(material))
+    for name, mesh in named("mesh", "meshes"):
+        for part in mesh["primitives"]:
+            if part.get("mode", _TRIANGLES) < _TRIANGLES:
+                yield "points and lines", name
+            if "COLOR_0" in part["attributes"]:
+                yield "colors of vertices", name
+            if "targets" in part:
+                yield "morph targets", name
+    for sampler in header.get("samplers", ()):
+        if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
+            yield "pictures' clamping and mirroring", ""
+    for _, animation in animations[:playing]:
+        for target in (channel["target"] for channel in animation["channels"]):
+            if target["path"] not in PARTS or "node" not in target:
+                yield "an animation's morph weights, extensions", target["path"]
+
+
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
+    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
+    node = file.header["nodes"][number]
+    mesh = file.header["meshes"][node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    for part in mesh["primitives"]:
+        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
+            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
+        if mode >= _TRIANGLES:
+            yield _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -275,14 +322,13 @@ def _motion(
 def _look(
     file: GltfFile, number: int, material: Json, pictures: dict[int, Picture], texels: Texels
 ) -> _Look:
-    model = material.get("pbrMetallicRoughness", {})
-    texture = model.get("baseColorTexture")
-    red, green, blue = np.clip(model.get("baseColorFactor", [1, 1, 1])[:3], 0, 1).tolist()
+    color, texture = color_of(material)
+    red, green, blue = np.clip(color, 0, 1).tolist()
     name = str(material.get("name") or f"material {number}")
     paint = Paint(name, (red, green, blue))
     if texture is None:
         return _Look(paint)
-    image = _image_of(file.header, texture)
+    image = image_of(file.header, texture)
     if image not in pictures:
         pictures[image] = texels.add(linear_picture(file.image(image), name))
     change = texture.get("extensions", {}).get("KHR_texture_transform", {})
@@ -293,6 +339,23 @@ def _look(
     to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
     to_picture[:2, 2] = change.get("offset", [0, 0])
     return _Look(paint, coordinates, to_picture)
+
+
+def _ignored(material: Json) -> Iterator[str]:
+    extensions = material.get("extensions", {})
+    model = material.get("pbrMetallicRoughness", {})
+    transmits = {"KHR_materials_transmission", "KHR_materials_volume"} & extensions.keys()
+    if material.get("alphaMode", "OPAQUE") != "OPAQUE" or transmits:
+        yield "transparency"
+    if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
+        yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
+    if model.get("roughnessFactor", 1) < 1:
+        yield "gloss"
+    if any(material.get("emissiveFactor", ())):
+        yield "emission"
+    for what in ("normal", "occlusion"):
+        if f"{what}Texture" in material:
+            yield f"{what} maps"
 
 
 def _piece(

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
@@ -11,13 +11,13 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import check_count, check_decoded, quoted, undamaged
+from megalopta.core.bounded import check_count, check_decoded, printable, quoted, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.record import Record
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
 from megalopta.scenes.meshes.gltf import Json
 from megalopta.scenes.meshes.mesh_file import REPAIR, Contents, MeshFile
-from megalopta.scenes.meshes.pieces import MOST_OBJECTS, TEXT_BYTES, Piece, check_triangles
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, TEXT_BYTES, Piece, Unused, check_triangles
 from megalopta.scenes.motion import Vector
 
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
@@ -26,11 +26,16 @@ SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 _FARTHEST_M = 1e8
 """Largest distance from the origin, m: coordinates of maps are smaller."""
 
-_READERS: Mapping[str, Callable[[Contents], Iterable[Piece]]] = {
-    **dict.fromkeys((".glb", ".gltf"), gltf.pieces_of),
-    ".obj": wavefront.pieces_of,
-    ".xml": mitsuba_xml.pieces_of,
-    **dict.fromkeys((".ply", ".stl"), polygons.pieces_of),
+_NAMED, _LONGEST = 4, 40
+"""Most names in a sentence, and most characters of one"""
+
+_Reader = Callable[[Contents], Iterable[Piece]]
+_Rest = Callable[[Contents, Collection[str]], Iterable[Unused]]
+_READERS: Mapping[str, tuple[_Reader, _Rest]] = {
+    **dict.fromkeys((".glb", ".gltf"), (gltf.pieces_of, gltf.unused)),
+    ".obj": (wavefront.pieces_of, wavefront.unused),
+    ".xml": (mitsuba_xml.pieces_of, mitsuba_xml.unused),
+    **dict.fromkeys((".ply", ".stl"), (polygons.pieces_of, lambda *_: ())),
 }
 _Y_UP = ".glb", ".gltf", ".obj", ".xml"
 
@@ -75,19 +80,35 @@ class PlacedMesh(Record, frozen=True):
             found = (
                 gltf.pieces_of(contents, animated)
                 if animated
-                else _READERS[self.file.suffix](contents)
+                else _READERS[self.file.suffix][0](contents)
             )
             read = [piece.moved(self._axes) for piece in found]
             pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
         self._check(pieces)
         return pieces
 
-    def notes(self, pieces: Iterable[Piece]) -> Iterator[str]:
-        """Yield a sentence on the materials that the file only names, if there are any."""
+    def notes(self, pieces: Iterable[Piece], *used: str) -> Iterator[str]:
+        """Yield sentences on what the file holds and has no effect, if "animation" or "lights" are.
+
+        Raises ValueError if the file is damaged or changed.
+        """
+        path, unused = self.file.path, dict[str, dict[str, None]]()
+        with undamaged(path, REPAIR), np.errstate(all="ignore"):
+            for what, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
+                unused.setdefault(what, {})[quoted(printable(owner), _LONGEST)] = None
+        if unused:
+            things = []
+            for what, owners in unused.items():
+                names_used = [name for name in owners if name]
+                rest = len(names_used) - _NAMED
+                more = f" and {rest} more" if rest > 0 else ""
+                some = f" ({', '.join(names_used[:_NAMED])}{more})" if names_used else ""
+                things.append(what + some)
+            yield f"{path}: these have no effect: {quoted('; '.join(things), 600)}"
         names = {piece.material for piece in pieces if not piece.paint.is_described}
         if names:
             yield (
-                f"{self.file.path}: no .mtl file next to it describes "
+                f"{path}: no .mtl file next to it describes "
                 f"{quoted(', '.join(sorted(names)), 400)}; such surfaces have no color, unless "
                 "`materials` gives their reflectance"
             )

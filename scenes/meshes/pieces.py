@@ -19,6 +19,8 @@ _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
 _FLATTEST = 1e12
 """Largest ratio of a map's scales."""
+Unused = tuple[str, str]
+"""Property in a file that has no effect, and the name of its owner, perhaps empty."""
 Color = tuple[float, float, float]
 """Red, green and blue in linear sRGB, 0 to 1."""
 

@@ -7,7 +7,7 @@ trimesh reads OBJ, too, but passes over pictures that are missing, and over obje
 import re
 import warnings
 from codecs import BOM_UTF8
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import Any
@@ -18,10 +18,16 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, linear_picture
+from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, linear_picture
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
+_UNREAD = re.compile(
+    rb"^[ \t]*(?!(?:v|vt|vn|f|o|g|s|usemtl|mtllib)[ \t])([a-z_]+)[ \t]",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""First words of statements that are not read."""
+_SMOOTH = re.compile(rb"^[ \t]*s[ \t]+(?!off|0)", re.IGNORECASE | re.MULTILINE)
 _OBJECT = re.compile(rb"^[ \t]*o[ \t]", re.MULTILINE)
 
 Corners = Ints
@@ -168,19 +174,53 @@ def _paints(
     texels: Texels,
 ) -> Iterator[Paint]:
     """Yield the materials of an MTL file, and add their pictures to others."""
-    materials: list[dict[str, str]] = []  # statements by their first word
-    for key, value in _lines(contents[name]):
+    for each in _materials(contents[name]):
+        red, green, blue = linear_of_srgb(np.clip(_numbers(each.get("kd", "1 1 1")), 0, 1)).tolist()
+        picture = None
+        if "map_kd" in each:
+            file = _beside(name, each["map_kd"])
+            if file not in pictures:
+                pictures[file] = texels.add(linear_picture(contents[file], each["newmtl"]))
+            picture = pictures[file]
+        yield Paint(each["newmtl"], (red, green, blue), picture)
+
+
+def _materials(content: bytes) -> list[dict[str, str]]:
+    """Return the statements of each material of an MTL file, by first word."""
+    materials: list[dict[str, str]] = []
+    for key, rest in _lines(content):
         if key == "newmtl":
             materials.append({})
         if materials:
-            materials[-1][key] = value
-    for material in materials:
-        shares = np.array(material.get("kd", "1").split()[:3], np.float64) * np.ones(3)
-        red, green, blue = linear_of_srgb(np.clip(shares, 0, 1)).tolist()
-        picture = None
-        if "map_kd" in material:
-            file = _beside(name, material["map_kd"])
-            if file not in pictures:
-                pictures[file] = texels.add(linear_picture(contents[file], material["newmtl"]))
-            picture = pictures[file]
-        yield Paint(material["newmtl"], (red, green, blue), picture)
+            materials[-1][key] = rest
+    return materials
+
+
+def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:
+    """Yield what has no effect. Raises any exception if the file is damaged."""
+    content = next(iter(contents.values()))
+    yield from (("statements", each.decode()) for each in sorted({*_UNREAD.findall(content)}))
+    if b"\nvn " not in content and _SMOOTH.search(content):
+        yield "smoothing groups", ""
+    for file in contents:
+        if file.lower().endswith(".mtl"):
+            for each in _materials(contents[file]):
+                yield from ((what, each["newmtl"]) for what in _ignored(each))
+
+
+def _numbers(text: str) -> Floats:
+    return np.array(text.split()[:3], np.float64).repeat(3 if len(text.split()) == 1 else 1)
+
+
+def _ignored(material: Mapping[str, str]) -> Iterator[str]:
+    opacity = float(material.get("d", "1").split()[-1]), 1 - float(material.get("tr", "0"))
+    if min(opacity) < 1 or "map_d" in material:
+        yield "transparency"
+    if _numbers(material.get("ke", "0")).any():
+        yield "emission"
+    if _numbers(material.get("ks", "0")).any() or "pm" in material:
+        yield "gloss and metal"
+    if (illum := material.get("illum", "2").split()[0]) not in ("0", "1", "2"):
+        yield f"illum {illum}"
+    others = {key for key in material if key.startswith(("map_", "bump", "norm", "disp", "refl"))}
+    yield from (f"{key} pictures" for key in sorted(others - {"map_kd", "map_d"}))

@@ -160,10 +160,10 @@ def test_a_view_of_one_frame_is_a_sequence(tmp_path, box, capsys):
         run_stage(dataset.root, settings, "flow")
 
 
-def test_a_missing_mtl_file_is_in_the_record(tmp_path, capsys):
-    (tmp_path / "pin.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nusemtl tin\nf 1 2 3\n")
+def test_what_has_no_effect_is_in_the_record(tmp_path, capsys):
+    (tmp_path / "pin.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\nl 1 2\n")
     scene = f"scene: {{kind: meshes, files: {tmp_path / 'pin.obj'}}}\ntrajectory: {{kind: fit}}"
     dataset = run_stage(tmp_path / "data", parse(scene, "test", small(8, 6, 1)), "render")
     (note,) = json.loads(dataset.scene_record.read_text())["notes"]
-    assert "no .mtl file next to it describes tin" in note
+    assert note.endswith("these have no effect: statements (l)")
     assert capsys.readouterr().err.count(note) == 1

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
 from megalopta.scenes.meshes.animation import Track
 from megalopta.scenes.meshes.gltf import pieces_of
 from megalopta.scenes.meshes.model import PlacedMesh
@@ -141,3 +142,10 @@ def test_a_damaged_animation_is_one_sentence(tmp_path):
             assert "a.glb" in str(problem)
             refused += 1
     assert 20 < refused < 150
+
+
+def test_what_of_an_animation_has_no_effect_is_told(tmp_path):
+    (tmp_path / "a.glb").write_bytes(mill().glb())
+    description = Meshes(files=({"file": str(tmp_path / "a.glb"), "animate": True},))
+    notes = " ".join(description.build(Light(), PerspectiveCamera(), Trajectory()).notes)
+    assert "morph weights, extensions (weights)" in notes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.scenes.meshes.gltf import pieces_of
+from megalopta.scenes.meshes.gltf import pieces_of, unused
 
 from .files import Gltf, png, pose
 
@@ -102,11 +102,20 @@ def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
     file.header |= {
         "images": [{"bufferView": image, "mimeType": "image/png"}],
         "textures": [{"source": 0}],
-        "materials": [{"name": "bark", "pbrMetallicRoughness": model}],
+        "materials": [
+            {
+                "name": "bark",
+                "pbrMetallicRoughness": {**model, "metallicFactor": 1.0},
+                "emissiveFactor": [0, 0, 1],
+                "alphaMode": "MASK",
+            }
+        ],
     }
     (piece,) = read(file.glb())
     paint = piece.paint
     assert (paint.name, paint.color) == ("bark", (0.5, 0.25, 1.0))
+    told = [what for what, _ in unused({"a.glb": file.glb()})]
+    assert told == ["transparency", "metal", "emission"]
     coded = codes[::-1] / 255
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
     np.testing.assert_allclose(paint.picture, linear, atol=1e-6)

@@ -7,6 +7,8 @@ import trimesh
 from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
+from .files import Gltf
+
 BOX = trimesh.creation.box((1, 2, 3))
 
 
@@ -94,3 +96,60 @@ def test_a_damaged_file_is_one_sentence(tmp_path, name):
             assert name in str(problem)
             refused += 1
     assert refused > 20
+
+
+def notes(model, *used):
+    return " ".join(model.notes(model.pieces(*used), *used))
+
+
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        ({"materials": [{"name": "lamp", "emissiveFactor": [1, 1, 1]}]}, "emission (lamp)"),
+        ({"materials": [{"name": "pane", "alphaMode": "BLEND"}]}, "transparency (pane)"),
+        ({"materials": [{"name": "can"}]}, "metal (can)"),  # as glTF says
+        ({"materials": [{"normalTexture": {"index": 0}}]}, "normal maps (material 0)"),
+        ({"materials": [{"occlusionTexture": {"index": 0}}]}, "occlusion maps (material 0)"),
+        (
+            {"materials": [{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}]},
+            "metal in a picture (material 0)",
+        ),
+        ({"materials": [{"pbrMetallicRoughness": {"roughnessFactor": 0.2}}]}, "gloss (material 0)"),
+        (
+            {"extensionsUsed": ["KHR_lights_punctual", "EXT_mesh_gpu_instancing"]},
+            "extensions (KHR_lights_punctual, EXT_mesh_gpu_instancing)",
+        ),
+        ({"cameras": [{"name": "front"}]}, "cameras (front)"),
+        ({"scenes": [{"nodes": [0]}, {"name": "x\x1b[3m"}]}, r"other scenes (x\x1b[3m)"),
+        ({"animations": [{"name": "walk", "channels": []}]}, "animations (walk)"),
+        ({"samplers": [{"wrapS": 33071}]}, "pictures' clamping and mirroring"),
+    ],
+)
+def test_what_of_a_gltf_file_has_no_effect_is_told(write, header, told):
+    file = Gltf()
+    file.triangle(material=0 if "materials" in header else None)
+    file.header |= header
+    assert told in notes(write(file.glb()))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.obj", "l 1 2\np 1\n", "statements (l, p)"),
+        ("a.obj", "s 1\n", "smoothing groups"),
+        ("a.mtl", "d 0.5", "transparency (tin)"),
+        ("a.mtl", "Ke 1 1 1", "emission (tin)"),
+        ("a.mtl", "Ks 0.5 0.5 0.5", "gloss and metal (tin)"),
+        ("a.mtl", "illum 5", "illum 5 (tin)"),
+        ("a.mtl", "map_Bump rough.png", "map_bump pictures (tin)"),
+    ],
+)
+def test_what_of_other_files_has_no_effect_is_told(write, tmp_path, name, content, told):
+    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    if name == "a.mtl":
+        (tmp_path / name).write_text(f"newmtl tin\n{content}\n")
+        name, made = "a.obj", f"mtllib a.mtl\nusemtl tin\n{triangle}"
+    else:
+        made = content + triangle
+    assert told in notes(write(made, name))
+    assert not notes(write("# plain\n" + triangle, "b.obj"))
