@@ -281,8 +281,7 @@ def unbaked() -> Iterator[list[Bake]]:
         return found
 
     with (
-        patch.object(BakedLight, "bake_all", lambda light: bakes.append(Bake(light))),
-        patch.object(BakedLight, "contents", lambda _light: {}),
+        patch.object(BakedLight, "compute_all", lambda light: bakes.append(Bake(light))),
         patch.object(Gatherer, "leaving", counted),
     ):
         yield bakes

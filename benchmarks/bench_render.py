@@ -23,7 +23,7 @@ from megalopta.dataset.store import Dataset
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.render.truth import rays
+from megalopta.render.truth.rays import SceneRays
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.cameras.panoramic import EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
@@ -150,8 +150,8 @@ def main() -> None:
     compare_truth(4)
     compare_cameras(5)
     PathIntegrator.render = timed(PathIntegrator.render)  # type: ignore[method-assign]
-    for name in ("nearest_hits", "is_hidden"):
-        setattr(rays, name, timed(getattr(rays, name)))
+    for name in ("nearest", "is_hidden"):
+        setattr(SceneRays, name, timed(getattr(SceneRays, name)))
     run(24, {})
     # A camera that stands still: every frame is the same work.
     run(

@@ -1,5 +1,4 @@
 from .environment import read_picture as read_picture
-from .exporting import export_scene as export_scene
 from .exr import (
     read_attributes as read_attributes,
     read_radiance as read_radiance,

@@ -72,11 +72,16 @@ class EnvironmentView:
 
     def light_survey(self, positions: Floats) -> LightSurvey:
         """Illuminance, measured along rays like those of the pixels; equal everywhere."""
-        colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)
+        # Cosine-distributed about the zenith, along a Fibonacci spiral.
+        number = np.arange(_METER_RAYS)
+        radius, turn = np.sqrt((number + 0.5) / _METER_RAYS), number * np.pi * (3 - np.sqrt(5))
+        upward = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)
+        colors = look_up(self._rgb, np.stack(upward, -1).astype(np.float32), self._turn)
         lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
         return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
 
     def _seen_from(self, pose: Floats) -> Image:
+        """Radiance (H, W, B) from a pose (4, 4), in strips of rows."""
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
         strips = []
@@ -97,14 +102,6 @@ def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
     x = (0.5 - azimuth / (2 * math.pi)) * columns - 0.5
     y = np.clip(polar / math.pi * rows - 0.5, 0, rows - 1)
     return bilinear(rgb, x, y).astype(np.float32)
-
-
-def cosine_directions(count: int) -> Image:
-    """Unit vectors (count, 3) to the upper hemisphere, cosine-distributed about the zenith."""
-    index = np.arange(count)
-    radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
-    up = np.sqrt(1 - radius**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), up], -1).astype(np.float32)
 
 
 def load_panorama(environment: Environment) -> Image:
@@ -181,9 +178,8 @@ def under_panorama(scene: Scene) -> Scene:
     if irradiance.any():
         parts = zip(panorama.spectra, irradiance.tolist(), strict=True)
         sun = Sun(direction, total([spectrum.scaled(factor) for spectrum, factor in parts]))
-    patterns = [*lighting.patterns, *patterns]
-    lit = replace(lighting, sun=sun, patterns=tuple(patterns), panorama=None)
-    return replace(scene, lighting=lit)
+    skies = *lighting.patterns, *patterns
+    return replace(scene, lighting=replace(lighting, sun=sun, patterns=skies, panorama=None))
 
 
 def turned_panorama(picture: Image, turn_deg: float) -> Image:

@@ -183,11 +183,15 @@ def read_truth(path: Path) -> "Truth":
         if field.startswith(("occluded", "out_of_view")):
             values[field] = values[field].astype(bool)
     values["position"] = values["position"].astype(np.float64) + origin
-    ways = {
-        way: FlowSpread(**_under(f"footprint.{way}", values)) for way in ("forward", "backward")
-    }
-    footprint = Footprint(**_under("footprint", values) | ways)
-    return Truth(**_under("", values), footprint=footprint)
+
+    def under(group: str) -> dict[str, Any]:
+        """Entries directly in a group, by the rest of their name."""
+        parts = {field: field.rpartition(".") for field in values}
+        return {name: values[field] for field, (owner, _, name) in parts.items() if owner == group}
+
+    forward, backward = (FlowSpread(**under(f"footprint.{way}")) for way in ("forward", "backward"))
+    footprint = Footprint(**under("footprint"), forward=forward, backward=backward)
+    return Truth(**under(""), footprint=footprint)
 
 
 def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
@@ -198,25 +202,15 @@ def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
     return channels[_CLUSTER_CHANNEL].astype(np.uint32)
 
 
-def _under(group: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries directly in a group, by the rest of their name."""
-    split = {field: field.rpartition(".") for field in values}
-    return {name: values[field] for field, (owner, _, name) in split.items() if owner == group}
-
-
 def _write(
     path: Path, channels: Mapping[str, NDArray[np.generic]], header: Mapping[str, str]
 ) -> None:
     import OpenEXR
 
-    full_header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        **header,
-    }
+    form = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with atomic_write(path) as temporary:
         try:
-            OpenEXR.File(full_header, dict(channels)).write(str(temporary))
+            OpenEXR.File({**form, **header}, dict(channels)).write(str(temporary))
         except RuntimeError as problem:
             # OpenEXR reports system errors, such as a full disk, as text.
             codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]

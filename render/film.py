@@ -100,11 +100,6 @@ class FrameExposure:
     by_columns: bool = False
     """True if columns are read one after the other, not rows."""
 
-    @property
-    def is_instant(self) -> bool:
-        """True for an instant, with a single pose."""
-        return self.parts[0].poses.ndim == 2
-
 
 class Film:
     """Mitsuba sensor with the division of frames into passes.
@@ -207,8 +202,6 @@ _COALESCED = 4
 Look = Callable[[Any, Any, Any], list[Any]]
 """Quantities along rays, a list of floats each, given rays, the place from 0 to 1 of each sample
 among those of its pixel, and the sampler, which has more random numbers for them."""
-
-
 Radiance = Callable[[Any, Any], tuple[Any, Any]]
 """Spectral radiance along rays, given a sampler and these, and True for those with a hit."""
 
@@ -258,19 +251,19 @@ def pixel_means(
     if chosen is not None:
         pixels, table = len(chosen), mi.UInt(chosen.astype(np.uint32))
     most = min(samples, max(1, SAMPLES_AT_ONCE // pixels))
-    at_once = max(each for each in range(1, most + 1) if samples % each == 0)
+    at_once = max(part for part in range(1, most + 1) if samples % part == 0)
     sampler.set_samples_per_wavefront(at_once)
     sampler.seed(seed, pixels * at_once)
     # As constants they would have the same code compiled for each image size.
-    columns, each_time, in_all = (dr.opaque(mi.UInt, x) for x in (width, at_once, samples))
+    columns, per_pixel, in_all = (dr.opaque(mi.UInt, x) for x in (width, at_once, samples))
     size = mi.Point2f(columns, dr.opaque(mi.UInt, height))
     total: list[Any] = []
     for first in range(0, samples, at_once):
         lane = dr.arange(mi.UInt, pixels * at_once)
-        number = lane // each_time
+        number = lane // per_pixel
         pixel = number if table is None else dr.gather(mi.UInt, table, number)
         corner = mi.Point2f(pixel % columns, pixel // columns)
-        index = lane - number * each_time + dr.opaque(mi.UInt, first)
+        index = lane - number * per_pixel + dr.opaque(mi.UInt, first)
         place = (mi.Float(index) + 0.5) / mi.Float(in_all)
         position = (corner + sampler.next_2d()) / size
         time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
@@ -279,10 +272,10 @@ def pixel_means(
         dr.eval(ray, place)  # so that what is looked at does not depend on the camera
         seen = look(ray, place, sampler)
         dr.eval(seen)  # otherwise rays would be traced again for each quantity
-        found = [dr.block_sum(each, at_once) / samples for each in seen]
-        total = [a + b for a, b in zip(total, found, strict=True)] if total else found
+        means = [dr.block_sum(values, at_once) / samples for values in seen]
+        total = [a + b for a, b in zip(total, means, strict=True)] if total else means
         sampler.advance()
         sampler.schedule_state()
         dr.eval(total)
-    means = np.stack([np.array(values) for values in total], axis=-1)
-    return means if table is not None else means.reshape(height, width, -1)
+    image = np.stack([np.array(values) for values in total], axis=-1)
+    return image if table is not None else image.reshape(height, width, -1)

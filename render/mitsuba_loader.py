@@ -9,8 +9,6 @@ Each Mitsuba class exists once per variant. Plug-ins are written as plain classe
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -39,25 +37,13 @@ import mitsuba as mi  # noqa: E402
 # Warnings, such as that samplers round up, are in the settings' help; errors are raised anyway.
 mi.set_log_level(mi.LogLevel.Error)
 
-__all__ = ["PlugIn", "activate", "activated", "dr", "is_scalar", "mi", "plug_in", "registered"]
+__all__ = ["PlugIn", "activate", "dr", "is_scalar", "mi", "plug_in", "registered"]
 
 
 def activate(variant: Variant) -> None:
     """Make Mitsuba use the variant from here on."""
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
-
-
-@contextmanager
-def activated(variant: Variant) -> Iterator[None]:
-    """Make Mitsuba use the variant inside, and the former one again after it."""
-    former = mi.variant()
-    activate(variant)
-    try:
-        yield
-    finally:
-        if former:
-            mi.set_variant(former)
 
 
 def is_scalar() -> bool:

@@ -23,7 +23,6 @@ from megalopta.render.film import developed, pixel_means
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.scene import Layers
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
-from megalopta.render.shading import wavelength_groups
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²: 1/p and
 # 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
@@ -115,13 +114,13 @@ class LightPaths:
         first: Any = mi.Ray3f(origin, rays.d)
         first.wavelengths = rays.wavelengths
         try:
-            found = self._traced(scene, sampler, first, active)
+            light, valid = self._traced(scene, sampler, first, active)
         except RuntimeError as problem:  # Dr.Jit's, also for Ctrl-C in the loop
             if isinstance(problem.__cause__, KeyboardInterrupt):
                 raise KeyboardInterrupt from problem
             raise
-        dr.eval(found)
-        return found
+        dr.eval(light, valid)
+        return light, valid
 
     @dr.syntax
     def _traced(self, scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any]:
@@ -179,12 +178,25 @@ def _share(pdf: Any, other: Any) -> Any:
     return dr.select(dr.isfinite(weight), weight, 0.0)
 
 
+def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
+    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
+
+    `place` is the position of the wavelength in each band, 0 to 1.
+    """
+    for first in range(0, len(bands_nm), 4):
+        group = bands_nm[first : first + 4]
+        # Unused wavelengths repeat the last band and are not read.
+        padded = [*group, *[group[-1]] * (4 - len(group))]
+        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
+        yield first, len(group), mi.Spectrum(wavelengths)
+
+
 class BandPaths:
     """Light paths of selected rays, in bands."""
 
     def __init__(self, bands_nm: Bands, max_depth: int, layers: Layers | None = None) -> None:
         self._bands = bands_nm
-        self._paths = LightPaths(max_depth, layers)
+        self._paths, self._sampler = LightPaths(max_depth, layers), keyed_sampler()
 
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
         """Radiance of each band along those of N rays that are active; 0 along others.
@@ -193,19 +205,18 @@ class BandPaths:
         with random numbers derived from one of the sampler's.
         """
         key = mi.UInt(sampler.next_1d() * 2.0**32)
-        found = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
+        light = [dr.zeros(mi.Float, dr.width(active)) for _ in self._bands]
         lanes: Any = dr.compress(active)
         if not dr.width(lanes):
-            return found
+            return light
         rays, place = dr.gather(mi.Ray3f, mi.Ray3f(ray), lanes), dr.gather(mi.Float, place, lanes)
-        numbers = keyed_sampler()
-        numbers.start(dr.gather(mi.UInt, key, lanes), lanes)
+        self._sampler.start(dr.gather(mi.UInt, key, lanes), lanes)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
-            values, _ = self._paths.radiance(scene, numbers, rays)
+            values, _ = self._paths.radiance(scene, self._sampler, rays)
             for band in range(size):
-                dr.scatter(found[first + band], values[band], lanes)
-        return found
+                dr.scatter(light[first + band], values[band], lanes)
+        return light
 
 
 SCATTERINGS = 64
@@ -274,16 +285,14 @@ class PathIntegrator:
             return np.array(self._radiance(scene, sampler, rays)[0], np.float64)
 
         if self._is_scalar:
-            each = zip(
-                origins.T.tolist(), directions.T.tolist(), wavelengths.T.tolist(), strict=True
-            )
-            return np.stack([light(*ray) for ray in each], axis=-1)
+            columns = (values.T.tolist() for values in (origins, directions, wavelengths))
+            return np.stack([light(*ray) for ray in zip(*columns, strict=True)], axis=-1)
         return light(*(values.astype(np.float32) for values in (origins, directions, wavelengths)))
 
     def _radiance(self, scene: Any, sampler: Any, rays: Any) -> tuple[Any, Any]:
         if not self._air and not self._is_scalar:
-            found: tuple[Any, Any] = self._trace.radiance(scene, sampler, rays)
-            return found
+            traced: tuple[Any, Any] = self._trace.radiance(scene, sampler, rays)
+            return traced
         medium = self._air.medium if self._air else None
         light, valid, _ = self._trace.sample(scene, sampler, rays, medium)
         return light, valid
@@ -294,12 +303,12 @@ class PathIntegrator:
         if self._is_scalar:
             sky = _scalar_sky(scene, sensor, seed)
         else:
-            sky = pixel_means(sensor, sensor.sampler(), seed, partial(_sky, scene))
+
+            def look(ray: Any, *_: Any) -> list[Any]:
+                return [dr.select(scene.ray_test(ray), 0.0, 1.0)]
+
+            sky = pixel_means(sensor, sensor.sampler(), seed, look)
         return np.concatenate([radiance, sky], axis=-1)
-
-
-def _sky(scene: Any, ray: Any, *_: Any) -> list[Any]:
-    return [dr.select(scene.ray_test(ray), 0.0, 1.0)]
 
 
 def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:

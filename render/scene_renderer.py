@@ -5,7 +5,6 @@ own seed, as equal seeds would give noise that is fixed on the sensor and detect
 """
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +14,7 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
-from megalopta.render.loading.air import Air, fill
+from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, MovingScene, is_layered, load_scene
 from megalopta.render.mitsuba_loader import activate
@@ -25,9 +24,8 @@ from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surveys import LightSurvey
-from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.geometry import Geometry, Instant, Rolling
 from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer, albedo_of
-from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
@@ -39,19 +37,6 @@ from megalopta.scenes.trajectories.orbit import Fit, bounds_of
 _POSES, _ROLLING_POSES = 256, 64
 _LOOKS = 256
 """Most poses that are searched for a view of any surface."""
-
-
-def _path_tracer(
-    whole: LoadedScene, settings: RenderSettings, still: Any, air: Air | None
-) -> PathIntegrator | SplitPaths:
-    """Path tracer of a scene whose objects at rest are also a scene of their own."""
-    scene, meshes, loaded = whole
-    if not can_split(scene, meshes):
-        return PathIntegrator(settings.max_depth, air)
-    if not is_layered(meshes):
-        return SplitPaths(whole, settings)
-    exposing = SplitPaths(whole, settings, MovingScene(meshes, loaded, still))
-    return SplitPaths(whole, settings, exposing=exposing)
 
 
 class SceneRenderer:
@@ -111,7 +96,15 @@ class SceneRenderer:
         else:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
-            integrator: Integrator = _path_tracer(whole, settings, geometry.still, air)
+            integrator: Integrator
+            if not can_split(scene, meshes):
+                integrator = PathIntegrator(settings.max_depth, air)
+            elif is_layered(meshes):
+                layers = MovingScene(meshes, loaded, geometry.still)
+                exposing = SplitPaths(whole, settings, layers)
+                integrator = SplitPaths(whole, settings, exposing=exposing)
+            else:
+                integrator = SplitPaths(whole, settings)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
@@ -237,10 +230,10 @@ class SceneRenderer:
     def albedo(self, pose: Floats, time_s: float = 0.0) -> NDArray[np.float32]:
         """Diffuse reflectance (H, W, B) at the pixel centers, means over the bands; sky: 0."""
         surface = self._tracer.see(Instant(time_s, self._local(pose)))
-        found = albedo_of(
+        albedo = albedo_of(
             surface, self._geometry, self._meshes, self._scene.materials, self._bands_nm
         )
-        return found.reshape(*self.camera.shape, -1).astype(np.float32)
+        return albedo.reshape(*self.camera.shape, -1).astype(np.float32)
 
     def leaf_clusters(self, pose: Floats, time_s: float = 0.0) -> NDArray[np.uint32]:
         """Number of the twig (H, W), within its plant from 1, whose leaf the pixel centers see.

@@ -11,7 +11,7 @@ the correlation of green leaves and green light amounts to several percent. Ther
 or four where a surface of the scene has a texture of colors: black, red, green and blue.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,19 +104,6 @@ class Scattering:
         return np.asarray(np.mean(self._table * light, axis=-1)).reshape(len(self._table), 2, -1)
 
 
-def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
-    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
-
-    `place` is the position of the wavelength in each band, 0 to 1.
-    """
-    for first in range(0, len(bands_nm), 4):
-        group = bands_nm[first : first + 4]
-        # Unused wavelengths repeat the last band and are not read.
-        padded = [*group, *[group[-1]] * (4 - len(group))]
-        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
-        yield first, len(group), mi.Spectrum(wavelengths)
-
-
 # Wavelengths per band mean.
 _GRID = 2**10
 _BELOW_ONE = 1 - 2**-24
@@ -136,6 +123,11 @@ class Sight:
     """True where a surface was hit that does not emit: where `mesh` is valid."""
     mesh: Any
     """Index of the mesh, as loaded."""
+
+    @property
+    def sky(self) -> Any:
+        """1 where a ray hits nothing."""
+        return dr.select(self.point.is_valid(), 0.0, 1.0)
 
 
 def side_of(sight: Sight, through: Any) -> Any:

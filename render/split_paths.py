@@ -129,13 +129,13 @@ class SplitPaths:
         if self._sun:
             direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
             light = [a + b for a, b in zip(light, direct, strict=True)]
-        return [*light, _sky(sight)]
+        return [*light, sight.sky]
 
     def _skylit(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky on the surfaces seen."""
         sight, weights = self._look(ray)
         light = self._sky.radiance(self._layers, sight, weights, sampler)
-        return [*light, _sky(sight)]
+        return [*light, sight.sky]
 
     def _followed(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of other surfaces on those seen."""
@@ -146,7 +146,7 @@ class SplitPaths:
         dr.eval(sight, weights, rays, through, blocked, place)
         arriving = self._paths.radiance(self._loaded, rays, place, sampler, blocked)
         light = self._bounces.reflected(sight, through, weights, place, arriving)
-        return [*light, _sky(sight)]
+        return [*light, sight.sky]
 
     def _look(self, ray: Any) -> tuple[Sight, Weights]:
         """Surfaces seen along rays, and the weights of their textures."""
@@ -154,7 +154,3 @@ class SplitPaths:
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
         sight = Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
         return sight, self._textures.weights(sight)
-
-
-def _sky(sight: Sight) -> Any:
-    return dr.select(sight.point.is_valid(), 0.0, 1.0)

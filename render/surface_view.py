@@ -7,7 +7,7 @@ have. Paths of equal seeds start alike, so few longer ones are enough to measure
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,36 +32,8 @@ _MORE_HITS = 32
 _LONGER_SEED = 0
 
 
-def share_left_out(
-    scene: Any, film: Film, pose: Floats, max_depth: int, air: Air | None = None
-) -> Floats:
-    """Return the share of the light of surfaces, by band, that more hits would add, (B,).
-
-    Parameters
-    ----------
-    scene
-        Loaded scene.
-    film
-        Film with few samples.
-    pose : (4, 4)
-    max_depth : int
-        Longest path of the frames.
-    air
-        The scene's haze.
-    """
-    short, long = (PathIntegrator(depth, air) for depth in (max_depth, max_depth + _MORE_HITS))
-    found = film.expose(short.render, scene, pose, _LONGER_SEED)
-    whole = film.expose(long.measured, scene, pose, _LONGER_SEED)
-    bands, shows_surfaces = found.shape[-1], whole[..., -1] == 0
-    part, all_of_it = (
-        each[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for each in (found, whole)
-    )
-    kept = np.divide(part, all_of_it, out=np.ones(bands), where=all_of_it > 0)
-    return np.asarray(1 - kept)
-
-
 _LONGER_PATHS = 2**15
-"""Number of longer paths for the truncation bias; at least one per pixel"""
+"""Number of longer paths for the truncation bias; at least one per pixel."""
 
 
 class SurfaceView:
@@ -131,15 +103,24 @@ class SurfaceView:
         self._check(pose)
         # The other's sampler serves light: the path tracer is compiled for each.
         settings = self._settings.model_copy(update={"sampler": "independent"})
-        film = Film(self._camera, settings, samples)
-        return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
+        film, depth = Film(self._camera, settings, samples), self._settings.max_depth
+        short, long = (PathIntegrator(each, self._air) for each in (depth, depth + _MORE_HITS))
+        light = film.expose(short.render, self._loaded, pose, _LONGER_SEED)
+        whole = film.expose(long.measured, self._loaded, pose, _LONGER_SEED)
+        bands, shows_surfaces = light.shape[-1], whole[..., -1] == 0
+        part, all_of_it = (
+            image[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for image in (light, whole)
+        )
+        kept = np.divide(part, all_of_it, out=np.ones(bands), where=all_of_it > 0)
+        return np.asarray(1 - kept)
 
     def _taken(self, exposure: FrameExposure, is_measured: bool) -> NDArray[np.float32]:
         """Mean over the instants at which moving objects are placed; the camera moves continuously.
 
         Lines of a rolling shutter share poses of moving objects (`sharing`).
         """
-        integrator = self._integrator if exposure.is_instant else self._integrator.exposing
+        is_exposed = exposure.parts[0].poses.ndim > 2  # by many poses
+        integrator = self._integrator.exposing if is_exposed else self._integrator
         trace = integrator.measured if is_measured else integrator.render
         move_to = self.move_to if integrator is self._integrator else integrator.move_to
         rows = None
@@ -148,8 +129,7 @@ class SurfaceView:
             count, lines = part.poses.shape[:2]
             pose, meshes = part.poses[count // 2, lines // 2], list(self._moving.values())
             rows = lines_of_a_pose(meshes, self._camera, pose, part.line_times_s)
-        parts, is_exposed = len(exposure.parts), not exposure.is_instant
-        film = self._film(parts, is_exposed, rows, exposure.by_columns)
+        film = self._film(len(exposure.parts), is_exposed, rows, exposure.by_columns)
         images = []
         for part in exposure.parts:
             self._check(part.poses)
@@ -233,22 +213,19 @@ def lines_of_a_pose(
 
 def _farthest(mesh: MovingMesh, camera: Camera, pose: Floats, moments: Floats) -> float:
     """Longest displacement in the image, px, of a visible triangle from one moment to the next."""
+
+    def from_camera(vertices: NDArray[np.float32]) -> Floats:
+        return np.asarray(np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3]))
+
     seen = np.zeros(len(mesh.faces), bool)
     for time in moments[[0, len(moments) // 2, -1]].tolist():
-        seen |= _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(time), pose))
+        seen |= _seen(mesh.faces, camera, from_camera(mesh.vertices_at(time)))
     vertex, corner = np.unique(mesh.faces[seen].astype(np.int64), return_inverse=True)
     corner = corner.reshape(-1, 3)
-    each = [
-        _from_camera(mesh.some_vertices_at(vertex, np.full(len(vertex), time)), pose)
-        for time in moments
+    places = [
+        from_camera(mesh.some_vertices_at(vertex, np.full(len(vertex), time))) for time in moments
     ]
-    return max(_longest(camera, a[corner], b[corner]) for a, b in pairwise(each))
-
-
-def _from_camera(vertices: NDArray[np.float32], pose: Floats) -> Floats:
-    """Vectors (n, 3) from the camera to vertices (n, 3) in camera axes."""
-    ways: Floats = np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
-    return ways
+    return max(_longest(camera, a[corner], b[corner]) for a, b in pairwise(places))
 
 
 def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:

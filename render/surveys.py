@@ -18,7 +18,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render.loading.air import Air
 from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.truth import rays
+from megalopta.render.truth.rays import SceneRays
 from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.spectrum import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 
@@ -59,6 +59,7 @@ class LightMeter:
         self, scene: Any, lighting: Lighting, max_depth: int, air: Air | None = None
     ) -> None:
         self._scene, self._lighting, self._max_depth, self._air = scene, lighting, max_depth, air
+        self._rays = SceneRays(scene)
         self._sun = lighting.sun if max_depth > 1 or air else None
         self._paths = _UNEVEN_PATHS if lighting.patterns or air else _PATHS
         self._integrator = PathIntegrator(max_depth - 1, air)
@@ -67,7 +68,7 @@ class LightMeter:
         """Measure above and below camera positions (N, 3), m."""
         below = []
         for position in positions:
-            hits = rays.nearest_hits(self._scene, position, np.array([[0.0, 0.0, -1.0]]))
+            hits = self._rays.nearest(position, np.array([[0.0, 0.0, -1.0]]))
             distance = float(hits.distance[0])
             if np.isfinite(distance):
                 below.append(position - [0, 0, max(distance - _CLEARANCE_M, 0)])
@@ -86,7 +87,7 @@ class LightMeter:
         disc_lux = 0.0
         if self._sun is not None:
             toward = self._sun.points(DISC_POINTS)
-            hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
+            hidden = self._rays.is_hidden(position, toward, np.full(DISC_POINTS, np.inf))
             unmet = self._air.transmittance(position, toward) if self._air else np.ones(DISC_POINTS)
             cosine = np.where(hidden, 0, unmet * np.maximum(toward[:, 2], 0)).mean()
             disc_lux = float(luminous(self._sun.irradiance) * cosine)

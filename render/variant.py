@@ -39,10 +39,10 @@ CUDA_NOTE = (
     "with llvm, whose bytes are the same on every machine"
 )
 
-_LIBRARY_FOLDERS = {
-    "linux": ("usr/lib/*-linux-gnu", "usr/lib64", "usr/lib", "usr/local/lib", "usr/lib/llvm-*/lib"),
-    "darwin": ("opt/homebrew/opt/llvm*/lib", "usr/local/opt/llvm*/lib"),
-}
+_LIBRARY_FOLDERS = (
+    *("usr/lib/*-linux-gnu", "usr/lib64", "usr/lib", "usr/local/lib", "usr/lib/llvm-*/lib"),
+    *("opt/homebrew/opt/llvm*/lib", "usr/local/opt/llvm*/lib"),
+)
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,8 @@ def llvm_version(library: Path) -> tuple[int, int, int] | None:
 def _refusal(version: tuple[int, int, int] | None) -> str:
     if version is None:
         return "cannot be loaded as a library"
-    if version == (0, 0, 0):
-        return "reports no LLVM version, as before LLVM 16, which would abort the process"
     if version[0] < TRIED_LLVM[0]:
-        return f"is LLVM {version[0]}, which would abort the process"
+        return f"is LLVM {version[0] or 'before 16'}, which would abort the process"
     return f"is LLVM {version[0]}, which is untested"
 
 
@@ -167,17 +165,12 @@ def llvm_libraries() -> Iterator[Path]:
         for file in files(_LLVM_PACKAGE) or []:
             if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name):
                 yield Path(str(file.locate())).resolve()
-    yield from sorted(system_libraries(), key=_newest_first)
-
-
-def system_libraries() -> set[Path]:
-    """Candidate libraries on the machine."""
-    folders = [f for each in _LIBRARY_FOLDERS.get(sys.platform, ()) for f in Path("/").glob(each)]
     name = re.compile(r"(lib)?LLVM(-C|-\d+)?\.(so|dylib|dll)[\d.]*")
-    found = (each for folder in folders for each in folder.glob("*LLVM*"))
-    return {each.resolve() for each in found if name.fullmatch(each.name)}
+    folders = [folder for pattern in _LIBRARY_FOLDERS for folder in Path("/").glob(pattern)]
+    libraries = {path.resolve() for folder in folders for path in folder.glob("*LLVM*")}
 
+    def newest_first(library: Path) -> tuple[int, str]:
+        number = re.search(r"\d+", library.name) or re.search(r"(?<=llvm-)\d+", str(library))
+        return -int(number.group()) if number else 0, str(library)
 
-def _newest_first(library: Path) -> tuple[int, str]:
-    number = re.search(r"\d+", library.name) or re.search(r"(?<=llvm-)\d+", str(library))
-    return -int(number.group()) if number else 0, str(library)
+    yield from sorted((each for each in libraries if name.fullmatch(each.name)), key=newest_first)

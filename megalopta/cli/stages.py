@@ -21,7 +21,7 @@ from megalopta.cli.command import (
 )
 from megalopta.cli.settings import VerbSettings
 from megalopta.config import built_in_names
-from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.progress import numbered_stage, say, step
 
 if TYPE_CHECKING:
@@ -279,18 +279,17 @@ VERBS["scene"] = Verb("export a scene")
 
 @verb(
     "scene export",
-    "write a frame of a scene as Mitsuba's XML, which plain Mitsuba renders alike, or as GLB",
+    "write the objects of a scene at a frame as GLB, for Blender or a viewer",
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
-    out("out/scene", "folder of the XML and its files, or a GLB file by its name"),
+    out("out/scene.glb", "GLB file"),
     option("--frame", "frame, counted from 0", at_least(0), 0),
     settings=VerbSettings(stage="render"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
-    example="megalopta scene export demo --out out/scene --frame 3",
+    example="megalopta scene export demo --out out/scene.glb --frame 3",
 )
 def _export(options: Namespace) -> Path:
     from megalopta.config.model import load
     from megalopta.core import files
-    from megalopta.render import export_scene
     from megalopta.scenes.glb import glb_of
     from megalopta.stages.render import build
 
@@ -300,11 +299,7 @@ def _export(options: Namespace) -> Path:
         raise UserError(
             f"--frame {options.frame}: frames are 0 to {path.frames - 1}; give one of these"
         )
-    scene, pose, time_s = build(settings), path.poses()[options.frame], path.times_s[options.frame]
-    if options.out.suffix.lower() == ".glb":
-        with files.atomic_write(options.out) as temporary:
-            temporary.write_bytes(glb_of(scene, float(time_s)))
-        return Path(options.out)
-    how, at_s = (settings.camera, settings.render, pose), float(time_s)
-    with refused_as("scene export"):
-        return export_scene(scene, *how, options.out, at_s)
+    content = glb_of(build(settings), float(path.times_s[options.frame]))
+    with files.atomic_write(options.out) as temporary:
+        temporary.write_bytes(content)
+    return Path(options.out)

@@ -94,29 +94,15 @@ def path_tracing_reason(
         return "no sun or sky lights the scene"
     if poses is None:
         return "the camera's path is unknown"
-    if settings.integrator == "auto" and not may_pay(settings, len(poses), pixels):
-        samples = len(poses) * settings.samples_per_pixel
+    samples = len(poses) * settings.samples_per_pixel
+    passes = settings.max_passes if settings.target_error is not None else 1
+    is_few = samples * passes < _FEWEST_SAMPLES or samples * passes * pixels < FEWEST_IN_ALL
+    if settings.integrator == "auto" and is_few:
         return (
             f"{samples} samples per pixel in all frames, of {pixels} pixels, are too few for "
             "baking to pay"
         )
     return ""
-
-
-def may_pay(settings: RenderSettings, frames: int, pixels: int) -> bool:
-    """True if baking may pay for these frames and pixels; a survey decides."""
-    passes = settings.max_passes if settings.target_error is not None else 1
-    samples = frames * settings.samples_per_pixel * passes
-    return samples >= _FEWEST_SAMPLES and samples * pixels >= FEWEST_IN_ALL
-
-
-def samples_of_pixel(settings: RenderSettings, scatter: Scatter) -> int:
-    """Samples per pixel and frame that reach the target error together with baked light."""
-    if settings.target_error is None:
-        return settings.samples_per_pixel
-    left = settings.target_error**2 - settings.standing_error**2
-    passes = math.ceil(scatter.baked**2 / left / settings.samples_per_pixel)
-    return settings.samples_per_pixel * min(max(passes, 2), settings.max_passes)
 
 
 def cost_reason(rays: int, pixels: int, scatter: Scatter, settings: RenderSettings) -> str:
@@ -127,7 +113,11 @@ def cost_reason(rays: int, pixels: int, scatter: Scatter, settings: RenderSettin
     """
     if not scatter.traced:
         return "no surface in view is lit"
-    samples = samples_of_pixel(settings, scatter)
+    samples = settings.samples_per_pixel
+    if settings.target_error is not None:
+        left = settings.target_error**2 - settings.standing_error**2
+        passes = math.ceil(scatter.baked**2 / left / samples)
+        samples *= min(max(passes, 2), settings.max_passes)
     error2 = scatter.baked**2 / samples + settings.standing_error**2
     share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * scatter.traced**2 / error2)
     if share <= 1:
@@ -168,8 +158,8 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
     `look` returns the light of each band, a draw of its error for each, and whether it is the sky.
     All rays of a frame are traced at once, as each launch has a fixed cost.
     """
-    found = np.concatenate([_of_pixels(frame, look) for frame in frames], axis=1)
-    light, square, standing, sky = found
+    means = np.concatenate([_of_pixels(frame, look) for frame in frames], axis=1)
+    light, square, standing, sky = means
     surface = sky == 0
     if not surface.any():
         return Pilot(0.0, 0.0, 0.0)
@@ -180,17 +170,17 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
 
 def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: Any) -> float:
     """RMS error of one sample of split paths over the mean, of pixels that show only surfaces."""
+    light = variance = 0.0
+    for part in parts:
 
-    def found(part: Part) -> Pilot:
-        def look(rays: Any) -> list[Any]:
-            *light, sky = part.look(rays, mi.Float(0.5), sampler)
-            return [*light, *[dr.zeros(mi.Float, dr.width(sky))] * len(light), sky]
+        def look(rays: Any, part: Part = part) -> list[Any]:
+            *bands, sky = part.look(rays, mi.Float(0.5), sampler)
+            return [*bands, *[dr.zeros(mi.Float, dr.width(sky))] * len(bands), sky]
 
-        return pilot(frames, look)
-
-    pilots = [(part.every, found(part)) for part in parts]
-    light = sum(each.mean for _, each in pilots)
-    return math.sqrt(sum(every * each.variance for every, each in pilots)) / max(light, 1e-300)
+        of_part = pilot(frames, look)
+        light += of_part.mean
+        variance += part.every * of_part.variance
+    return math.sqrt(variance) / max(light, 1e-300)
 
 
 def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
@@ -200,13 +190,13 @@ def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
     error of some rays is too large. The product of those of two halves of the rays is right.
     """
     directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
-    found = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
-    bands = len(found) // 2
-    total: Any = sum(found[:bands])
-    parts = total, dr.square(total), sum(found[bands:-1]), found[-1]
-    dr.eval(parts)
-    seen = np.array([np.array(each) for each in parts]).reshape(4, 2, _RAYS // 2, -1)
-    halves = seen.mean(axis=2, dtype=np.float64)
+    values = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
+    bands = len(values) // 2
+    total: Any = sum(values[:bands])
+    quantities = total, dr.square(total), sum(values[bands:-1]), values[-1]
+    dr.eval(quantities)
+    rays = np.array([np.array(each) for each in quantities]).reshape(4, 2, _RAYS // 2, -1)
+    halves = rays.mean(axis=2, dtype=np.float64)
     means = halves.mean(axis=1)
     means[2] = halves[2].prod(axis=0)
     return np.asarray(means)
@@ -223,11 +213,11 @@ Differences = Callable[[Any, Any, Any], list[Any]]
 """Baked light minus that of paths in each band, from the arguments of a `Look`."""
 
 
-def pixels_to_compare(work: float, frames: int) -> int:
-    """Number of pixels to compare per measured frame, for the work of all frames."""
+def share_to_compare(work: float, frames: int, pixels: int) -> float:
+    """Share of a measured frame's pixels to compare, for the work of all frames."""
     measured = -(-frames // MEASURED_EVERY)
     paths = _SHARE * work / (WHOLE_PATH + SAMPLE) / measured
-    return max(int(paths / (GROUPS * GROUP)), _FEWEST)
+    return min(1.0, max(int(paths / (GROUPS * GROUP)), _FEWEST) / pixels)
 
 
 def compared(
@@ -239,7 +229,7 @@ def compared(
     W, 2·B + 1).
     """
     sky, bands = image[..., -1], image.shape[-1] // 2
-    found = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
+    differences = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
     part, most = sky <= 0, round(share * sky.size / 2)
     number = np.arange(part.size).reshape(part.shape)
     columns, rows = pairs(part)
@@ -258,5 +248,5 @@ def compared(
         sampler = mi.load_dict({"type": "multijitter", "sample_count": GROUP})
         means = pixel_means(sensor, sampler, part_seed(seed, "comparison"), look, several)
         groups = means.reshape(GROUPS, len(chosen), bands)
-        found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
-    return found.reshape(*sky.shape, -1)
+        differences[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
+    return differences.reshape(*sky.shape, -1)

@@ -26,8 +26,14 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
-from megalopta.render.path_tracing import LightPaths, hashed, keyed_sampler, recurrence
-from megalopta.render.shading import WAVELENGTHS, Scattering, leaving, wavelength_groups
+from megalopta.render.path_tracing import (
+    LightPaths,
+    hashed,
+    keyed_sampler,
+    recurrence,
+    wavelength_groups,
+)
+from megalopta.render.shading import WAVELENGTHS, Scattering, leaving
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 

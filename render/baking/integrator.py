@@ -23,26 +23,16 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
+from megalopta.render.baking import choice
 from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
-from megalopta.render.baking.choice import (
-    BAKE,
-    SAMPLE,
-    Scatter,
-    compared,
-    cost_reason,
-    pilot,
-    pilot_views,
-    pixels_to_compare,
-    scatter_of_paths,
-)
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import BakedLight, Voxels
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
-from megalopta.render.path_tracing import BandPaths
+from megalopta.render.path_tracing import BandPaths, wavelength_groups
 from megalopta.render.settings import part_seed
-from megalopta.render.shading import SunLight, Textures, Weights, wavelength_groups
+from megalopta.render.shading import SunLight, Textures, Weights
 from megalopta.render.split_paths import Part, SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
@@ -53,18 +43,19 @@ _PILOT_DENSITY = 1.0
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Results of N rays per band: emitted light, baked light, a draw of its error.
-
-    `sky` is 1 where they hit nothing. Surfaces without baked light need paths.
-    """
+class Light:
+    """Light along N rays, by band, and where it comes from."""
 
     emitted: list[Any]
-    light: list[Any]
+    baked: list[Any]
+    """Baked light, and that of the sun, of surfaces that have it."""
     standing: list[Any]
+    """A draw of the fixed error of baked light."""
     sky: Any
-    baked: Any
-    traced: Any
+    """1 where a ray hits nothing."""
+    is_baked: Any
+    needs_paths: Any
+    """True for surfaces without baked light."""
 
 
 class BakedLightIntegrator:
@@ -111,36 +102,38 @@ class BakedLightIntegrator:
             rays = views(camera, poses, VIEWS, seed)
             self._light.surveyed(*survey(loaded, self._finder, cells.count, rays))
             self._light.begin(_PILOT_DENSITY)
-            scatter = self._prepare(loaded, pilot_views(camera, poses, seed), parts, settings)
+            scatter = self._prepare(
+                loaded, choice.pilot_views(camera, poses, seed), parts, settings
+            )
         if settings.integrator == "auto":
             seen = len(poses) * pixels
-            self.reason = cost_reason(self._light.total_rays(), seen, scatter, settings)
+            self.reason = choice.cost_reason(self._light.total_rays(), seen, scatter, settings)
         if not self.reason:
             with step("baking light"):
-                self._light.bake_all()
-        work = BAKE * self._light.total_rays()
-        work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
-        self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
+                self._light.compute_all()
+        work = choice.BAKE * self._light.total_rays()
+        work += choice.SAMPLE * len(poses) * pixels * settings.samples_per_pixel
+        self._compared = choice.share_to_compare(work, len(poses), pixels)
 
     def _prepare(
         self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
-    ) -> Scatter:
+    ) -> choice.Scatter:
         """Find the number of rays from some views of a few frames; return the error of a sample."""
         cells = self._light.cells
         met = [survey(loaded, self._finder, cells, each)[0] for each in frames]
-        self._light.bake(np.unique(np.concatenate(met)))
+        self._light.link(np.unique(np.concatenate(met)))
         self._light.smooth()
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
         # Any point of the sun's disc will do.
-        baked = pilot(frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
+        baked = choice.pilot(frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
         light = max(baked.mean, 1e-300)
-        found = math.sqrt(baked.standing) / light
-        density = self._light.density_for(settings.standing_error / found) if found else 1.0
+        error = math.sqrt(baked.standing) / light
+        density = self._light.density_for(settings.standing_error / error) if error else 1.0
         # Always start anew: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
-        traced = scatter_of_paths(parts, frames, sampler) if parts else math.nan
-        return Scatter(math.sqrt(baked.variance) / light, traced)
+        traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
+        return choice.Scatter(math.sqrt(baked.variance) / light, traced)
 
     @property
     def exposing(self) -> "BakedLightIntegrator":
@@ -166,7 +159,9 @@ class BakedLightIntegrator:
         Then the differences from paths of some pixels, in groups (H, W, G·B); NaN for others.
         """
         image = pixel_means(sensor, sensor.sampler(), seed, partial(self._seen, scene))
-        differences = compared(sensor, seed, image, self._compared, partial(self._off, scene))
+        differences = choice.compared(
+            sensor, seed, image, self._compared, partial(self._off, scene)
+        )
         some = {"type": "independent", "sample_count": math.ceil(spp / _FIXED_EVERY)}
         again = pixel_means(
             sensor, mi.load_dict(some), part_seed(seed, "fixed error"), partial(self._fixed, scene)
@@ -178,25 +173,25 @@ class BakedLightIntegrator:
         """A draw of the fixed error of each band along a ray's first hit."""
         sight, rest, weights = self._surface(scene, ray)
         dr.eval(sight.cell, rest, weights)
-        cluster, baked = self._light.find(sight.cell, rest)
-        return self._light.standing(cluster, weights, baked)
+        cluster, is_baked = self._light.look_up(sight.cell, rest)
+        return self._light.standing(cluster, weights, is_baked)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Difference of baked light from that of paths, per band."""
-        found = self._look(scene, ray, place, sampler)
-        paths = self._paths.radiance(scene, ray, place, sampler, found.baked)
-        return [a - b for a, b in zip(found.light, paths, strict=True)]
+        light = self._look(scene, ray, place, sampler)
+        paths = self._paths.radiance(scene, ray, place, sampler, light.is_baked)
+        return [baked - path for baked, path in zip(light.baked, paths, strict=True)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """Radiance of each band along rays, a draw of its fixed error, and True for the sky.
+        """Radiance of each band along rays, a draw of its fixed error, and 1 for the sky.
 
         `place` is the position of the wavelength in its band. The sampler chooses the point of the
         sun's disc, and paths.
         """
-        found = self._look(scene, ray, place, sampler)
-        paths = self._paths.radiance(scene, ray, place, sampler, found.traced)
-        parts = zip(found.emitted, found.light, paths, strict=True)
-        return [*(sum(each) for each in parts), *found.standing, found.sky]
+        light = self._look(scene, ray, place, sampler)
+        paths = self._paths.radiance(scene, ray, place, sampler, light.needs_paths)
+        parts = zip(light.emitted, light.baked, paths, strict=True)
+        return [*(sum(each) for each in parts), *light.standing, light.sky]
 
     def _surface(self, scene: Any, ray: Any) -> tuple[CellSight, Any, Weights]:
         """Surfaces seen, True where they are away from moving objects, and textures' weights."""
@@ -204,7 +199,7 @@ class BakedLightIntegrator:
         rest = sight.shaded & ~self._moving.holds(sight.point.p)
         return sight, rest, self._textures.weights(sight)
 
-    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> "_Found":
+    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> Light:
         sight, rest, weights = self._surface(scene, ray)
         direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
@@ -217,15 +212,15 @@ class BakedLightIntegrator:
             point.wavelengths = wavelengths
             values = emitter.eval(point)
             emitted += [values[band] for band in range(size)]
-        sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
+        sky = sight.sky
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
         dr.eval(sight.cell, rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
-        cluster, baked = self._light.find(sight.cell, rest)
-        light = self._light.radiance(cluster, weights, baked)
-        light = [a + dr.select(baked, b, 0.0) for a, b in zip(light, direct, strict=True)]
-        standing = self._light.standing(cluster, weights, baked)
-        return _Found(emitted, light, standing, sky, baked, surface & ~baked)
+        cluster, is_baked = self._light.look_up(sight.cell, rest)
+        baked = self._light.radiance(cluster, weights, is_baked)
+        baked = [a + dr.select(is_baked, b, 0.0) for a, b in zip(baked, direct, strict=True)]
+        standing = self._light.standing(cluster, weights, is_baked)
+        return Light(emitted, baked, standing, sky, is_baked, surface & ~is_baked)
 
 
 _LARGEST_SHARE = 0.01

@@ -157,11 +157,11 @@ def smoothed(
     kept = np.where(count[group] > 1, kept, 1.0)
     # The minimum mean square error is v·kept: the part of the noise that is kept, and of the
     # contrast that is lost. Half differences should have this error.
-    found = np.empty_like(rows)
+    shrunk = np.empty_like(rows)
     for column, values in enumerate(rows.T):  # one by one: rows are large
         level = (total(rays * values) / weight)[group]
-        found[:, column] = level + (kept if column < n else np.sqrt(kept)) * (values - level)
-    return found
+        shrunk[:, column] = level + (kept if column < n else np.sqrt(kept)) * (values - level)
+    return shrunk
 
 
 NOT_ASKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
@@ -191,8 +191,6 @@ class BakedLight:
     def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
         self._gatherer, self._voxels = gatherer, voxels
         self.cells, self._bands, self._columns = cells, bands, gatherer.spectra * bands
-        self.surveyed(*np.zeros((3, 0), np.uint32))
-        self.begin(1.0)
 
     def surveyed(self, cell: UInt32, seen: UInt32, places: UInt32) -> None:
         """Add cells (N,) with their number of views and places; `begin` must follow."""
@@ -231,71 +229,80 @@ class BakedLight:
         """Total number of rays of all clusters."""
         return int(self._shares.sum()) * LEAST_RAYS
 
-    def bake_all(self) -> None:
-        """Compute the light of all clusters, with progress."""
+    def compute_all(self) -> None:
+        """Compute the light of all clusters, with progress, and link their cells to them."""
         parts = _launches(self._shares)
         with progress("Computing light on surfaces", len(parts), "part") as advance:
             for part in parts:
-                self._bake(part)
+                self.compute(part)
                 advance()
         clusters = self._clusters
         if len(clusters):
-            self._point(
-                clusters.members, np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
-            )
+            numbers = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+            self._link(clusters.members, numbers)
         self.smooth()
 
-    def smooth(self) -> None:
-        """Let the computed clusters share light with their neighbors."""
-        known = np.flatnonzero(self._is_known)
-        if len(known):
-            rows, seen = self._rows[known], self._clusters.seen[known]
-            self._rows[known] = smoothed(rows, self._neighbors[known], self._shares[known], seen)
-        self._show()
-
-    def find(self, cell: Any, active: Any) -> tuple[Any, Any]:
-        """Clusters of active cells (N,), and True for those with light; computes what is missing.
-
-        Cells and activity are already evaluated.
-        """
-        cluster = self._clusters_of(cell, active)
-        lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
-        if dr.width(lanes):
-            self.bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
-            cluster = self._clusters_of(cell, active)
-        return cluster, active & (cluster < NOT_SURVEYED)
-
-    def _clusters_of(self, cell: Any, active: Any) -> Any:
-        place = self._places(cell, active)
-        return dr.gather(mi.UInt, self._cluster_of, place, active)
-
-    def _places(self, cell: Any, active: Any) -> Any:
-        place = self._pages.of(cell, active)
-        self._cluster_of = self._pages.grown(self._cluster_of, NOT_ASKED)
-        return place
-
-    def bake(self, cell: UInt32) -> None:
-        """Give cells (N,) the light of their cluster, if the survey met one."""
-        if len(cell):
-            cluster = _place(self._keys, self._voxels.keys(cell))
-            chosen = np.unique(cluster[cluster >= 0])
-            new = chosen[~self._is_known[chosen]]
-            if len(new):
-                self._bake(new)
-                self._show()
-            self._point(cell, np.where(cluster >= 0, cluster, NOT_SURVEYED))
-
-    def _bake(self, chosen: Ints) -> None:
-        """Compute the light of chosen clusters."""
-        for launch in _launches(self._shares[chosen]):
-            part = chosen[launch]
+    def compute(self, clusters: Ints) -> None:
+        """Compute the light of clusters, by number, as measured by both halves of their rays."""
+        for launch in _launches(self._shares[clusters]):
+            part = clusters[launch]
             leaders, drawn = self._clusters.leaders[part], self._clusters.draws(part)
             halves = self._gatherer.leaving(
                 leaders, *drawn, shares=self._shares[part], least=LEAST_RAYS // 2
             )
             apart = (halves[:, 0] - halves[:, 1]) / 2
             self._rows[part] = np.concatenate([halves.mean(axis=1), apart], axis=1)
-        self._is_known[chosen] = True
+        self._is_known[clusters] = True
+
+    def smooth(self) -> None:
+        """Let the computed clusters share light with their neighbors, and show it to frames."""
+        known = np.flatnonzero(self._is_known)
+        if len(known):
+            rows, seen = self._rows[known], self._clusters.seen[known]
+            self._rows[known] = smoothed(rows, self._neighbors[known], self._shares[known], seen)
+        self._values = mi.Float(self._rows.ravel())
+
+    def look_up(self, cell: Any, active: Any) -> tuple[Any, Any]:
+        """Clusters of active cells (N,), and True for those with light; computes what is missing.
+
+        Cells and activity are already evaluated.
+        """
+        place = self._places(cell, active)
+        cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
+        lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
+        if dr.width(lanes):
+            self.link(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
+            place = self._places(cell, active)
+            cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
+        return cluster, active & (cluster < NOT_SURVEYED)
+
+    def link(self, cell: UInt32) -> None:
+        """Link cells (N,) to their clusters, whose light is computed, if the survey met these."""
+        if not len(cell):
+            return
+        cluster = np.full(len(cell), NOT_SURVEYED)
+        if len(self._keys):
+            keys = self._voxels.keys(cell)
+            place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
+            cluster = np.where(self._keys[place] == keys, place, NOT_SURVEYED)
+        met = np.unique(cluster[cluster < NOT_SURVEYED])
+        new = met[~self._is_known[met]]
+        if len(new):
+            self.compute(new)
+            self._values = mi.Float(self._rows.ravel())
+        self._link(cell, cluster)
+
+    def _link(self, cell: UInt32, cluster: Ints) -> None:
+        place = self._places(mi.UInt(cell), mi.Bool(True))
+        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), place)
+        dr.eval(self._cluster_of)
+        dr.sync_thread()
+
+    def _places(self, cell: Any, active: Any) -> Any:
+        """Places of active cells (N,) in the table of clusters, which grows by what is new."""
+        place = self._pages.of(cell, active)
+        self._cluster_of = self._pages.grown(self._cluster_of, NOT_ASKED)
+        return place
 
     def radiance(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
         """Radiance of each band leaving cells of clusters (N,) with texture weights (N,)."""
@@ -312,17 +319,6 @@ class BakedLight:
         ]
         return [mixed(values[band :: self._bands], weights) for band in range(self._bands)]
 
-    def _show(self) -> None:
-        """Make all computed light available to frames."""
-        self._values = mi.Float(self._rows.ravel())
-
-    def _point(self, cell: UInt32, cluster: Ints) -> None:
-        """Link cells (N,) to clusters (N,)."""
-        place = self._places(mi.UInt(cell), mi.Bool(True))
-        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), place)
-        dr.eval(self._cluster_of)
-        dr.sync_thread()
-
 
 def _launches(shares: Ints) -> list[Ints]:
     """Clusters, by number, that are computed at once, with shares (C,)."""
@@ -330,11 +326,3 @@ def _launches(shares: Ints) -> list[Ints]:
         return []
     launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
     return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
-
-
-def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> Ints:
-    """Index of wanted keys (N,) in sorted keys; -1 if absent."""
-    if not len(keys):
-        return np.full(len(wanted), -1)
-    place = np.searchsorted(keys, wanted).clip(max=len(keys) - 1)
-    return np.where(keys[place] == wanted, place, -1)

@@ -18,8 +18,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
-from megalopta.render.truth.geometry import Geometry, Surface
-from megalopta.render.truth.views import Eyes
+from megalopta.render.truth.geometry import Eyes, Geometry, Surface
 from megalopta.scenes.cameras.base import Camera
 
 # In compiled loops numbers are set one by one: an assignment to a row takes seconds to compile.

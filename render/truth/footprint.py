@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.render import mi
 from megalopta.render.truth.coverage import Probes, ray_weights
-from megalopta.render.truth.geometry import Geometry, correspondence
-from megalopta.render.truth.views import View
+from megalopta.render.truth.geometry import Geometry, View, correspondence
 from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]

@@ -7,10 +7,10 @@ vertices, for rigid and bending objects alike.
 
 Only moving objects are updated to a time, in a small separate scene; moments are cached, as a frame
 and its two neighbors share them. Rays of a rolling shutter have a time for each row: moving objects
-are hit in float64 (`passing`). Coordinates are relative to the scene's `origin_m`.
+are hit in float64 (`moving`). Coordinates are relative to the scene's `origin_m`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,10 +22,132 @@ from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import load_mesh, move_meshes, of_shapes
-from megalopta.render.truth import rays
-from megalopta.render.truth.passing import Passing
-from megalopta.render.truth.views import Eyes, Times, View, of_rays
+from megalopta.render.truth.moving import MovingTriangles
+from megalopta.render.truth.rays import Hits, SceneRays, visibility_limits
+from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
+
+Times = float | Floats
+"""One time for all, or one for each."""
+
+# Each step is shorter than the previous one by the displacement of the image during the readout
+# over its size, so the last one is far below this; float32 positions allow no less.
+_ITERATIONS, _TOLERANCE_PX = 60, 1e-4
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """Origins, camera rotations and times of N rays."""
+
+    origin: Floats
+    """(3,) or (N, 3): camera position, m; one for all rays or one for each."""
+    rotation: Floats
+    """(3, 3) or (N, 3, 3): camera axes to world."""
+    time_s: Times
+    """Time: one for all rays or one for each (N,)."""
+
+    def to_world(self, vectors: Floats) -> Floats:
+        """Convert vectors (N, 3) from camera axes to world axes."""
+        return _times(self.rotation, vectors)
+
+    def to_camera(self, vectors: Floats) -> Floats:
+        """Convert vectors (N, 3) from world axes to camera axes."""
+        return _times(self.rotation.swapaxes(-1, -2), vectors)
+
+    def of(self, ray: slice | Ints, times: int = 1) -> "Eyes":
+        """Return the eyes of some of the rays, each repeated for a number of new rays."""
+        if isinstance(self.time_s, float):
+            return self
+        return Eyes(
+            *(part[ray].repeat(times, 0) for part in (self.origin, self.rotation, self.time_s))
+        )
+
+    def way(self, points: Floats, is_sky: Mask) -> Floats:
+        """Vectors (N, 3) to points (N, 3), which are directions for the sky (N,)."""
+        return np.where(is_sky[:, None], points, points - self.origin)
+
+
+def _times(rotation: Floats, vectors: Floats) -> Floats:
+    # Not matmul, which wakes all of BLAS's threads for products of three numbers.
+    each = "ij,nj->ni" if rotation.ndim == 2 else "nij,nj->ni"
+    return np.asarray(np.einsum(each, rotation, vectors))
+
+
+Ways = Callable[[Eyes], Floats]
+"""Vectors (N, 3) from eyes to N points at the eyes' times."""
+
+
+def of_rays(times_s: Times, ray: slice | Ints | Mask) -> Times:
+    """Times of some of the rays."""
+    return times_s if isinstance(times_s, float) else times_s[ray]
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Frame taken at an instant."""
+
+    time_s: float
+    pose: Floats
+    """(4, 4): camera to world."""
+
+    def pixels(self, camera: Camera) -> Eyes:
+        """Eyes of the H·W pixels."""
+        return Eyes(self.pose[:3, 3], self.pose[:3, :3], self.time_s)
+
+    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
+        """Eyes that see N points, the same for all, twice."""
+        eyes = self.pixels(camera)
+        return eyes, eyes
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """Frame taken line by line, by rows or columns, with moving objects at each line's time."""
+
+    time_s: float
+    """Time of the middle line."""
+    shutter: Shutter
+    pose_at: Callable[[Floats], Floats]
+    """Poses (n, 4, 4) at times (n,), s."""
+
+    def pixels(self, camera: Camera) -> Eyes:
+        """Eyes of the H·W pixels, one pose per line."""
+        across = self.shutter.across
+        lines = self._eyes(np.arange(camera.shape[1 - across], dtype=float) + 0.5, camera)
+        return lines.of(np.indices(camera.shape)[1 - across].ravel())
+
+    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
+        """Eyes that see N points, at the time of their place, and those of the line around it.
+
+        That place is the fixed point of "seen at y at the time of y", of columns with x. If it is
+        not found, because the image moves by more than the lines do, the rotation is NaN. Points
+        farther out of the image than its size have the time of that place.
+        """
+        across = self.shutter.across
+        size = camera.shape[1 - across]
+        place = np.full(count, size / 2)
+        for _ in range(_ITERATIONS):
+            eyes = self._eyes(place, camera)
+            seen = camera.project(eyes.to_camera(way(eyes)))[:, across]
+            seen = np.clip(np.where(np.isnan(seen), place, seen), -size, 2 * size)
+            step = np.abs(seen - place)
+            place = seen
+            if step.max(initial=0) < _TOLERANCE_PX:
+                break
+        eyes = self._eyes(place, camera)
+        lost = (step >= _TOLERANCE_PX)[:, None, None]
+        found = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
+        return found, self._eyes(np.floor(place) + 0.5, camera)
+
+    def _eyes(self, place: Floats, camera: Camera) -> Eyes:
+        size = camera.shape[1 - self.shutter.across]
+        times = self.time_s + self.shutter.delay_s(place, size)
+        poses = self.pose_at(times)
+        return Eyes(poses[:, :3, 3], poses[:, :3, :3], times)
+
+
+View = Instant | Rolling
+"""View of a frame."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +213,7 @@ _GRAZING = 1e-4
 
 @dataclass(frozen=True)
 class _Moment:
-    scene: Any
+    rays: SceneRays
     vertices: NDArray[np.float32]
 
 
@@ -119,6 +241,7 @@ class Geometry:
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
         # Objects at rest share their buffers with the rendered scene.
         self.still = of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
+        self._rays = SceneRays(self.still)
         self._moments: dict[float, _Moment] = {}
         # Its own surface would be a new kind of surface, and kernels would be compiled anew.
         self._surface = loaded.shapes()[0].bsdf() if self._moving else None
@@ -149,7 +272,7 @@ class Geometry:
 
     def glimpsed(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
-        hits = rays.nearest_hits(self.still, origin, directions)
+        hits = self._rays.nearest(origin, directions)
         triangle, distance = self._rows(hits, 0), hits.distance
         if self._moving:
             distance, nearer = self._nearer(origin, directions, time_s, distance)
@@ -197,15 +320,14 @@ class Geometry:
         The rays start at an origin (3,) or at their own (N, 3), at one time or each at its own
         (N,).
         """
-        hidden = rays.is_hidden(self.still, origin, directions, distances)
+        hidden = self._rays.is_hidden(origin, directions, distances)
         if not self._moving:
             return hidden
         if isinstance(time_s, float):
-            scene = self._at(time_s).scene
-            return hidden | rays.is_hidden(scene, origin, directions, distances)
+            return hidden | self._at(time_s).rays.is_hidden(origin, directions, distances)
         starts = np.broadcast_to(origin, directions.shape)
-        limits = rays.visibility_limits(distances)
-        return hidden | (self._passing.nearest(starts, directions, time_s, limits)[1] >= 0)
+        limits = visibility_limits(distances)
+        return hidden | (self._rolling.nearest(starts, directions, time_s, limits)[1] >= 0)
 
     def carried(self, surface: Surface, time_s: Times) -> Floats:
         """Positions of a surface's points at another time, or each at its own (N, 3)."""
@@ -223,8 +345,9 @@ class Geometry:
         return np.asarray(surface.triangle >= self._triangles_at_rest)
 
     @cached_property
-    def _passing(self) -> Passing:
-        return Passing(self._moving, self._triangles_at_rest)
+    def _rolling(self) -> MovingTriangles:
+        """Moving triangles for rays that each have their own time."""
+        return MovingTriangles(self._moving, self._triangles_at_rest)
 
     def _nearer(
         self, origin: Floats, directions: Floats, time_s: Times, distance: Floats
@@ -232,13 +355,13 @@ class Geometry:
         """Distances (N,) and triangles (N,) of moving objects nearer than others; otherwise -1."""
         if not isinstance(time_s, float):
             starts = np.broadcast_to(origin, directions.shape)
-            return self._passing.nearest(starts, directions, time_s, distance)
-        moving = rays.nearest_hits(self._at(time_s).scene, origin, directions)
+            return self._rolling.nearest(starts, directions, time_s, distance)
+        moving = self._at(time_s).rays.nearest(origin, directions)
         nearer = moving.distance < distance
         rows = np.where(nearer, self._rows(moving, self._meshes_at_rest), -1)
         return np.where(nearer, moving.distance, distance), rows
 
-    def _rows(self, hits: rays.Hits, first_mesh: int) -> Ints:
+    def _rows(self, hits: Hits, first_mesh: int) -> Ints:
         hit = np.isfinite(hits.distance)
         rows = np.full(len(hit), -1, dtype=np.int64)
         rows[hit] = self._first[first_mesh + hits.mesh[hit]] + hits.triangle[hit]
@@ -296,12 +419,13 @@ class Geometry:
                 replace(mesh, vertices=places, normals=None, uv=None)
                 for places, mesh in zip(vertices, self._moving, strict=True)
             )
-            scene = of_shapes([load_mesh(mesh, mesh_bsdf=self._surface) for mesh in bare])
+            loaded = [load_mesh(mesh, mesh_bsdf=self._surface) for mesh in bare]
+            rays = SceneRays(of_shapes(loaded))
         else:
             farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
-            scene = self._moments.pop(farthest).scene
-            move_meshes(scene, dict(enumerate(vertices)))
-        self._moments[time_s] = _Moment(scene, np.concatenate(vertices))
+            rays = self._moments.pop(farthest).rays
+            move_meshes(rays.scene, dict(enumerate(vertices)))
+        self._moments[time_s] = _Moment(rays, np.concatenate(vertices))
         return self._moments[time_s]
 
 

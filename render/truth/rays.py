@@ -33,40 +33,44 @@ class Hits:
     """(N,): index of the triangle in that mesh."""
 
 
-def nearest_hits(scene: Any, origin: Floats, directions: Floats) -> Hits:
-    """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
-    if is_scalar():
-        distance = np.full(len(directions), np.inf)
-        mesh, triangle = np.zeros((2, len(directions)), np.int64)
-        for index, ray in enumerate(_single_rays(origin, directions)):
-            hit = scene.ray_intersect_preliminary(ray)
-            if hit.is_valid():
-                distance[index] = hit.t
-                mesh[index], triangle[index] = hit.shape_index, hit.prim_index
-        return Hits(distance, mesh, triangle)
-    hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
-    # Other values of rays without a hit are left over from other work: they are set to zero here.
-    valid = hits.is_valid()
-    distance = dr.select(valid, hits.t, dr.inf)
-    mesh = MeshIndex(scene).of(hits)
-    triangle = dr.select(valid, hits.prim_index, 0)
-    # All at once: delayed evaluation would trace the rays again.
-    dr.eval(distance, mesh, triangle)
-    return Hits(
-        np.array(distance, dtype=np.float64),
-        np.array(mesh, dtype=np.int64),
-        np.array(triangle, dtype=np.int64),
-    )
+class SceneRays:
+    """Custom rays through one loaded scene."""
 
+    def __init__(self, scene: Any) -> None:
+        self.scene, self._is_scalar = scene, is_scalar()
+        self._index = None if self._is_scalar else MeshIndex(scene)
 
-def is_hidden(scene: Any, origin: Floats, directions: Floats, distances: Floats) -> Mask:
-    """True if anything is nearer than distances (N,), in units of directions (N, 3)."""
-    limits = visibility_limits(distances)
-    if is_scalar():
-        return np.array([scene.ray_test(ray) for ray in _single_rays(origin, directions, limits)])
-    rays = _rays(origin, directions)
-    rays.maxt = mi.Float(limits)
-    return np.array(scene.ray_test(rays, coherent=True), dtype=bool)
+    def nearest(self, origin: Floats, directions: Floats) -> Hits:
+        """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
+        if self._index is None:
+            distance = np.full(len(directions), np.inf)
+            mesh, triangle = np.zeros((2, len(directions)), np.int64)
+            for ray, single in enumerate(_single_rays(origin, directions)):
+                hit = self.scene.ray_intersect_preliminary(single)
+                if hit.is_valid():
+                    distance[ray] = hit.t
+                    mesh[ray], triangle[ray] = hit.shape_index, hit.prim_index
+            return Hits(distance, mesh, triangle)
+        hits = self.scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
+        # Other values of rays without a hit are left over from other work: they are set to zero.
+        valid = hits.is_valid()
+        distance = dr.select(valid, hits.t, dr.inf)
+        mesh, triangle = self._index.of(hits), dr.select(valid, hits.prim_index, 0)
+        # All at once: delayed evaluation would trace the rays again.
+        dr.eval(distance, mesh, triangle)
+        return Hits(
+            np.array(distance, np.float64), np.array(mesh, np.int64), np.array(triangle, np.int64)
+        )
+
+    def is_hidden(self, origin: Floats, directions: Floats, distances: Floats) -> Mask:
+        """True if anything is nearer than distances (N,), in units of directions (N, 3)."""
+        limits = visibility_limits(distances)
+        if self._is_scalar:
+            singles = _single_rays(origin, directions, limits)
+            return np.array([self.scene.ray_test(ray) for ray in singles])
+        rays = _rays(origin, directions)
+        rays.maxt = mi.Float(limits)
+        return np.array(self.scene.ray_test(rays, coherent=True), dtype=bool)
 
 
 def visibility_limits(distances: Floats) -> Floats:

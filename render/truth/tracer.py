@@ -23,8 +23,14 @@ from megalopta.core.arrays import Floats, Mask, bilinear
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.settings import Bands
 from megalopta.render.truth.footprint import Footprint, Footprints
-from megalopta.render.truth.geometry import Geometry, Surface, correspondence
-from megalopta.render.truth.views import Instant, View, of_rays
+from megalopta.render.truth.geometry import (
+    Geometry,
+    Instant,
+    Surface,
+    View,
+    correspondence,
+    of_rays,
+)
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Scene
@@ -88,7 +94,7 @@ class TruthTracer:
 
     def __init__(self, scene: Scene, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry = geometry
-        self._camera = camera
+        self._camera, self._wraps = camera, camera.wraps
         self._origin = np.asarray(scene.origin_m)
         kind_ids = {kind: index + 1 for index, kind in enumerate(scene.kinds)}
         kinds = [0, *(kind_ids[placement.kind] for placement in scene.placements)]
@@ -135,7 +141,7 @@ class TruthTracer:
         for other in others:
             found = correspondence(self._geometry, self._camera, surface, image, other)
             place = image + found.displacement
-            if self._camera.wraps:
+            if self._wraps:
                 place[:, 0] %= size[0]
             points.append(place)
             occluded.append(found.is_hidden | ~((place >= 0) & (place <= size)).all(axis=1))
@@ -153,8 +159,7 @@ class TruthTracer:
             return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
         found = correspondence(self._geometry, self._camera, surface, self._image, other)
         flow = found.displacement.reshape(*shape, 2).astype(np.float32)
-        wraps = self._camera.wraps
-        return Flow(flow, found.is_hidden.reshape(shape), out_of_view(flow, wraps))
+        return Flow(flow, found.is_hidden.reshape(shape), out_of_view(flow, self._wraps))
 
 
 def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> Mask:

@@ -31,8 +31,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera
 
-_ACCURACY = 1e-10
-_MOST_STEPS = 30
+_ACCURACY, _MOST_STEPS = 1e-10, 30
+"""Largest of Newton's last steps, in focal lengths, and their number."""
 _TABLE = 1025
 """Radii among which the first guess of an undistorted point is found."""
 _CHECKED = 65
@@ -75,15 +75,14 @@ class OpenCVCamera(Camera, frozen=True):
     @model_validator(mode="after")
     def _lens_is_invertible(self) -> "OpenCVCamera":
         sides = (np.linspace(0, size, _CHECKED) for size in (self.width, self.height))
-        image = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        image = np.dstack(np.meshgrid(*sides)).reshape(-1, 2)
         lost = np.isnan(self.toward(image)).any(axis=-1)
         if lost.any():
             name = "fisheye" if self.fisheye else "distortion"
             x, y = image[lost][0] - 0.5
             raise ValueError(
                 f"{name} {[*getattr(self, name)]} has no inverse at ({x:g}, {y:g}) px, inside the "
-                "image: give coefficients whose radial function rises up to the corners, or a "
-                "smaller image"
+                "image: give coefficients that rise up to the corners, or a smaller image"
             )
         return self
 
@@ -118,7 +117,7 @@ class OpenCVCamera(Camera, frozen=True):
         poles = self.project(np.array([[0.0, -1, 0], [0, 1, 0]]))
         if ((poles >= 0) & (poles <= [self.width, self.height])).all(axis=1).any():
             return math.inf
-        image = np.stack(np.meshgrid(*(np.arange(n + 1.0) for n in self.shape[::-1])), axis=-1)
+        image = np.dstack(np.meshgrid(*(np.arange(n + 1.0) for n in self.shape[::-1])))
         border = [image[0], image[-1], image[:, 0], image[:, -1]]
         right, down, ahead = self.toward(np.concatenate(border)).T
         return float(np.abs(down / np.hypot(right, ahead)).max())
@@ -128,7 +127,7 @@ class OpenCVCamera(Camera, frozen=True):
 
         NaN outside of the image where the lens maps no direction.
         """
-        plane = self._lens.undone((image - self._principal) / self._focal)
+        plane = self._lens.undistorted((image - self._principal) / self._focal)
         radius = np.linalg.norm(plane, axis=-1, keepdims=True)
         if self.fisheye:
             rays = [np.sinc(radius / math.pi) * plane, np.cos(radius)]
@@ -152,7 +151,7 @@ class OpenCVCamera(Camera, frozen=True):
             plane = angle * across / np.maximum(radius, np.finfo(float).tiny)
         else:
             plane = across / np.where(angle < math.pi / 2 - SINGULAR_RAD, ahead, np.nan)
-        return self._lens.done(plane) * self._focal + self._principal
+        return self._lens.distorted(plane) * self._focal + self._principal
 
     def undistortion_map(self) -> Floats:
         """Places of the pixels of a pinhole's image with the same matrix in this one (H, W, 2), px.
@@ -221,29 +220,34 @@ def _bend(points, upper, lower, p1, p2):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class _Lens:
-    """Distortion of the plane: g = upper / lower, and two tangential coefficients."""
+    """Distortion of the plane: g = upper / lower, and two tangential coefficients.
+
+    `cv2.projectPoints` and `cv2.undistortPoints` give the same to 1e-12 px, at two to three times
+    the time, and accept no ray of a fisheye from behind its image plane.
+    """
 
     upper: Polynomial
     lower: Polynomial
     p1: float
     p2: float
 
-    def done(self, plane: Floats) -> Floats:
+    def distorted(self, plane: Floats) -> Floats:
         """Distorted points (..., 2); NaN from where they turn back."""
         moved, (xx, xy, yy) = self._bent(plane)
         is_rising = ((plane**2).sum(axis=-1) < self._end) & (xx * yy - xy**2 > 0)
         return np.where(is_rising[..., None], moved, np.nan)
 
-    def undone(self, wanted: Floats) -> Floats:
+    def undistorted(self, wanted: Floats) -> Floats:
         """Points distorted to the wanted ones (..., 2), by Newton's method; NaN if none."""
         size = np.linalg.norm(wanted, axis=-1, keepdims=True)
         largest = most = float(np.nanmax(size, initial=1e-3))
         end = math.sqrt(self._end)
         while most < end and most * self._gain(most**2) < largest:
             most *= 2
+        # The first guess is that of the radial part, from a table.
         radii = np.linspace(0, min(most, end), _TABLE)[:-1]
-        found = np.interp(size, radii * self._gain(radii**2), radii)
-        plane = np.asarray(wanted * found / np.maximum(size, np.finfo(float).tiny))
+        radius = np.interp(size, radii * self._gain(radii**2), radii)
+        plane = np.asarray(wanted * radius / np.maximum(size, np.finfo(float).tiny))
         with np.errstate(all="ignore"):  # where there are none
             for _ in range(_MOST_STEPS):
                 moved, (xx, xy, yy) = self._bent(plane)
@@ -253,19 +257,16 @@ class _Lens:
                 plane = plane + step
                 if np.nanmax(np.abs(step), initial=0) < _ACCURACY:
                     break
-            is_found = (np.abs(step) < _ACCURACY) & ~np.isnan(self.done(plane))
-        return np.where(is_found.all(axis=-1, keepdims=True), plane, np.nan)
+            is_exact = (np.abs(step) < _ACCURACY) & ~np.isnan(self.distorted(plane))
+        return np.where(is_exact.all(axis=-1, keepdims=True), plane, np.nan)
 
     def _gain(self, s: Floats | float) -> Floats:
         return np.asarray(self.upper(s) / self.lower(s))
 
     def _bent(self, plane: Floats) -> tuple[Floats, Floats]:
-        """Distorted points (..., 2), and slopes (3, ...): of x along x and along y, of y along y.
-
-        The slope of x along y is that of y along x.
-        """
-        given = np.ascontiguousarray(plane, np.float64).reshape(-1, 2)
-        moved, slopes = _bend(given, self.upper.coef, self.lower.coef, self.p1, self.p2)
+        """Distorted points (..., 2), and their slopes (3, ...): xx, xy = yx, yy."""
+        rows = np.ascontiguousarray(plane, np.float64).reshape(-1, 2)
+        moved, slopes = _bend(rows, self.upper.coef, self.lower.coef, self.p1, self.p2)
         return moved.reshape(plane.shape), slopes.reshape(3, *plane.shape[:-1])
 
     @property

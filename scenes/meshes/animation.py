@@ -57,18 +57,19 @@ class Track:
             return self._on_splines(times)
         if is_rotation:
             return np.asarray(Slerp(self.times_s, Rotation.from_quat(self.values))(times).as_quat())
-        return np.stack([np.interp(times, self.times_s, each) for each in self.values.T], axis=1)
+        columns = [np.interp(times, self.times_s, column) for column in self.values.T]
+        return np.stack(columns, axis=1)
 
     def _on_splines(self, times: Floats) -> Floats:
         """Cubic between keys, whose slope may differ on both sides."""
         key = np.searchsorted(self.times_s, times, side="right").clip(1, len(self.times_s) - 1) - 1
-        found = np.empty((len(times), self.values.shape[-1]))
+        values = np.empty((len(times), self.values.shape[-1]))
         for first in np.unique(key):
-            mine, ends = key == first, slice(first, first + 2)
+            between, ends = key == first, slice(first, first + 2)
             (_, a, leaving), (arriving, b, _) = self.values[ends]
             curve = CubicHermiteSpline(self.times_s[ends], [a, b], [leaving, arriving])
-            found[mine] = curve(times[mine])
-        return found
+            values[between] = curve(times[between])
+        return values
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,15 @@ class Joint:
         if name in self.tracks:
             return self.tracks[name].at(times_s, name == "rotation")
         return np.tile(np.asarray(self.parts.get(name, usual), np.float64), (len(times_s), 1))
+
+    def record(self) -> dict[str, Any]:
+        """Return the joint as numbers, for a file."""
+        parts = {name: list(values) for name, values in self.parts.items()}
+        tracks = {
+            name: [track.times_s.tolist(), track.values.tolist(), track.mode]
+            for name, track in self.tracks.items()
+        }
+        return {"rest": self.rest.tolist(), "parts": parts, "tracks": tracks}
 
 
 @dataclass(frozen=True)
@@ -136,34 +146,19 @@ class NodeMotion:
 
     def record(self) -> dict[str, Any]:
         """Return the motion as numbers, for a file."""
-        joints = [
-            {
-                "rest": joint.rest.tolist(),
-                "parts": {name: list(values) for name, values in joint.parts.items()},
-                "tracks": {
-                    name: [track.times_s.tolist(), track.values.tolist(), track.mode]
-                    for name, track in joint.tracks.items()
-                },
-            }
-            for joint in self.joints
-        ]
         places = {"rest": self.rest.tolist(), "to_world": self.to_world.tolist()}
-        return {"kind": "nodes", "joints": joints, **places}
+        return {"kind": "nodes", "joints": [joint.record() for joint in self.joints], **places}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "NodeMotion":
         """Return the motion of a record. Raises any exception if it is damaged."""
-        joints = [
-            Joint(
-                np.array(each["rest"]),
-                each["parts"],
-                {
-                    name: Track(np.array(times), np.array(values), mode)
-                    for name, (times, values, mode) in each["tracks"].items()
-                },
-            )
-            for each in record["joints"]
-        ]
+        joints = []
+        for joint in record["joints"]:
+            tracks = {
+                name: Track(np.array(times), np.array(values), mode)
+                for name, (times, values, mode) in joint["tracks"].items()
+            }
+            joints.append(Joint(np.array(joint["rest"]), joint["parts"], tracks))
         return cls(tuple(joints), np.array(record["rest"]), np.array(record["to_world"]))
 
 

@@ -114,12 +114,12 @@ class Meshes(SceneDescription, frozen=True):
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models: list[list[Piece]] = []
-        texels, triangles = Texels("the scene"), 0
-        for each in self.files:
-            models.append(each.pieces(each.animate))
-            if self.lights == "file" and each.file.suffix == ".xml":
-                with undamaged(each.file.path, REPAIR):
-                    check_lights(each.file.contents())
+        texels, triangles, shines = Texels("the scene"), 0, self.lights == "file"
+        for placed in self.files:
+            models.append(placed.pieces(placed.animate))
+            if shines and placed.file.suffix == ".xml":
+                with undamaged(placed.file.path, REPAIR):
+                    check_lights(placed.file.contents())
             for piece in models[-1]:
                 triangles += len(piece.faces)
                 if piece.paint.picture is not None:
@@ -133,9 +133,9 @@ class Meshes(SceneDescription, frozen=True):
         materials: dict[str, Material] = {}
         parts: list[tuple[Asset, Placement]] = []
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
-            shines = self.lights == "file"
-            of = placed.file.path, self.materials, self.reflectance, shines, materials
-            for number, (piece, asset) in enumerate(Surfacing(*of).objects(pieces)):
+            path = placed.file.path
+            surfacing = Surfacing(path, self.materials, self.reflectance, shines, materials)
+            for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
                 label, motion = f"file {index} object {number}", piece.motion
                 motion = motion and motion.moved(placed.pose)
                 kind = printable(quoted(piece.name.strip(), _NAME_LENGTH)) or "object"
@@ -145,7 +145,7 @@ class Meshes(SceneDescription, frozen=True):
             ground = Placement(_GROUND, _GROUND, np.eye(4))
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}
-        lit = light.lighting() if self.lights == "own" else None
+        lit = None if shines else light.lighting()
         if not (lit or any(each.emission for each in materials.values())):
             raise ValueError(
                 "lights 'file': the files have no area light with a radiance as rgb or spectrum; "

@@ -4,17 +4,11 @@ import io
 import re
 from collections.abc import Mapping
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from megalopta.core.arrays import Floats
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.pieces import Piece
-from megalopta.scenes.spectra.color import decode_srgb
-
-if TYPE_CHECKING:
-    import trimesh
 
 _HEADER_BYTES = 2**16
 _PLY_BYTES = {
@@ -88,12 +82,3 @@ def stl_triangles(content: bytes) -> int:
     if not content.rstrip().rpartition(b"\n")[2].lstrip().lower().startswith(b"endsolid"):
         raise ValueError("it ends early, without endsolid")
     return content.lower().count(b"endfacet")
-
-
-def _colors(mesh: "trimesh.Trimesh") -> Floats | None:
-    """Colors of vertices, or of the corners of faces, in linear sRGB."""
-    if mesh.visual.kind == "vertex":
-        return decode_srgb(np.asarray(mesh.visual.vertex_colors)[:, :3])
-    if mesh.visual.kind == "face":
-        return decode_srgb(np.asarray(mesh.visual.face_colors)[:, None, :3].repeat(3, axis=1))
-    return None

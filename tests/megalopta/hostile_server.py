@@ -20,7 +20,7 @@ WARM = (
     "trimesh", "zarr", "megalopta.benchmark.clips", "megalopta.benchmark.ranking_run",
     "megalopta.benchmark.scores", "megalopta.benchmark.whole_frames", "megalopta.camera.calibration",
     "megalopta.camera.comparison", "megalopta.flow", "megalopta.stages.make", "megalopta.render",
-    "megalopta.render.exporting", "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
+    "megalopta.report.page", "megalopta.report.view", "megalopta.sensor",
     "megalopta.stages.importing", "megalopta.stages.registry", "megalopta.camera.measurements",
     "megalopta.verification.files", "megalopta.verification.truth",
 )  # fmt: skip

@@ -26,14 +26,14 @@ _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 4, 64
 """Time between the moments of a box, and limits of their number."""
 _PADDING = 0.1
 """Extension of a time span at both ends, so that it serves similar queries."""
-_WHILES_KEPT = 4
+_BOUNDS_KEPT = 4
 _NARROW = 0.5
 """Smallest cosine between the rays of a bundle and its axis."""
 _BITS = 10
 """Bits of a position along an axis, in the order of clusters."""
 
 
-class _While(NamedTuple):
+class ClusterBounds(NamedTuple):
     """Bounding boxes (C, 3) of clusters from one time to another, s."""
 
     start_s: float
@@ -55,7 +55,7 @@ class _Bundle(NamedTuple):
     sides: Floats
 
 
-class Passing:
+class MovingTriangles:
     """Triangles of moving meshes, numbered from `first` on in order."""
 
     def __init__(self, meshes: Sequence[MovingMesh], first: int) -> None:
@@ -88,7 +88,7 @@ class Passing:
         self._placed = placed[unique % len(placed)]
         bounds = np.arange(len(starts) + 1) * len(placed)
         self._first_vertex = np.searchsorted(unique, bounds)
-        self._whiles: list[_While] = []
+        self._bounds_kept: list[ClusterBounds] = []
 
     def nearest(
         self, origin: Floats, directions: Floats, times_s: Floats, limits: Floats
@@ -102,14 +102,17 @@ class Passing:
         known = np.logical_and.reduce(np.isfinite(directions + origin), axis=1)
         if not known.any():
             return distance, triangle
-        stay = self._while(float(times_s[known].min()), float(times_s[known].max()))
+        bounds = self._bounds(float(times_s[known].min()), float(times_s[known].max()))
         rays_known = np.flatnonzero(known)
         in_time = rays_known[np.argsort(times_s[rays_known], kind="stable")]
         for rays in np.split(in_time, np.flatnonzero(np.diff(times_s[in_time])) + 1):
             for bundle in _bundles(directions, rays):
                 start, time = origin[rays[0]], float(times_s[rays[0]])
                 # Boxes that the bundle may hit.
-                middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
+                middle, half = (
+                    (bounds.low + bounds.high) / 2 - start,
+                    (bounds.high - bounds.low) / 2,
+                )
                 farthest = np.einsum("sj,cj->cs", bundle.sides, middle)
                 farthest += np.einsum("sj,cj->cs", np.abs(bundle.sides), half)
                 clusters = np.flatnonzero((farthest >= 0).all(axis=1))
@@ -139,17 +142,17 @@ class Passing:
         local: Floats = (moved - self._origin_m).astype(np.float32).astype(np.float64)
         return local
 
-    def _while(self, start_s: float, end_s: float) -> _While:
+    def _bounds(self, start_s: float, end_s: float) -> ClusterBounds:
         """Bounding boxes of clusters from one time to another."""
-        for each in self._whiles:
-            if each.start_s <= start_s and end_s <= each.end_s:
-                return each
+        for bounds in self._bounds_kept:
+            if bounds.start_s <= start_s and end_s <= bounds.end_s:
+                return bounds
         padding = _PADDING * (end_s - start_s) + 1e-6
         times = start_s - padding, end_s + padding
-        self._whiles = [self._watched(*times), *self._whiles[: _WHILES_KEPT - 1]]
-        return self._whiles[0]
+        self._bounds_kept = [self._bounds_within(*times), *self._bounds_kept[: _BOUNDS_KEPT - 1]]
+        return self._bounds_kept[0]
 
-    def _watched(self, start_s: float, end_s: float) -> _While:
+    def _bounds_within(self, start_s: float, end_s: float) -> ClusterBounds:
         steps = math.ceil((end_s - start_s) / _STEP_S)
         count = min(max(steps, _FEWEST_STEPS), _MOST_STEPS) + 1
         every, starts = np.arange(len(self._motion_of)), self._first_vertex[:-1]
@@ -164,7 +167,7 @@ class Passing:
                 ways = np.maximum.reduceat(np.abs(places - before), starts)
                 longest = np.maximum(longest, ways)
             before = places
-        return _While(start_s, end_s, low - longest, high + longest)
+        return ClusterBounds(start_s, end_s, low - longest, high + longest)
 
 
 def _places_in_order(points: Floats) -> Ints:
