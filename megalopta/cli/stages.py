@@ -15,6 +15,7 @@ from megalopta.cli.command import (
     numbers,
     option,
     out,
+    out_file,
     positive,
     switch,
     verb,
@@ -281,7 +282,7 @@ VERBS["scene"] = Verb("export a scene")
     "scene export",
     "write the objects of a scene at a frame as GLB, for Blender or a viewer",
     option("configuration", "YAML file, name of a configuration, or dataset folder"),
-    out("out/scene.glb", "GLB file"),
+    out_file("out/scene.glb", "GLB file"),
     option("--frame", "frame, counted from 0", at_least(0), 0),
     settings=VerbSettings(stage="render"),
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
@@ -293,6 +294,8 @@ def _export(options: Namespace) -> Path:
     from megalopta.scenes.glb import glb_of
     from megalopta.stages.render import build
 
+    if options.out.suffix.lower() != ".glb":
+        raise UserError(f"--out {options.out} is no .glb file; name one, such as out/scene.glb")
     settings = load(options.configuration, options.overrides)
     path = settings.trajectory
     if options.frame >= path.frames:

@@ -54,7 +54,7 @@ PANORAMA = f"render grating {SMALL} --scene.kind=panorama --scene.file={{file}} 
 TRUTH = "benchmark pairs good.png good.png {file} --methods=LK --photons=1 --out=p.csv"
 SUBMIT = "benchmark submit flows --truth=good_flows --out=s.json"
 AS_TRUTH = "benchmark submit good_flows --truth=flows --out=s.json"
-OF_MESHES = f"grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o"
+OF_MESHES = f"grating {SMALL} {BEFORE} --scene.kind=meshes --scene.files=[{{file}}] --out=o.glb"
 EXPORT, MESHES = f"scene export {OF_MESHES}", f"render {OF_MESHES}"
 ANIMATED = EXPORT.replace("[{file}]", '[{"file":"{file}","animate":true}]')
 VIEW = "view {file} --out=v"
@@ -66,7 +66,7 @@ PATH = MESHES.replace("{file}", "good.ply").replace(
 )
 SENSOR = f"render grating {SMALL} --sensors=[{{file}}] --out=o"
 MATERIAL = EXPORT.replace("{file}", "good.ply") + ' --scene.materials={"good":"{file}"}'
-SPECIES = "scene export {file} --out=o"
+SPECIES = "scene export {file} --out=o.glb"
 TABLES = "spadcam calibrate dark-counts.csv crosstalk.csv autocorrelation.csv --out=d.yaml"
 DESIGN = "design {file} --out=o"
 
@@ -708,7 +708,7 @@ def way_for(path, rng):
 
 ON_DATASETS = (
     "sense data", "flow data", "report data", "view data --out=v", "check files data", "check truth data",
-    "benchmark photons data", "benchmark sequence data --out=o", "render data --out=data", "scene export data --out=o",
+    "benchmark photons data", "benchmark sequence data --out=o", "render data --out=data", "scene export data --out=o.glb",
 )  # fmt: skip
 ON_MANY = "check files data", "report data", "sense data --sensors=ideal", "view data --out=v"
 ON_RECORDINGS = (
