@@ -44,18 +44,18 @@ def signal_to_noise(sensor, radiance=RADIANCE):
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(5, 29)])
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
-    whole = expose_frames(SENSORS[name])
+    all_frames = expose_frames(SENSORS[name])
     part = expose_frames(SENSORS[name], RADIANCE[frames], first_frame=frames.start)
-    assert part.counts.tobytes() == whole.counts[frames].tobytes()
-    assert part.saturated.tobytes() == whole.saturated[frames].tobytes()
+    assert part.counts.tobytes() == all_frames.counts[frames].tobytes()
+    assert part.saturated.tobytes() == all_frames.saturated[frames].tobytes()
 
 
 def test_same_seed_same_bytes_and_any_other_name_other_counts():
     sensor = SENSORS["ideal"]
     reference = expose_frames(sensor)
     assert expose_frames(sensor).counts.tobytes() == reference.counts.tobytes()
-    for other in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
-        assert np.mean(expose_frames(sensor, **other).counts != reference.counts) > 0.5
+    for name in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
+        assert np.mean(expose_frames(sensor, **name).counts != reference.counts) > 0.5
 
 
 PIXELS = (4, 80, 80)
@@ -81,9 +81,9 @@ def test_exposures_that_differ_in_anything_are_independent(change, factor, how):
         pytest.skip("binary frames have none")
     dim = 0.02 if how is expose_binary else 1.0
     one = drawn(preset("ideal"), dim, how)
-    other = drawn(changed(preset("ideal"), **change), dim * factor, how)
+    changed_counts = drawn(changed(preset("ideal"), **change), dim * factor, how)
     # 25,600 pixels or bits: |r|·√n > 5 by chance once in 1.7 million
-    assert abs(np.corrcoef(one, other)[0, 1]) < 5 / np.sqrt(one.size)
+    assert abs(np.corrcoef(one, changed_counts)[0, 1]) < 5 / np.sqrt(one.size)
     np.testing.assert_array_equal(one, drawn(preset("ideal"), dim, how))
 
 

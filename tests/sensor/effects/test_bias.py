@@ -3,7 +3,6 @@ import pytest
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.bias import (
-    Bias,
     Temperature,
     best_excess_bias,
     breakdown_offset,
@@ -53,25 +52,5 @@ def test_efficiency_starts_at_the_onset_and_saturates_and_dark_counts_do_not():
     assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"onset_v": 2.0}, r"bias\.onset_v: 2 is not below"),
-        ({"excess_v": 3.0}, "nothing depends on bias; give efficiency_scale_v"),
-        ({"breakdown_sigma_v": 0.05}, "nothing depends on bias; give efficiency_scale_v"),
-        ({}, "give both"),
-    ],
-)
-def test_bias_that_makes_no_sense_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message):
-        best_excess_bias(Bias(**fields))
-
-
 def test_dark_counts_double_every_doubling_interval():
     assert Temperature(celsius=38, dcr_doubling_k=9).dark_count_factor == pytest.approx(4)
-
-
-@pytest.mark.parametrize("celsius", [-300, 1e5])
-def test_temperature_at_which_no_chip_works_is_refused(celsius):
-    with pytest.raises(ValueError, match="celsius"):
-        Temperature(celsius=celsius)

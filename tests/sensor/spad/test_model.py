@@ -55,12 +55,6 @@ def test_devices_of_the_literature_have_the_printed_figures(name):
     assert sensor.bias.excess_v == device.excess_bias_v
 
 
-@pytest.mark.parametrize("name", ["kodak", ["spadcam"]])
-def test_unknown_preset_is_refused_with_the_known_ones(name):
-    with pytest.raises(ValueError, match=r"no such preset; choose from ideal, spadcam"):
-        preset(name)
-
-
 def test_gate_that_never_opens_is_refused():
     late = {"period_s": 1.0, "width_s": 0.1, "phase_s": 0.5}
     with pytest.raises(ValueError, match=r"gate: it does not open in an exposure_s of 0\.1; lower"):
