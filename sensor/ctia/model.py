@@ -33,14 +33,9 @@ saturate, 100 ms for the others. Assumed, because not given: the spread of the o
 ("typical offsets are on the order of 10 mV"), the spread of the dark current, 10 %, the read noise,
 100 µV, and the lens.
 
-**Noise** of a reading, in volts at the output of the pixel:
-
-- photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
-- dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
-  thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
-  is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
-- reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
-- read noise: normal, from everything after the pixel.
+**Noise**: dark shot noise is that of two opposite Poisson currents of the junction
+(`junction_currents`), and the thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero
+bias: bias tuning removes the dark current, but not the thermal noise of its conductance.
 
 The bias is taken in the middle of the discharge. Sources and approximations: `docs/theory/ctia.md`.
 """
@@ -208,7 +203,7 @@ _FIELDS = strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("u
 CTIA_PRESETS: dict[str, CtiaSensor] = {
     name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
-PHOTODIODES = {name.removeprefix("ctia_"): each.diode for name, each in CTIA_PRESETS.items()}
+PHOTODIODES = {name.removeprefix("ctia_"): sensor.diode for name, sensor in CTIA_PRESETS.items()}
 TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 
 

@@ -116,11 +116,7 @@ class MeasuredMaps(Effect, frozen=True):
 
 
 def load_map(
-    file: MapFile,
-    shape: tuple[int, int],
-    field: str,
-    fit: Fit = "exact",
-    lowest: float = 0.0,
+    file: MapFile, shape: tuple[int, int], field: str, fit: Fit = "exact", lowest: float = 0.0
 ) -> Floats:
     """Read a map for an image of (rows, columns) pixels.
 

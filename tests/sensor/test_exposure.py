@@ -137,11 +137,6 @@ def test_dark_counts_are_noise_and_not_signal():
     np.testing.assert_allclose(signal_to_noise(sensor), signal / np.sqrt(signal + dark), rtol=1e-9)
 
 
-def test_name_in_place_of_a_sensor_is_refused_with_the_remedy():
-    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is not a Sensor; .*preset"):
-        event_moments(np.ones((1, 2, 2)), "spadcam")
-
-
 @pytest.mark.parametrize("place", [{"seed": 0.5}, {"stream": None}])
 def test_seed_and_sequence_that_name_nothing_are_refused(place):
     with pytest.raises(TypeError, match=r"(0\.5|None) cannot name random numbers; give a whole"):

@@ -14,6 +14,11 @@ KERNELS = [
 ]
 
 
+PAIRS = np.random.default_rng(3).uniform(0, 1, (2, 3, 5, 9))
+PAIRS[:, :, 2, 4] = 0
+BY_PLACE = Crosstalk(mean_fired_neighbors=0.4, kernel=PAIRS.tolist())
+
+
 def exact_moments(light, talk, strength=None):
     matrix = chances(talk, *light.shape).T
     matrix = matrix if strength is None else matrix * strength.ravel()
@@ -33,36 +38,16 @@ def test_probabilities_of_the_neighbors_add_up(shares):
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (1, 9), (40, 3)])
-@pytest.mark.parametrize("shares", KERNELS)
-def test_moments_solve_their_linear_equations_edges_included(shares, shape):
+@pytest.mark.parametrize(
+    "talk", [*(Crosstalk(mean_fired_neighbors=0.4, **shares) for shares in KERNELS), BY_PLACE]
+)
+def test_moments_solve_their_linear_equations_edges_included(talk, shape):
     rng = np.random.default_rng(0)
     light, strength = rng.uniform(0, 9, shape), rng.uniform(0.5, 1.5, shape)
-    talk = Crosstalk(mean_fired_neighbors=0.4, **shares)
     for sent in (None, strength):
         counts, spread_counts = exact_moments(light, talk, sent)
         np.testing.assert_allclose(mean(light, talk, sent), counts, rtol=1e-12)
         np.testing.assert_allclose(variance(light, talk, sent), spread_counts, rtol=1e-4)
-
-
-PAIRS = np.random.default_rng(3).uniform(0, 1, (2, 3, 5, 9))
-PAIRS[:, :, 2, 4] = 0
-BY_PLACE = Crosstalk(mean_fired_neighbors=0.4, kernel=PAIRS.tolist())
-
-
-def test_moments_of_a_kernel_by_place_solve_their_linear_equations():
-    rng = np.random.default_rng(0)
-    light, strength = rng.uniform(0, 9, (7, 8)), rng.uniform(0.5, 1.5, (7, 8))
-    for sent in (None, strength):
-        counts, spread_counts = exact_moments(light, BY_PLACE, sent)
-        np.testing.assert_allclose(mean(light, BY_PLACE, sent), counts, rtol=1e-12)
-        np.testing.assert_allclose(variance(light, BY_PLACE, sent), spread_counts, rtol=1e-4)
-
-
-def test_a_kernel_that_equals_the_shares_is_the_same_crosstalk():
-    shares = Crosstalk(mean_fired_neighbors=0.3, **KERNELS[3])
-    kernel = Crosstalk(mean_fired_neighbors=0.3, kernel=neighborhoods(shares).tolist())
-    light = np.random.default_rng(2).uniform(0, 9, (6, 7))
-    np.testing.assert_allclose(variance(light, kernel), variance(light, shares), rtol=1e-12)
 
 
 def test_a_device_file_may_name_a_kernel(tmp_path):
