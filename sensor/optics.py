@@ -377,9 +377,7 @@ def blurred(images: Floats, blur_px: float) -> Floats:
 
     The weights of the pixels around are integrals over them of a Gaussian whose width makes their
     own standard deviation `blur_px`; the difference matters below a pixel. Beyond the border, the
-    outermost pixels are repeated. Where edges are sharper than pixels, the light within a pixel is
-    unknown: images of dead leaves have errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5,
-    0.7, 1 and 1.5 px.
+    outermost pixels are repeated. Error at edges sharper than pixels: `docs/theory/light.md`.
 
     `images` (n, H, W): in any unit; `blur_px`: standard deviation along rows and along columns, px.
     """

@@ -141,11 +141,6 @@ class Sensor(PixelOptics, frozen=True):
                 )
         return self
 
-    @property
-    def counter_capacity(self) -> int:
-        """Largest count of a pixel."""
-        return self.counter.capacity
-
     @cached_property
     def avalanche_effects(self) -> AvalancheEffects:
         """Effects that decide which avalanches occur."""

@@ -76,7 +76,7 @@ def test_sensors_are_given_by_preset_with_changes():
     assert ideal.name == "ideal"
     assert cold.dark_counts.bulk_mean_hz_um2 == 0.1
     assert cold.dark_counts.hot_fraction > 0  # the rest of the preset stays
-    assert cold.counter_capacity == 320
+    assert cold.counter.capacity == 320
 
 
 @pytest.fixture
