@@ -5,13 +5,7 @@ from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
-from megalopta.sensor.ctia.model import (
-    CtiaSensor,
-    electron_moments,
-    photocurrent,
-    reading_electrons,
-    volt_moments,
-)
+from megalopta.sensor.ctia import model as ctia
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics import checked_rate, photon_rate
 from megalopta.sensor.quantities import Expectation
@@ -74,14 +68,14 @@ def expectation(
     a SPAD array: the rates (T, S, H, W) in their parts, of which the radiance is the mean. Effects
     that change from frame to frame are averaged over time.
     """
-    if isinstance(sensor, CtiaSensor):
-        light = photocurrent(radiance, bands_nm, sensor)
-        mean_v, variance_v2 = volt_moments(light, sensor, first_frame, frame_period_s)
+    if isinstance(sensor, ctia.CtiaSensor):
+        light = ctia.photocurrent(radiance, bands_nm, sensor)
+        mean_v, variance_v2 = ctia.volt_moments(light, sensor, first_frame, frame_period_s)
         return Expectation(
             photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s,
-            *electron_moments(light, sensor, first_frame, frame_period_s),
-            reading_electrons(mean_v, sensor),
-            variance_v2 * float(reading_electrons(1.0, sensor)) ** 2,
+            *ctia.electron_moments(light, sensor, first_frame, frame_period_s),
+            ctia.reading_electrons(mean_v, sensor),
+            variance_v2 * float(ctia.reading_electrons(1.0, sensor)) ** 2,
         )
     if detections_hz is None:
         detections_hz = detection_rate(radiance, bands_nm, sensor)

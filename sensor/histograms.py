@@ -134,11 +134,11 @@ def expose_histograms(
     later = None if later_s is None else np.broadcast_to(np.asarray(later_s), rate.shape)
 
     def expose_frame(index: int) -> None:
-        own = None if later is None else later[index : index + 1]
-        shares = _shares(rate[index : index + 1], sensor, own)[0]
-        rest = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
+        later_of_frame = None if later is None else later[index : index + 1]
+        shares = _shares(rate[index : index + 1], sensor, later_of_frame)[0]
+        missed = np.maximum(1 - shares.sum(axis=-1, keepdims=True), 0)
         rng = generator(seed, "histograms", named, light_key(rate[index]), first_frame + index)
-        drawn = rng.multinomial(number, np.concatenate((shares, rest), axis=-1))
+        drawn = rng.multinomial(number, np.concatenate((shares, missed), axis=-1))
         counts[index] = drawn[..., :-1]
 
     over_frames(expose_frame, range(len(rate)))

@@ -26,10 +26,10 @@ ImageSensor: TypeAlias = Annotated[Sensor | CtiaSensor, Field(discriminator="kin
 
 def _plugged_in(value: Any) -> Sensor | CtiaSensor:
     """Return the sensor of an entry point: itself, or the path of its YAML file."""
-    found = load_sensor(value) if isinstance(value, str | Path) else value
-    if not isinstance(found, Sensor | CtiaSensor):
+    sensor = load_sensor(value) if isinstance(value, str | Path) else value
+    if not isinstance(sensor, Sensor | CtiaSensor):
         raise TypeError(f"{value!r} is not a Sensor, CtiaSensor or path of a YAML file; give one")
-    return found
+    return sensor
 
 
 _OURS: dict[str, Sensor | CtiaSensor] = {**PRESETS, **CTIA_PRESETS}

@@ -1,35 +1,23 @@
 """Optics of any image sensor: from the radiance of a scene to detected photons per second.
 
-An object at infinity of spectral radiance L, seen through a lens of f-number N and transmission T,
-gives on the die the irradiance
-
     E(λ) = π·L(λ)·T·cos⁴θ / (4·N² + 1)          W·m⁻²·nm⁻¹
 
-and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is given as its mean
-over each band; the integral is exact for a spectrum that is flat inside the band. The falloff is
-off unless the lens has the camera's horizontal field of view: a rendered pinhole image has no
-vignetting. Source, check value and limits: `docs/theory/light.md`.
+is the irradiance on the die, for spectral radiance L, f-number N and transmission T. Radiance is
+given as its mean over each band; the photon rate is exact for a spectrum that is flat inside it.
+The falloff is off unless the lens has the camera's horizontal field of view: a rendered pinhole
+image has no vignetting. Source, check value and limits: `docs/theory/light.md`.
 
-**Photon detection probability** (PDP): fraction of the photons on the active area that are
-detected. The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times
-fill factor. The curve is tabulated and linear between points. A band's PDP is the mean over its
-photons,
-
-    PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
-
+A band's photon detection probability (PDP) is the mean of the tabulated curve over its photons.
 Between points the integrand is a parabola, or a cubic with the transmission T(λ) of the lens.
 Simpson's rule is exact for both: no point is lost however narrow or wide the band. With a color
 filter, too, Gauss and Legendre's rule of three points is exact. The curve holds at one operating
 point; `effects.bias` scales it elsewhere.
 
-**Color filters** are a mosaic in front of the pixels. Pixel (y, x) sees light through the filter
-named by row y and column x of the mosaic, which repeats: R, G and B are filters with a transmission
-curve, W is clear unless it has one. Crosstalk of light between filters, and their dependence on the
-angle, are not part of it. `demosaiced` interpolates the colors with OpenCV, bilinearly, for the
-four Bayer mosaics.
+**Color filters** are a mosaic in front of the pixels, which repeats: R, G and B are filters with a
+transmission curve, W is clear unless it has one.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -167,8 +155,9 @@ class ColorFilters(Effect, frozen=True):
     def places(self, shape: tuple[int, int]) -> NDArray[np.str_]:
         """Letter of the filter of every pixel, (rows, columns)."""
         letters = np.array([list(row) for row in self.mosaic])
-        repeats = [-(-size // own) for size, own in zip(shape, letters.shape, strict=True)]
-        return np.tile(letters, repeats)[: shape[0], : shape[1]]
+        rows, columns = shape
+        repeats = -(-rows // letters.shape[0]), -(-columns // letters.shape[1])
+        return np.tile(letters, repeats)[:rows, :columns]
 
     def parts(self, shape: tuple[int, int]) -> Iterator[tuple[list[FilterCurve], Floats | float]]:
         """Yield the curves of each filter, one or none, and the pixels (rows, columns) behind it.
@@ -238,7 +227,7 @@ class PixelOptics(Record):
     """Lens in front of the pixels."""
     efficiency: Efficiency
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
-    filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda own: not own.is_on)
+    filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda used: not used.is_on)
     """Color filters in front of the pixels; none by default."""
 
     @model_validator(mode="after")
@@ -336,8 +325,8 @@ def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band, without the lens's curve."""
     if not isinstance(sensor, PixelOptics):
         raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")
-    irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)
-    return photon_flux(irradiance, bands_nm)
+    per_radiance = np.pi * sensor.lens.transmission / (4 * sensor.lens.f_number**2 + 1)
+    return photon_flux(np.full(len(check_bands(bands_nm)), per_radiance), bands_nm)
 
 
 def _on_the_die(radiance: NDArray[np.floating], weights: Floats, sensor: PixelOptics) -> Floats:
@@ -371,12 +360,6 @@ def _checked(radiance: ArrayLike, bands: int) -> NDArray[np.floating]:
     return values
 
 
-def image_irradiance(radiance: ArrayLike, lens: Lens) -> Floats:
-    """Irradiance on the lens's axis, W·m⁻²·nm⁻¹, from radiance, W·m⁻²·sr⁻¹·nm⁻¹; of any shape."""
-    factor = np.pi * lens.transmission / (4 * lens.f_number**2 + 1)
-    return factor * np.asarray(radiance, np.float64)
-
-
 def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
     """Return cos⁴θ at the center of every pixel of a (rows, columns) image.
 
@@ -394,9 +377,7 @@ def blurred(images: Floats, blur_px: float) -> Floats:
 
     The weights of the pixels around are integrals over them of a Gaussian whose width makes their
     own standard deviation `blur_px`; the difference matters below a pixel. Beyond the border, the
-    outermost pixels are repeated. Where edges are sharper than pixels, the light within a pixel is
-    unknown: images of dead leaves have errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5,
-    0.7, 1 and 1.5 px.
+    outermost pixels are repeated. Error at edges sharper than pixels: `docs/theory/light.md`.
 
     `images` (n, H, W): in any unit; `blur_px`: standard deviation along rows and along columns, px.
     """
@@ -517,7 +498,7 @@ def demosaiced(readings: ArrayLike, filters: ColorFilters) -> NDArray[np.float32
     return np.float32(scale) * np.array(colors, np.float32).reshape(*frames.shape, 3)
 
 
-def with_curve(curve: Any, folder: Path | None, field: str = "efficiency") -> Any:
+def with_curve(curve: Any, folder: Path | None, field: str) -> Any:
     """Return the curve in the file for `{path: FILE}`, and anything else unchanged.
 
     Raises ValueError if a path and numbers are both given, or the file holds no curve.
@@ -529,17 +510,3 @@ def with_curve(curve: Any, folder: Path | None, field: str = "efficiency") -> An
         raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
     path = named_path(curve["path"], folder)
     return curve_of(file_content(path, field), f"{field}: {path}", "efficiency")
-
-
-def with_curves(part: str) -> Callable[[Any, Path | None], Any]:
-    """Return a function that gives a part of a sensor, such as its lens, the curves of its files.
-
-    As `with_curve`.
-    """
-
-    def resolved(values: Any, folder: Path | None) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        return {name: with_curve(value, folder, f"{part}.{name}") for name, value in values.items()}
-
-    return resolved

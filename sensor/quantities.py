@@ -139,11 +139,7 @@ def in_order_of_time(stamps: Floats, pixels: Ints) -> tuple[Floats, NDArray[np.u
 
 @compiled
 def _gather(
-    stamps: Floats,
-    pixels: Ints,
-    order: Ints,
-    times: Floats,
-    places: NDArray[np.uint32],
+    stamps: Floats, pixels: Ints, order: Ints, times: Floats, places: NDArray[np.uint32]
 ) -> None:
     for rank in range(order.size):
         times[rank] = stamps[order[rank]]

@@ -71,10 +71,7 @@ class NextFrames:
 
 
 def sub_frames(
-    frames: NDArray[Any],
-    flow: NDArray[Any],
-    parts: int,
-    hidden: Mask | None = None,
+    frames: NDArray[Any], flow: NDArray[Any], parts: int, hidden: Mask | None = None
 ) -> Floats:
     """Return light in the middle of each equal part of the time between frames.
 

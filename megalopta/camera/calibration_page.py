@@ -276,7 +276,7 @@ def emva_section(
         return Section(_TITLE, "Needs recordings of light and --wavelength-nm.")
     exposure_s = max(set(exposures), key=exposures.count)
     sensor = changed(load_sensor(device), exposure_s=exposure_s)
-    if sensor.counter_capacity == 1:
+    if sensor.counter.capacity == 1:
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
     try:
         dark, steps = standard.device_steps(sensor, shape, wavelength_nm)

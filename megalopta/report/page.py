@@ -268,8 +268,8 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
         yield "bias of the diodes", _BIASES[sensor.bias.kind]
         return
     yield "dead time", f"{_SECONDS(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
-    if sensor.counter_capacity < LARGEST_CAPACITY:
-        yield "counter up to", f"{sensor.counter_capacity:,}"
+    if sensor.counter.capacity < LARGEST_CAPACITY:
+        yield "counter up to", f"{sensor.counter.capacity:,}"
     yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
 
 

@@ -33,14 +33,9 @@ saturate, 100 ms for the others. Assumed, because not given: the spread of the o
 ("typical offsets are on the order of 10 mV"), the spread of the dark current, 10 %, the read noise,
 100 µV, and the lens.
 
-**Noise** of a reading, in volts at the output of the pixel:
-
-- photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
-- dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
-  thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
-  is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
-- reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
-- read noise: normal, from everything after the pixel.
+**Noise**: dark shot noise is that of two opposite Poisson currents of the junction
+(`junction_currents`), and the thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero
+bias: bias tuning removes the dark current, but not the thermal noise of its conductance.
 
 The bias is taken in the middle of the discharge. Sources and approximations: `docs/theory/ctia.md`.
 """
@@ -59,16 +54,9 @@ from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
+from megalopta.sensor.ctia import photodiode
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, discharge, gain_from_db, reverse_bias, start
-from megalopta.sensor.ctia.photodiode import (
-    BOLTZMANN_J_K,
-    ELEMENTARY_CHARGE_C,
-    Photodiode,
-    Reals,
-    junction_currents,
-    noise_current,
-)
 from megalopta.sensor.optics import Efficiency, PixelOptics, detected_rate
 from megalopta.sensor.sampling.streams import generator, light_key, pixel_normals, sensor_stream
 
@@ -100,12 +88,12 @@ def draw_noise(
     if noise.dark_shot:
         diode = pixel.diode
         time = np.asarray(pixel.dark_scale) * elapsed
-        reverse, forward = junction_currents(diode, bias)
+        reverse, forward = photodiode.junction_currents(diode, bias)
         charge = poisson_charge(rng, reverse * time)
         charge -= poisson_charge(rng, forward * time)
         if diode.shunt_ohm is not None:
             conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
-            variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
+            variance = 2 * photodiode.BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
             charge += rng.normal(0.0, np.sqrt(np.broadcast_to(variance, charge.shape)))
         volts += charge / pixel.capacitance_f
     normal = reset_variance(noise, pixel) + noise.read_noise_v**2
@@ -117,9 +105,9 @@ def draw_noise(
 def noise_variance(noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_s: float) -> Floats:
     """Variance of `draw_noise`, V²; its mean is 0."""
     elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
-    equivalent = noise_current(pixel.diode, bias, pixel.dark_scale)
+    equivalent = photodiode.noise_current(pixel.diode, bias, pixel.dark_scale)
     shot = noise.photon_shot * photocurrent_a + noise.dark_shot * equivalent
-    charge = ELEMENTARY_CHARGE_C * shot * elapsed
+    charge = photodiode.ELEMENTARY_CHARGE_C * shot * elapsed
     return np.asarray(
         charge / pixel.capacitance_f**2 + reset_variance(noise, pixel) + noise.read_noise_v**2
     )
@@ -136,14 +124,14 @@ def _halfway(pixel: Pixel, photocurrent_a: Floats, time_s: float) -> tuple[Float
 
 def poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
     """Charge of a Poisson number of electrons minus its mean, C."""
-    electrons = charge / ELEMENTARY_CHARGE_C
-    return np.asarray(ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
+    electrons = charge / photodiode.ELEMENTARY_CHARGE_C
+    return np.asarray(photodiode.ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
 
 
 def reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
     """Variance of the reset voltage, kT/C, V²."""
     kelvin = pixel.diode.temperature_k
-    return noise.reset * BOLTZMANN_J_K * kelvin / pixel.capacitance_f
+    return noise.reset * photodiode.BOLTZMANN_J_K * kelvin / pixel.capacitance_f
 
 
 class CtiaSensor(PixelOptics, frozen=True):
@@ -160,7 +148,7 @@ class CtiaSensor(PixelOptics, frozen=True):
     """Time from reset to reading (s)."""
     efficiency: Efficiency
     """Quantum efficiency over wavelength: electrons per photon on the light-sensitive area."""
-    diode: Photodiode
+    diode: photodiode.Photodiode
     """Dark current of the photodiode."""
     capacitance_f: Annotated[float, Field(gt=0)] = 10e-12
     """Integration capacitor (F)."""
@@ -208,7 +196,7 @@ _FIELDS = strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("u
 CTIA_PRESETS: dict[str, CtiaSensor] = {
     name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
-PHOTODIODES = {name.removeprefix("ctia_"): each.diode for name, each in CTIA_PRESETS.items()}
+PHOTODIODES = {name.removeprefix("ctia_"): sensor.diode for name, sensor in CTIA_PRESETS.items()}
 TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 
 
@@ -238,7 +226,7 @@ class CtiaExposure:
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
     """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose`."""
-    return ELEMENTARY_CHARGE_C * detected_rate(radiance, bands_nm, sensor)
+    return photodiode.ELEMENTARY_CHARGE_C * detected_rate(radiance, bands_nm, sensor)
 
 
 def expose_photocurrent(
@@ -315,12 +303,12 @@ def electron_moments(
                 noise = noise_variance(arrivals, pixel, light[index], sensor.exposure_s)
                 mean[index][which] = reading_electrons(volts, sensor)[which]
                 variance[index][which] = noise[which]
-    return mean, variance * (sensor.capacitance_f / ELEMENTARY_CHARGE_C) ** 2
+    return mean, variance * (sensor.capacitance_f / photodiode.ELEMENTARY_CHARGE_C) ** 2
 
 
-def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
+def reading_electrons(volts: photodiode.Reals, sensor: CtiaSensor) -> Floats:
     """Electrons behind readings (V) of any shape, including those of the dark current."""
-    return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
+    return np.asarray(volts * sensor.capacitance_f / photodiode.ELEMENTARY_CHARGE_C)
 
 
 def _aging(

@@ -6,12 +6,8 @@ The pixel works at a small reverse bias, so functions here take the reverse bias
 current that discharges the pixel: positive in reverse, negative in forward bias, where the pixel
 "can no longer discharge".
 
-Near zero bias the net current vanishes but its noise does not: two opposite currents of single
-electrons cancel only on average, and the shunt has thermal noise. Detailed balance makes the ratio
-of the two exp(q·V_r/(k·T)), without n. The noise is white, 2·q·I_eq in A²/Hz, with the equivalent
-current
-
-    I_eq = |I_D|·coth(q·|V_r|/(2·k·T)) + 2·k·T/(q·R_shunt),    I_D that of the junction alone
+Detailed balance makes the ratio of the two currents of single electrons across the junction
+exp(q·V_r/(k·T)), without n.
 
 The saturation current holds at the given temperature and is not scaled with it. Sources and
 approximations: `docs/theory/ctia.md`.

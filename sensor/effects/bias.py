@@ -1,7 +1,6 @@
 """Excess bias, its mismatch, and temperature: what moves together with them.
 
-A pixel whose breakdown voltage is δ above nominal, at a temperature that shifts it by Δ, has V =
-excess_v − δ − Δ. Relative to the values at reference_v,
+At V = excess_v − δ − Δ, with δ of the pixel and Δ of the temperature, relative to reference_v,
 
     efficiency    f(V)/f(reference),   f(V) = 1 − exp(−(V − onset_v)/efficiency_scale_v)
     dark counts   exp((V − reference)/dark_efold_v)
@@ -11,13 +10,8 @@ and the first two are 0 below the onset. The charge of an avalanche is the pixel
 V, and traps and light are proportional to it: slope 1. A slope above 1 includes that a carrier is
 more likely to fire at higher V.
 
-The first is the usual saturating avalanche probability; `onset_v` is the excess bias at which
-avalanches become detectable. The second is empirical and holds in the fitted range. Their ratio,
-the dissertation's signal-to-noise ratio, is largest at
-
-    V* = onset + efficiency_scale·ln(1 + dark_efold/efficiency_scale)
-
-at any flux, and below every bias at which efficiency is largest. δ is normal.
+The first is the usual saturating avalanche probability; the second is empirical. Their ratio is
+largest at V* = onset + efficiency_scale·ln(1 + dark_efold/efficiency_scale). δ is normal.
 
 A measured map already contains each pixel's mismatch. It is multiplied by the factor from the
 reference bias to this one at the pixel's own δ, which is 1 at the reference bias.
@@ -29,11 +23,9 @@ dependence.
 
     DCR(T) = DCR(T_ref)·2^((T − T_ref)/ΔT)
 
-Thermal generation through traps only; tunneling, which sets the floor in deep sub-micron processes,
-hardly depends on temperature. The breakdown voltage rises linearly, as hot carriers lose more
-energy to the lattice, by 0.02 to 0.06 V/K in silicon diodes that break down at 15 to 40 V. So the
-excess bias falls at a constant bias (`bias`). Cooling by 30 to 40 K lowers the rate by one to two
-decades (dissertation §2.3.1), that is ΔT of 6 to 9 K; 8 to 10 K is usual for silicon.
+The breakdown voltage rises linearly, by 0.02 to 0.06 V/K in silicon diodes that break down at 15 to
+40 V. So the excess bias falls at a constant bias (`bias`). Source of ΔT: dissertation §2.3.1 and
+`docs/theory/device.md`.
 """
 
 from collections.abc import Callable
@@ -124,8 +116,8 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     if bias.efficiency_scale_v is None:
         return np.asarray(is_sensitive, np.float64)
     trigger, at_reference = (
-        -np.expm1(-np.maximum(each - bias.onset_v, 0) / bias.efficiency_scale_v)
-        for each in (excess, bias.reference_v)
+        -np.expm1(-np.maximum(volts - bias.onset_v, 0) / bias.efficiency_scale_v)
+        for volts in (excess, bias.reference_v)
     )
     return np.asarray(trigger / at_reference)
 
@@ -153,7 +145,7 @@ def since_measurement(factor: Dependence, bias: Bias, breakdown_offset_v: ArrayL
     In a pixel below the onset at that bias the factor is 1.
     """
     at_reference = bias.model_copy(update={"excess_v": bias.reference_v})
-    now, then = (factor(each, breakdown_offset_v) for each in (bias, at_reference))
+    now, then = (factor(at_bias, breakdown_offset_v) for at_bias in (bias, at_reference))
     return np.divide(now, then, out=np.ones_like(now), where=then > 0)
 
 

@@ -1,10 +1,7 @@
 """Crosstalk: an avalanche emits light that may fire its neighbors.
 
-Every counted avalanche fires nearby pixels at once and independently, with a probability that falls
-with distance: c across an edge, c·diagonal across a corner, c·distance_two and c·distance_three to
-pixels two and three away along a row or column. Avalanches fired this way do the same. There are no
-pixels beyond the edge of the array. Crosstalk light that meets a pixel in its dead time is lost,
-and extends a paralyzable one, as any arrival does.
+Crosstalk light that meets a pixel in its dead time is lost, and extends a paralyzable one, as any
+arrival does. There are no pixels beyond the edge of the array. Limits: `docs/theory/avalanches.md`.
 
 Without dead time the counts are a branching process. With C_ij the probability that an avalanche in
 j fires i, means N̄ = λ + C·N̄ for Poisson primaries λ, and the response G = (1 − C)⁻¹,
@@ -12,9 +9,6 @@ j fires i, means N̄ = λ + C·N̄ for Poisson primaries λ, and the response G 
     Var(N_i) = Σ_j G_ij²·D_j,     D = λ + (C − C∘C)·N̄
 
 for every pixel, including those at the border.
-
-Probabilities that differ from pixel to pixel, or reach farther, come from `kernel`: arrays whose
-pixels come in pairs, and measured pairs.
 
 Source: dissertation §2.3.2; Rech et al., Optics Express 16, 8381 (2008) for shares by distance.
 """
@@ -138,10 +132,7 @@ def of_pixels(weights: Floats, shape: tuple[int, int]) -> Floats | float:
 
 
 def spread(
-    rng: np.random.Generator,
-    primaries: Ints,
-    crosstalk: Crosstalk,
-    strength: Floats | None = None,
+    rng: np.random.Generator, primaries: Ints, crosstalk: Crosstalk, strength: Floats | None = None
 ) -> Ints:
     """Draw the counts of one frame with crosstalk.
 
@@ -187,9 +178,9 @@ def _received(sent: Floats, weights: Floats) -> Floats:
         return np.asarray(convolve(sent, weights[0, 0], mode="constant"))
     total, (rows, columns) = np.zeros_like(sent), weights.shape[:2]
     for row, column in np.ndindex(rows, columns):
-        some = np.zeros_like(sent)
-        some[row::rows, column::columns] = sent[row::rows, column::columns]
-        total += convolve(some, weights[row, column], mode="constant")
+        alike = np.zeros_like(sent)
+        alike[row::rows, column::columns] = sent[row::rows, column::columns]
+        total += convolve(alike, weights[row, column], mode="constant")
     return total
 
 

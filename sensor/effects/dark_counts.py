@@ -11,15 +11,9 @@ temperature.
 
 **Random telegraph noise**: dark counts of some pixels switch between levels at random times.
 
-A trap near the junction changes its charge at times, and with it the pixel's dark count rate. Each
-trap adds `step` times the pixel's own rate while it is active, a share d of the time. Its state is
-redrawn after exponential waiting times of mean τ. So the autocovariance of the added rate and its
-one-sided spectrum are
-
-    d·(1 − d)·A²·e^(−|t|/τ)          4·d·(1 − d)·A²·τ / (1 + (2πfτ)²)        A: the step, in Hz
-
-a Lorentzian. τ is drawn for each trap between `fastest_s` and `slowest_s`, uniformly in its
-logarithm: many traps together have a 1/f spectrum between 1/(2π·slowest) and 1/(2π·fastest).
+A trap adds `step` times the pixel's own rate while it is active, a share of the time. Its state is
+redrawn after exponential waiting times of mean τ, so that its spectrum is a Lorentzian. τ is drawn
+for each trap between `fastest_s` and `slowest_s`, uniformly in its logarithm.
 
 The device determines which pixels have traps and how fast these are. The state of a trap is a
 function of run and time, whichever frames are drawn. The state at the start of an exposure holds
@@ -41,8 +35,6 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling.streams import pixel_uniforms, uniform
-
-_UM2_PER_M2 = 1e12
 
 
 class DarkCounts(Effect, frozen=True):

@@ -5,15 +5,8 @@ of these names for the distributions. In all of them τ is the same for every ev
 constant during the exposure. When the exposure starts, the detector is live and idle, or it has
 been running for long (`stationary`) and may be dead.
 
-A non-paralyzable dead time may end gradually in one of two ways:
-
-- twilight pulses: an arrival in its last α, while the detector recovers, gives a count right at its
-  end. Gaps are τ with probability 1 − e^(−rα), and the mean rate is r/(r·τ + e^(−rα));
-- recharging: the dead time is the hold-off; afterwards the efficiency grows as 1 − e^(−t/τ_r), and
-  an arrival that does not fire has no effect.
-
-These are simulated (`megalopta.sensor.spad`). Neglected: an avalanche of a partly charged
-pixel carries less charge, so it traps fewer carriers and emits less light.
+A non-paralyzable dead time may end gradually, in twilight pulses or while the pixel recharges;
+these are simulated (`megalopta.sensor.spad`). Definitions and limits: `docs/theory/dead-time.md`.
 
 Source: Straka et al., J. Lightwave Technol. 38, 4765 (2020), arXiv 2001.10036, for twilight pulses
 with the rate times a constant α for probability; Krause and Walenta, arXiv 2507.10361, for the

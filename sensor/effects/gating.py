@@ -1,8 +1,7 @@
 """Gating: the pixel is sensitive only in a periodic window.
 
-Outside the window the bias is below breakdown: photons, dark carriers and trapped carriers fire
-nothing and start no dead time. A dead time that has started continues. Open time is therefore the
-clock of the arrivals; `open_time` and `wall_time` convert between the clocks.
+Arrivals outside the window have no effect; a dead time that has started continues. Open time is
+therefore the clock of the arrivals; `open_time` and `wall_time` convert between the clocks.
 
 Without dead time counts are Poisson with mean and variance r·(open time in the exposure).
 

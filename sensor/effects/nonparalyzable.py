@@ -53,23 +53,18 @@ def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tup
         True if the detector has run for long; False if it is live and idle at the start.
     """
     a = arrivals * dead_fraction
-    settled = _settled_stationary_moments if is_stationary else _settled_moments
-    mean, variance = settled(1 / dead_fraction, a / (1 + a))
+    g, exposure = a / (1 + a), 1 / dead_fraction
+    if is_stationary:
+        mean = g * exposure
+        variance = g * (1 - g) ** 2 * exposure + g**2 * (1 - 4 * g / 3 + g**2 / 2)
+    else:
+        mean = g * exposure + g**2 / 2
+        variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
     # β·T/τ < 45, solved for a + a²; the smaller of the two keeps the exponential finite
     early = a + a**2 > np.pi**2 / np.expm1(np.minimum(2 * _SETTLED * dead_fraction, 700.0))
     summed = _summed_stationary_moments if is_stationary else _summed_moments
     mean[early], variance[early] = summed(arrivals[early], a[early], mean[early])
     return mean, variance
-
-
-def _settled_moments(exposure: Floats, g: Floats) -> tuple[Floats, Floats]:
-    mean = g * exposure + g**2 / 2
-    variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
-    return mean, variance
-
-
-def _settled_stationary_moments(exposure: Floats, g: Floats) -> tuple[Floats, Floats]:
-    return g * exposure, g * (1 - g) ** 2 * exposure + g**2 * (1 - 4 * g / 3 + g**2 / 2)
 
 
 def _summed_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, Floats]:

@@ -2,16 +2,9 @@
 
 **Time-correlated single-photon counting**: pulsed light, a time-to-digital converter per pixel.
 
-In every period P of the source a share of the light arrives as a pulse of density g(t): normal of
-standard deviation σ, late by a delay, and delayed once more by an exponential decay of mean τ, as
-of fluorescence. The rest of the light and dark counts are constant. So a pixel that detects n
-photons per period has arrivals at a rate λ(t) = n·(s·g(t) + (1 − s)/P) + d, with g continued over
-periods. The converter records the first avalanche of a period, which the pixel is ready for:
-
-    p(t) = λ(t)·exp(−∫₀ᵗ λ)            1 − exp(−∫₀ᴾ λ) in all: pile-up
-
-The time stamp scatters by the sensor's jitter, the response of the instrument, over the end of the
-period too. Numbers in the bins of a histogram of N periods are multinomial.
+The converter records the first avalanche of a period, which the pixel is ready for: at a rate λ(t)
+with probability p(t) = λ(t)·exp(−∫₀ᵗ λ), pile-up. The time stamp scatters by the sensor's jitter
+over the end of the period too. Numbers in the bins of N periods are multinomial.
 
 Assumptions: pixels are ready at the start of each period, so that dead time is at most one period;
 carriers of afterpulses and of crosstalk are not counted. For other cases, events of pulsed light
@@ -107,11 +100,7 @@ class Tcspc(Effect, frozen=True):
 
 
 def first_photon_shares(
-    pulsed: Floats,
-    constant: Floats,
-    tcspc: Tcspc,
-    jitter: Jitter,
-    later_s: Floats | None = None,
+    pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: Jitter, later_s: Floats | None = None
 ) -> Floats:
     """Return the probability of a count in each bin of a period, (…, bins).
 
@@ -136,36 +125,36 @@ def first_photon_shares(
     late_s = delay_s - (np.argmax(pulse) + 0.5) * ends[1] if is_instant else 0.0
     offsets_s = (late_s, 0.0) if is_instant else (0.0,)
     responses = [
-        np.fft.rfft(_response(ends - each, tcspc.period_s, jitter))
-        for each in (offsets_s if jitter.is_on else ())
+        np.fft.rfft(_response(ends - offset_s, tcspc.period_s, jitter))
+        for offset_s in (offsets_s if jitter.is_on else ())
     ]
     is_blurred = jitter.is_on or not is_instant
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
     at_once = max(1, _VALUES_AT_ONCE // fine)
     for start in range(0, len(shares), at_once):
-        some = slice(start, start + at_once)
-        of_pulse, steady = arrivals.reshape(-1, 2, 1)[some].swapaxes(0, 1)
-        own = pulse
+        pixels = slice(start, start + at_once)
+        of_pulse, steady = arrivals.reshape(-1, 2, 1)[pixels].swapaxes(0, 1)
+        moved = pulse
         if later_s is not None:
-            by = later_s.reshape(-1, 1)[some] / tcspc.period_s * fine
-            whole = np.floor(by).astype(np.int64)
-            rest = by - whole if is_blurred else 0.0
-            place = np.arange(pulse.size) - whole
-            own = np.asarray(
-                (1 - rest) * pulse[place % pulse.size] + rest * pulse[(place - 1) % pulse.size]
+            by = later_s.reshape(-1, 1)[pixels] / tcspc.period_s * fine
+            places = np.floor(by).astype(np.int64)
+            share = by - places if is_blurred else 0.0
+            place = np.arange(pulse.size) - places
+            moved = np.asarray(
+                (1 - share) * pulse[place % pulse.size] + share * pulse[(place - 1) % pulse.size]
             )
-        mass = of_pulse * own + steady / fine
+        mass = of_pulse * moved + steady / fine
         first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
         if responses:
             kinds = [first]
             if len(responses) > 1:
-                share = np.divide(of_pulse * own, mass, out=np.zeros_like(mass), where=mass > 0)
+                share = np.divide(of_pulse * moved, mass, out=np.zeros_like(mass), where=mass > 0)
                 kinds = [share * first, (1 - share) * first]
             pairs = zip(kinds, responses, strict=True)
             spectrum = sum(np.fft.rfft(kind) * response for kind, response in pairs)
             first = np.asarray(np.fft.irfft(spectrum, first.shape[-1]))
-        shares[some] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
+        shares[pixels] = first.reshape(len(first), tcspc.bins, parts).sum(axis=-1).clip(0)
     return shares.reshape(*arrivals.shape[:-1], tcspc.bins)
 
 
@@ -207,9 +196,9 @@ def sorted_in_time(times_s: Floats, pixels: NDArray[np.integer], number: int, tc
     """
     order = np.argsort(times_s, kind="stable")
     period = np.floor(times_s[order] / tcspc.period_s).astype(np.int64)
-    own = pixels[order].astype(np.int64)
-    first = np.unique(period * number + own, return_index=True)[1]
+    pixel = pixels[order].astype(np.int64)
+    first = np.unique(period * number + pixel, return_index=True)[1]
     within = times_s[order][first] / tcspc.period_s - period[first]
     place = np.minimum((within * tcspc.bins).astype(np.int64), tcspc.bins - 1)
-    found = np.bincount(own[first] * tcspc.bins + place, minlength=number * tcspc.bins)
-    return found.reshape(number, tcspc.bins)
+    counts = np.bincount(pixel[first] * tcspc.bins + place, minlength=number * tcspc.bins)
+    return counts.reshape(number, tcspc.bins)

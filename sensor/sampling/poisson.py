@@ -79,10 +79,7 @@ class _Tables(NamedTuple):
 
 
 def draw_poisson(
-    rng: np.random.Generator,
-    means: Floats,
-    more: Floats | None = None,
-    factor: float = 1.0,
+    rng: np.random.Generator, means: Floats, more: Floats | None = None, factor: float = 1.0
 ) -> Ints:
     """Draw one count for each of (means + more)·factor, in one pass.
 
@@ -116,16 +113,16 @@ def poisson_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
 
 @cache
 def _tables() -> _Tables:
-    laws = [_law(mean) for mean in np.arange(0, SMALLEST_MEAN, _STEP)]
-    sizes = np.array([law.size for _, law in laws])
+    tables = [_probabilities(mean) for mean in np.arange(0, SMALLEST_MEAN, _STEP)]
+    sizes = np.array([chances.size for _, chances in tables])
     starts, shifts = np.cumsum(sizes) - sizes, [65 - int(size).bit_length() for size in sizes]
     return _Tables(
-        np.column_stack((starts, shifts, [first for first, _ in laws])).astype(np.uint64),
-        np.concatenate([_alias_cells(law) for _, law in laws]),
+        np.column_stack((starts, shifts, [first for first, _ in tables])).astype(np.uint64),
+        np.concatenate([_alias_cells(chances) for _, chances in tables]),
     )
 
 
-def _law(mean: float) -> tuple[int, Floats]:
+def _probabilities(mean: float) -> tuple[int, Floats]:
     """Smallest count, and the probabilities from there on; their number is a power of two."""
     reach = _TAIL * math.sqrt(mean) + _TAIL_COUNTS
     first, mode = int(max(mean - reach, 0)), int(mean)
@@ -133,15 +130,15 @@ def _law(mean: float) -> tuple[int, Floats]:
     # P(n) is P(n − 1)·mean/n, from the most likely count in both directions
     below = np.cumprod(np.arange(mode, first, -1) / mean)[::-1]
     above = np.cumprod(mean / np.arange(mode + 1, first + size))
-    law = np.concatenate((below, [1.0], above))
-    return first, law / law.sum()
+    chances = np.concatenate((below, [1.0], above))
+    return first, chances / chances.sum()
 
 
 @compiled
-def _alias_cells(law: Floats) -> NDArray[np.uint64]:
+def _alias_cells(chances: Floats) -> NDArray[np.uint64]:
     """Equalize the cells: those with too much probability fill up those with too little."""
-    share = law * law.size
-    cells = np.empty(law.size, np.uint64)
+    share = chances * chances.size
+    cells = np.empty(chances.size, np.uint64)
     poor, rich = list(np.flatnonzero(share < 1)), list(np.flatnonzero(share >= 1))
     while poor and rich:
         cell, alias = poor.pop(), rich[-1]

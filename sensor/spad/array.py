@@ -78,7 +78,8 @@ def expose_frames(
         most = MOST_STORED if keeps_times else counts.MOST_SIMULATED
         counts.check_load(light_hz + device.dark_counts_hz, exposure_s, effects, maps, most)
     shape, is_counted = (frames, rows, columns), reading in ("counts", "codes")
-    readings = counters.empty_counts(shape if is_counted else (0, rows, columns), counter.capacity)
+    number_type = "u2" if counter.capacity < 2**16 else "u4"
+    readings: counters.Counts = np.empty(shape if is_counted else (0, rows, columns), number_type)
     saturated = np.empty(readings.shape, np.bool_)
     bits = np.empty((frames, rows, -(-columns // 8)), np.uint8)
     events: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}

@@ -1,8 +1,7 @@
 """Counters in the pixel: digital, or analog, where every event lowers a voltage that an ADC reads.
 
-A digital counter of n bits holds up to 2ⁿ − 1 events. With one more it stays there (saturating) or
-restarts at zero (wrapping). Readings that may stand for larger numbers are flagged: at capacity if
-saturating, beyond it if wrapping. Below capacity, mean and variance are those of the events.
+Readings that may stand for larger numbers are flagged: at capacity if the counter saturates, beyond
+it if it wraps. Below capacity, mean and variance are those of the events.
 
 The output of an analog counter is at the supply after the reset. Each event removes the pixel's
 step; the output leaks downwards at the pixel's rate; it stops at the bottom of its swing. A source
@@ -25,14 +24,10 @@ A straight line through the whole swing has R² ≈ 1 − slope²/60: the publis
 slopes up to 0.6. Calibration remains a straight line. Each step may also have independent noise of
 `step_noise_v`; N of them have √N times as much.
 
-The leak between reset and readout is constant and the time to read the array (12.8 µs) is
-neglected.
-
 Source: dissertation §2.4.2; that the step changes linearly with the output is assumed.
 """
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,16 +67,6 @@ class DigitalCounter(_Counter, frozen=True):
         return self.capacity < LARGEST_CAPACITY
 
 
-def without_bits(counter: Any) -> Any:
-    """Refuse a counter by its bits, with the capacity that they have; return any other."""
-    if isinstance(counter, Mapping) and isinstance(bits := counter.get("bits"), int):
-        capacity = 2 ** min(max(bits, 1), LARGEST_CAPACITY.bit_length()) - 1
-        raise ValueError(
-            f"bits {bits}: a counter has a capacity; give {{kind: digital, capacity: {capacity}}}"
-        )
-    return counter
-
-
 def read_digital(events: Ints, counter: DigitalCounter, out: tuple[Counts, Mask]) -> None:
     """Write counts into `out`, and True where they are unreliable, for events of any shape."""
     counts, saturated = out
@@ -91,13 +76,6 @@ def read_digital(events: Ints, counter: DigitalCounter, out: tuple[Counts, Mask]
     else:
         np.minimum(events, counter.capacity, out=counts, casting="unsafe")
         np.greater_equal(events, counter.capacity, out=saturated)
-
-
-def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:
-    """Array for counts, of the smaller unsigned type that holds the capacity."""
-    if capacity <= np.iinfo(np.uint16).max:
-        return np.empty(shape, np.uint16)
-    return np.empty(shape, np.uint32)
 
 
 _MOST_COUNTS = 65535
@@ -219,7 +197,7 @@ def nominal_pixels(counter: AnalogCounter, exposure_s: float) -> AnalogPixels:
 def assumed_pixels(counter: AnalogCounter, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
     """Return the values that convert volts to counts, in the shape of the pixels."""
     known = pixels if counter.calibrated else nominal_pixels(counter, exposure_s)
-    return AnalogPixels(*(np.full(pixels.step_v.shape, each) for each in known))
+    return AnalogPixels(*(np.full(pixels.step_v.shape, value) for value in known))
 
 
 def _capacity(swing_v: float, step_v: float) -> int:
@@ -248,10 +226,7 @@ def read_analog(
 
 
 def sample_analog(
-    rng: np.random.Generator,
-    events: Ints,
-    counter: AnalogCounter,
-    pixels: AnalogPixels,
+    rng: np.random.Generator, events: Ints, counter: AnalogCounter, pixels: AnalogPixels
 ) -> NDArray[np.uint16]:
     """ADC codes of a (rows, columns) frame of events; uses the same draws as `read_analog`.
 
@@ -284,10 +259,7 @@ def _counts(output_v: Floats, counter: AnalogCounter, known: AnalogPixels) -> tu
 
 
 def _outputs(
-    rng: np.random.Generator,
-    events: Ints,
-    counter: AnalogCounter,
-    pixels: AnalogPixels,
+    rng: np.random.Generator, events: Ints, counter: AnalogCounter, pixels: AnalogPixels
 ) -> tuple[Floats, Mask]:
     """Output of a (rows, columns) frame, V, and True where the counter is at its bottom."""
     output_v, is_empty = np.empty(events.shape), np.empty(events.shape, np.bool_)

@@ -11,16 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import bias
+from megalopta.sensor.effects import bias, dark_counts
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.effects.dark_counts import (
-    Telegraph,
-    Traps,
-    dark_count_density,
-    draw_traps,
-    telegraph_factor,
-    telegraph_levels,
-)
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.sampling.streams import pixel_normals
 from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_pixels
@@ -38,8 +30,8 @@ class FixedPattern:
     """Detection efficiency relative to the sensor's curve"""
     dark_counts_hz: Floats
     """Dark count rate without active traps"""
-    telegraph: Telegraph
-    traps: Traps | None
+    telegraph: dark_counts.Telegraph
+    traps: dark_counts.Traps | None
     """Traps that switch dark counts; None without telegraph noise"""
     avalanches: AvalancheMaps | None
     """Differences in dead time, afterpulsing and crosstalk; None if there are none"""
@@ -66,13 +58,14 @@ class FixedPattern:
     def dark_hz_at(self, run: int, time_s: float) -> Floats:
         """Return dark count rates with the traps that are active at a time of a run, Hz."""
         assert self.traps is not None
-        return self.dark_counts_hz * telegraph_factor(self.telegraph, self.traps, run, time_s)
+        factor = dark_counts.telegraph_factor(self.telegraph, self.traps, run, time_s)
+        return self.dark_counts_hz * factor
 
     def dark_levels(self) -> list[tuple[float, Floats]]:
         """Return possible dark count rates, Hz, with their probabilities; one without traps."""
         if self.traps is None:
             return [(1.0, self.dark_counts_hz)]
-        levels = telegraph_levels(self.telegraph, self.traps)
+        levels = dark_counts.telegraph_levels(self.telegraph, self.traps)
         return [(chance, self.dark_counts_hz * factor) for chance, factor in levels]
 
 
@@ -95,7 +88,7 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     dark_hz = maps.get("dark_counts")
     if dark_hz is None:
         area_um2 = sensor.active_area_m2 * _UM2_PER_M2
-        dark_hz = dark_count_density(sensor.dark_counts, shape, seed) * area_um2
+        dark_hz = dark_counts.dark_count_density(sensor.dark_counts, shape, seed) * area_um2
     breakdown_v = maps.get("breakdown")  # above the nominal one
     if breakdown_v is None:
         breakdown_v = bias.breakdown_offset(operating, shape, seed)
@@ -104,9 +97,9 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     excess_v = operating.excess_v - warm.breakdown_shift_v
     now = operating.model_copy(update={"excess_v": excess_v})
 
-    def bias_factor(name: str, law: bias.Dependence) -> Floats:
-        is_measured = name in maps
-        return (partial(bias.since_measurement, law) if is_measured else law)(now, breakdown_v)
+    def bias_factor(name: str, factor: bias.Dependence) -> Floats:
+        dependence = partial(bias.since_measurement, factor) if name in maps else factor
+        return dependence(now, breakdown_v)
 
     efficiency = efficiency * bias_factor("efficiency", bias.efficiency_factor)
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
@@ -131,7 +124,7 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
 
     traps, counters = None, None
     if sensor.telegraph.is_on:
-        traps = draw_traps(sensor.telegraph, shape, seed, maps.get("telegraph"))
+        traps = dark_counts.draw_traps(sensor.telegraph, shape, seed, maps.get("telegraph"))
     if isinstance(sensor.counter, AnalogCounter):
         drawn = analog_pixels(sensor.counter, shape, sensor.exposure_s, seed)
         leaked_v = maps["leak"] * sensor.exposure_s if "leak" in maps else drawn.leaked_v

@@ -236,7 +236,7 @@ def _run(  # type: ignore[no-untyped-def]
         parameters.is_coupled, parameters.twilight_s, parameters.recharge_s,
     )  # fmt: skip
     rates, dead_times, carriers, strengths, delays, cumulative, taps = tables[:7]
-    own = 1 if dead_times.size > 1 else 0
+    stride = 1 if dead_times.size > 1 else 0
     most_fired = taps[:, 2:].sum(0).max() if is_coupled else 0.0
     entries = _most_entries(taps)
     gate = parameters.gate
@@ -252,7 +252,7 @@ def _run(  # type: ignore[no-untyped-def]
             size = _pop(times, owners, size)
         elif is_coupled:
             pixel = ahead_pixels[next_ahead]
-        tau, blind = dead_times[own * pixel], dead_until[pixel]
+        tau, blind = dead_times[stride * pixel], dead_until[pixel]
         arrives = is_photon or is_open(time, *gate)
         fires = arrives and time >= blind
         if fires and recharge > 0:
@@ -269,15 +269,15 @@ def _run(  # type: ignore[no-untyped-def]
                 if kept >= 0:
                     stamps[kept], places[kept] = time, pixel
                     kept += 1
-            if carriers[own * pixel] > 0:
-                for _ in range(min(draw_carriers(rng, carriers[own * pixel]), _MOST_CARRIERS)):
+            if carriers[stride * pixel] > 0:
+                for _ in range(min(draw_carriers(rng, carriers[stride * pixel]), _MOST_CARRIERS)):
                     release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # an entry that is lost without effect need not be kept
                     if is_paralyzable or release >= dead_until[pixel] - twilight:
                         size = _push(times, owners, size, release, KINDS * pixel + CARRIER)
             if is_coupled:
                 # one number tells the first pixel that is fired, most often none
-                chance, strength = rng.random(), strengths[own * pixel]
+                chance, strength = rng.random(), strengths[stride * pixel]
                 if chance < most_fired * strength:
                     avalanche = time, pixel, columns, period, chance, strength
                     size = _push_crosstalk(rng, taps, times, owners, size, avalanche, counts.size)

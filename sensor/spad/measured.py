@@ -1,17 +1,8 @@
 """Measured device: a YAML file with the fields of `Sensor`, and maps of its pixels as .npy files.
 
-    preset: spadcam
-    name: spadcam-3
-    efficiency: {path: pde.csv}
-    measured:
-      dark_counts: dark_counts_hz.npy
-      breakdown: breakdown_offset_v.npy
-      step: step_v.npy
-      fit: center
-
-Paths are relative to the YAML file. The maps are hashed when the file is read. A map that has
-changed since raises an error, so that a recorded fixed pattern stays the same. Pickled objects are
-never loaded.
+`docs/how-to/spad.md` shows one. Paths are relative to the YAML file. The maps are hashed when the
+file is read. A map that has changed since raises an error, so that a recorded fixed pattern stays
+the same. Pickled objects are never loaded.
 """
 
 import hashlib
@@ -116,11 +107,7 @@ class MeasuredMaps(Effect, frozen=True):
 
 
 def load_map(
-    file: MapFile,
-    shape: tuple[int, int],
-    field: str,
-    fit: Fit = "exact",
-    lowest: float = 0.0,
+    file: MapFile, shape: tuple[int, int], field: str, fit: Fit = "exact", lowest: float = 0.0
 ) -> Floats:
     """Read a map for an image of (rows, columns) pixels.
 

@@ -7,7 +7,7 @@ counts. Effects on avalanches interact in time and are simulated together if mor
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
@@ -19,7 +19,7 @@ from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.timing import Jitter, Tcspc
 from megalopta.sensor.optics import PixelOptics
-from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter, without_bits
+from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 MOST_OFFSPRING = 0.95
@@ -90,9 +90,9 @@ class Sensor(PixelOptics, frozen=True):
     """Scatter of the time stamps of events; none by default."""
     tcspc: Tcspc = Field(default=Tcspc(), exclude_if=lambda tcspc: not tcspc.is_on)
     """Pulsed light whose photons are counted by their time (histograms only); off by default."""
-    counter: Annotated[
-        DigitalCounter | AnalogCounter, Field(discriminator="kind"), BeforeValidator(without_bits)
-    ] = DigitalCounter()
+    counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
+        DigitalCounter()
+    )
     """Counter in the pixel; by default one that practically never saturates."""
     device_seed: int = 0
     """Device seed: fixes the pattern of its pixels (any integer, including 0). In two sensors with
@@ -140,11 +140,6 @@ class Sensor(PixelOptics, frozen=True):
                     "values or remove the map"
                 )
         return self
-
-    @property
-    def counter_capacity(self) -> int:
-        """Largest count of a pixel."""
-        return self.counter.capacity
 
     @cached_property
     def avalanche_effects(self) -> AvalancheEffects:

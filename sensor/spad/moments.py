@@ -71,10 +71,7 @@ Moments = tuple[Floats, Floats]
 
 
 def count_moments(
-    rate_hz: Floats,
-    exposure_s: float,
-    effects: AvalancheEffects,
-    maps: AvalancheMaps | None = None,
+    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None = None
 ) -> Moments:
     """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_frame`.
 
@@ -106,10 +103,7 @@ def count_moments(
 
 
 def pixel_moments(
-    rate_hz: Floats,
-    exposure_s: float,
-    effects: AvalancheEffects,
-    maps: AvalancheMaps | None = None,
+    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None = None
 ) -> Moments:
     """Return mean and variance of the counts of one exposure, without crosstalk.
 
@@ -130,10 +124,10 @@ def pixel_moments(
     is_bright = is_limit(rate_hz, exposure_s, effects, maps)
     if is_bright.any():
         mean, variance = np.empty(rate_hz.shape), np.empty(rate_hz.shape)
-        for some, moments_of in ((is_bright, bright_moments), (~is_bright, pixel_moments)):
-            maps_of_some = maps and AvalancheMaps(*(factor[some] for factor in maps))
-            mean[some], variance[some] = moments_of(
-                rate_hz[some], exposure_s, effects, maps_of_some
+        for pixels, moments_of in ((is_bright, bright_moments), (~is_bright, pixel_moments)):
+            maps_of_pixels = maps and AvalancheMaps(*(factor[pixels] for factor in maps))
+            mean[pixels], variance[pixels] = moments_of(
+                rate_hz[pixels], exposure_s, effects, maps_of_pixels
             )
         return mean, variance
     if maps is None:
@@ -322,10 +316,10 @@ def lagrange_weights(x: Floats, nodes: Floats) -> Floats:
     for place in range(x.size):
         for node in range(nodes.size):
             above = below = 1.0
-            for other in range(nodes.size):
-                if other != node:
-                    above *= x[place] - nodes[other]
-                    below *= nodes[node] - nodes[other]
+            for far in range(nodes.size):
+                if far != node:
+                    above *= x[place] - nodes[far]
+                    below *= nodes[node] - nodes[far]
             weights[place, node] = above / below
     return weights
 
@@ -356,7 +350,7 @@ def _in_pieces(
     while pieces:
         width, numbers, chosen = pieces.pop()
         for number in np.unique(numbers):
-            some = chosen[numbers == number]
+            inside = chosen[numbers == number]
             nodes = width * (number + _NODES)
             at_nodes, work = _piece(width, float(number), exposure_s, effects)
             total_work += work
@@ -367,12 +361,12 @@ def _in_pieces(
                     "effects; lower the light or exposure_s, or ask for no expectation"
                 )
             if at_nodes is None:
-                pieces.append((width / 2, log_arrivals[some] // (width / 2), some))
+                pieces.append((width / 2, log_arrivals[inside] // (width / 2), inside))
                 continue
             interpolator = BarycentricInterpolator(nodes, at_nodes, rng=0)
-            log_mean, variance_over_mean = interpolator(log_arrivals[some]).T
+            log_mean, variance_over_mean = interpolator(log_arrivals[inside]).T
             mean = np.exp(log_mean)
-            moments[some] = np.column_stack([mean - _NO_COUNTS, variance_over_mean * mean])
+            moments[inside] = np.column_stack([mean - _NO_COUNTS, variance_over_mean * mean])
     return np.maximum(moments, 0.0)
 
 

@@ -73,9 +73,7 @@ def counts_of_pixel(
     moments_until = _with_dead_time if effects.dead_time.is_on else _without_dead_time
     dead_s, period_s = effects.dead_time.dead_time_s, effects.gate.period_s or 0.0
     first_s = max(
-        _FIRST_DEAD_TIMES * dead_s,
-        _FIRST_MEMORIES * effects.memory_s,
-        _FIRST_PERIODS * period_s,
+        _FIRST_DEAD_TIMES * dead_s, _FIRST_MEMORIES * effects.memory_s, _FIRST_PERIODS * period_s
     )
     total = 0.0
     while True:
@@ -248,12 +246,12 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                         lost = 0.0
                         for m in range(states - 1, -1, -1):
                             if age == 0:
-                                entering, here = length * back[w, m] + lost, 0.0
+                                entering, present = length * back[w, m] + lost, 0.0
                             else:
-                                entering, here = lost, charging[age, w, m]
+                                entering, present = lost, charging[age, w, m]
                             out = arrival * efficiency + m * leave
-                            after = ((1 - out / 2) * here + entering) / (1 + out / 2)
-                            between = (here + after) / 2
+                            after = ((1 - out / 2) * present + entering) / (1 + out / 2)
+                            between = (present + after) / 2
                             fires[w, m] += arrival * efficiency * between
                             lost = 0.0
                             if m > 0:
@@ -355,8 +353,8 @@ def _without_dead_time(
         else:
             released = -np.expm1(-fine_s / traps.delay_s)
         # from a place anywhere in a cell: linear between the cells
-        whole = np.concatenate([[0.0], np.cumsum((released[1:] + released[:-1]) / 16)])[::8]
-        shares = np.diff(whole, n=2, prepend=0.0)
+        integral = np.concatenate([[0.0], np.cumsum((released[1:] + released[:-1]) / 16)])[::8]
+        shares = np.diff(integral, n=2, prepend=0.0)
         released_later = np.asarray(traps.mean_carriers * shares / shares.sum())
         moments.append(_hawkes(opened, warm, rate_hz * cell_s, released_later))
     return np.array(moments), work

@@ -44,7 +44,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import read_text
 from megalopta.core.validation import checked, merged
 from megalopta.sensor.effects.crosstalk import with_kernel
-from megalopta.sensor.optics import with_curve, with_curves
+from megalopta.sensor.optics import with_curve
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
 
@@ -131,9 +131,9 @@ def load_sensor(path: str | Path) -> Sensor:
     if not isinstance(values, dict):
         raise ValueError(f"{path}: a sensor is a mapping of fields to values")
     try:
-        given = with_files(values, path.parent)
-        base = preset(given.pop("preset")).model_dump() if "preset" in given else {}
-        return checked(Sensor, merged(base, given))
+        fields = with_files(values, path.parent)
+        base = preset(fields.pop("preset")).model_dump() if "preset" in fields else {}
+        return checked(Sensor, merged(base, fields))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
@@ -147,13 +147,16 @@ def with_files(values: Mapping[str, Any], folder: Path | None) -> dict[str, Any]
     numbers.
     """
     resolved = dict(values)
-    for name, resolve in (
-        ("measured", with_hashes),
-        ("efficiency", with_curve),
-        ("crosstalk", with_kernel),
-        ("lens", with_curves("lens")),
-        ("filters", with_curves("filters")),
-    ):
-        if name in resolved:
-            resolved[name] = resolve(resolved[name], folder)
+    for name, values_of_part in values.items():
+        if name == "measured":
+            resolved[name] = with_hashes(values_of_part, folder)
+        elif name == "efficiency":
+            resolved[name] = with_curve(values_of_part, folder, name)
+        elif name == "crosstalk":
+            resolved[name] = with_kernel(values_of_part, folder)
+        elif name in ("lens", "filters") and isinstance(values_of_part, Mapping):
+            resolved[name] = {
+                key: with_curve(value, folder, f"{name}.{key}")
+                for key, value in values_of_part.items()
+            }
     return resolved

@@ -121,24 +121,24 @@ def moments_of_readings(
             is_alike or not _misreads(counter, pixels)
         )
         for block in blocks.tolist() if is_worth_it else ():
-            some = np.flatnonzero(block_of_pixel == block)
+            members = np.flatnonzero(block_of_pixel == block)
             distributions = _distributions(block, exposure_s, effects)
             if distributions is None:
                 continue
-            chosen, first_node = left[some], node[some] - block * _BLOCK
+            chosen, first_node = left[members], node[members] - block * _BLOCK
             if is_alike:
                 alike = _chosen(pixels, np.full(_BLOCK + _POINTS - 1, left[0]))
                 at_nodes = _respond(counter, alike, exposure_s, *distributions)
                 around = first_node[:, None] + np.arange(_POINTS)
                 mean[chosen], variance[chosen] = (
-                    np.einsum("pk,pk->p", weights[some], values[around]) for values in at_nodes
+                    np.einsum("pk,pk->p", weights[members], values[around]) for values in at_nodes
                 )
             else:
                 differing = _chosen(pixels, chosen)
                 mean[chosen], variance[chosen] = _respond(
-                    counter, differing, exposure_s, *distributions, first_node, weights[some]
+                    counter, differing, exposure_s, *distributions, first_node, weights[members]
                 )
-            is_done[some] = True
+            is_done[members] = True
         left = left[~is_done]
     left = left[np.argsort((most - least)[left], kind="stable")]
     while left.size:

@@ -133,10 +133,10 @@ def chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
         down, right = y - y[:, None] + weights.shape[2] // 2, x - x[:, None] + weights.shape[3] // 2
         inside = (down >= 0) & (right >= 0)
         inside &= (down < weights.shape[2]) & (right < weights.shape[3])
-        own = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
-        relative = np.where(inside, weights[(*own, down * inside, right * inside)], 0.0)
-        each = weights.sum(axis=(2, 3)).mean()
-        return np.asarray(talk.mean_fired_neighbors * relative / each)
+        places = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
+        relative = np.where(inside, weights[(*places, down * inside, right * inside)], 0.0)
+        mean_weight = weights.sum(axis=(2, 3)).mean()
+        return np.asarray(talk.mean_fired_neighbors * relative / mean_weight)
     squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
     straight = (y[:, None] == y) | (x[:, None] == x)
     shares = [1.0, talk.diagonal, talk.distance_two, talk.distance_three]
@@ -151,7 +151,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
     for array in range(counts.shape[0]):
         rates = light[array]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
-        arrivals = np.array([_pause(rng, each) for each in brightest]) - device.run_up
+        arrivals = np.array([_pause(rng, rate) for rate in brightest]) - device.run_up
         dead_until = np.full(brightest.size, -np.inf)
         waiting = [(np.inf, 0)]  # carriers, and arrivals in the twilight of a dead time
         while True:
@@ -195,9 +195,9 @@ def _strike(rng, device, arrival, dead_until, waiting, counts):  # type: ignore[
         if device.carriers[array, pixel] > 0:
             for _ in range(rng.poisson(device.carriers[array, pixel])):
                 waiting.append((now + _delay(rng, device), pixel))
-        for other in range(dead_until.size):
-            if rng.random() < device.chances[pixel, other] * device.strengths[array, pixel]:
-                struck.append(other)
+        for neighbor in range(dead_until.size):
+            if rng.random() < device.chances[pixel, neighbor] * device.strengths[array, pixel]:
+                struck.append(neighbor)
 
 
 @compiled

@@ -27,8 +27,8 @@ def test_histogram_counts_every_event_once_in_its_pixel():
 
 
 def test_no_two_events_of_a_pixel_are_closer_than_the_dead_time():
-    law = DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
-    sensor = changed(IDEAL, dead_time=law, crosstalk=Crosstalk(mean_fired_neighbors=0.2))
+    dead_time = DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
+    sensor = changed(IDEAL, dead_time=dead_time, crosstalk=Crosstalk(mean_fired_neighbors=0.2))
     events = draw(np.full((2, 4, 4), 2000.0), sensor)
     key = (events.frame * 4 + events.row) * 4 + events.column
     order = np.lexsort((events.time_s, key))

@@ -44,18 +44,18 @@ def signal_to_noise(sensor, radiance=RADIANCE):
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(5, 29)])
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
-    whole = expose_frames(SENSORS[name])
+    all_frames = expose_frames(SENSORS[name])
     part = expose_frames(SENSORS[name], RADIANCE[frames], first_frame=frames.start)
-    assert part.counts.tobytes() == whole.counts[frames].tobytes()
-    assert part.saturated.tobytes() == whole.saturated[frames].tobytes()
+    assert part.counts.tobytes() == all_frames.counts[frames].tobytes()
+    assert part.saturated.tobytes() == all_frames.saturated[frames].tobytes()
 
 
 def test_same_seed_same_bytes_and_any_other_name_other_counts():
     sensor = SENSORS["ideal"]
     reference = expose_frames(sensor)
     assert expose_frames(sensor).counts.tobytes() == reference.counts.tobytes()
-    for other in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
-        assert np.mean(expose_frames(sensor, **other).counts != reference.counts) > 0.5
+    for name in ({"seed": 1}, {"stream": "grating"}, {"first_frame": 1}):
+        assert np.mean(expose_frames(sensor, **name).counts != reference.counts) > 0.5
 
 
 PIXELS = (4, 80, 80)
@@ -81,9 +81,9 @@ def test_exposures_that_differ_in_anything_are_independent(change, factor, how):
         pytest.skip("binary frames have none")
     dim = 0.02 if how is expose_binary else 1.0
     one = drawn(preset("ideal"), dim, how)
-    other = drawn(changed(preset("ideal"), **change), dim * factor, how)
+    changed_counts = drawn(changed(preset("ideal"), **change), dim * factor, how)
     # 25,600 pixels or bits: |r|·√n > 5 by chance once in 1.7 million
-    assert abs(np.corrcoef(one, other)[0, 1]) < 5 / np.sqrt(one.size)
+    assert abs(np.corrcoef(one, changed_counts)[0, 1]) < 5 / np.sqrt(one.size)
     np.testing.assert_array_equal(one, drawn(preset("ideal"), dim, how))
 
 
@@ -137,11 +137,6 @@ def test_dark_counts_are_noise_and_not_signal():
     np.testing.assert_allclose(signal_to_noise(sensor), signal / np.sqrt(signal + dark), rtol=1e-9)
 
 
-def test_name_in_place_of_a_sensor_is_refused_with_the_remedy():
-    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is not a Sensor; .*preset"):
-        event_moments(np.ones((1, 2, 2)), "spadcam")
-
-
 @pytest.mark.parametrize("place", [{"seed": 0.5}, {"stream": None}])
 def test_seed_and_sequence_that_name_nothing_are_refused(place):
     with pytest.raises(TypeError, match=r"(0\.5|None) cannot name random numbers; give a whole"):
@@ -151,19 +146,15 @@ def test_seed_and_sequence_that_name_nothing_are_refused(place):
 @pytest.mark.parametrize(
     ("radiance", "message"),
     [
-        *(
-            (
-                np.where(RADIANCE[3, 2, 1, 0] == RADIANCE, bad, RADIANCE),
-                r"radiance: .* \[3, 2, 1, 0\]",
-            )
-            for bad in (np.nan, np.inf, -1e-12)
+        (
+            np.where(RADIANCE[3, 2, 1, 0] == RADIANCE, np.nan, RADIANCE),
+            r"radiance: .* \[3, 2, 1, 0\]",
         ),
+        (-RADIANCE, r"radiance: .* \[0, 0, 0, 0\]"),
         (RADIANCE.astype(complex), "radiance: complex128 values; give real numbers"),
         (np.full((1, 2, 2, 4), 1e30), r"radiance: so bright that a pixel detects \S+ photons"),
-        *(
-            (np.zeros(shape), r"give \(frames, rows, columns, 4\)")
-            for shape in ((12, 15, 4), (2, 12, 15, 3))
-        ),
+        (np.zeros((12, 15, 4)), r"give \(frames, rows, columns, 4\)"),
+        (np.zeros((2, 12, 15, 3)), r"give \(frames, rows, columns, 4\)"),
     ],
 )
 def test_impossible_radiance_is_refused(radiance, message):

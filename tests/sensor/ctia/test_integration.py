@@ -60,10 +60,6 @@ def test_one_step_is_enough_for_the_built_pixel():
     np.testing.assert_allclose(discharge(built, 1e-12, 1e-2), expected[1], rtol=1e-9)
 
 
-def test_discharge_never_passes_the_swing():
-    assert discharge(pixel(IDEAL), 0.0, 10.0) == discharge(pixel(BOTH), 0.0, 10.0) == SWING
-
-
 @pytest.mark.parametrize("diode", [IDEAL, SHUNT, BOTH])
 @pytest.mark.parametrize("bias", [1e-9, 1e-3, 0.1])
 def test_time_and_discharge_are_inverse(diode, bias):

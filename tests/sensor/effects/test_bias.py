@@ -3,8 +3,6 @@ import pytest
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.bias import (
-    Bias,
-    Temperature,
     best_excess_bias,
     breakdown_offset,
     dark_count_factor,
@@ -43,35 +41,3 @@ def test_breakdown_voltages_have_the_spread_stated():
     # 8000 pixels know the spread to 0.8 %
     assert large.std() == pytest.approx(0.042, rel=0.04)
     assert abs(large.mean()) < 5 * 0.042 / np.sqrt(large.size)
-
-
-def test_efficiency_starts_at_the_onset_and_saturates_and_dark_counts_do_not():
-    below = at(SPADCAM.onset_v - 0.01)
-    assert efficiency_factor(below, 0.0) == dark_count_factor(below, 0.0) == 0
-    at_reference = 1 - np.exp(-(SPADCAM.reference_v - SPADCAM.onset_v) / SPADCAM.efficiency_scale_v)
-    assert efficiency_factor(at(20.0), 0.0) == pytest.approx(1 / at_reference)
-    assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"onset_v": 2.0}, r"bias\.onset_v: 2 is not below"),
-        ({"excess_v": 3.0}, "nothing depends on bias; give efficiency_scale_v"),
-        ({"breakdown_sigma_v": 0.05}, "nothing depends on bias; give efficiency_scale_v"),
-        ({}, "give both"),
-    ],
-)
-def test_bias_that_makes_no_sense_is_refused(fields, message):
-    with pytest.raises(ValueError, match=message):
-        best_excess_bias(Bias(**fields))
-
-
-def test_dark_counts_double_every_doubling_interval():
-    assert Temperature(celsius=38, dcr_doubling_k=9).dark_count_factor == pytest.approx(4)
-
-
-@pytest.mark.parametrize("celsius", [-300, 1e5])
-def test_temperature_at_which_no_chip_works_is_refused(celsius):
-    with pytest.raises(ValueError, match="celsius"):
-        Temperature(celsius=celsius)

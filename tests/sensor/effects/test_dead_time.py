@@ -12,12 +12,7 @@ from scipy.special import gammainc, lambertw, ndtr
 from scipy.stats import chisquare
 
 from megalopta.sensor.effects import paralyzable
-from megalopta.sensor.effects.dead_time import (
-    DeadTime,
-    draw_counts,
-    expected_counts,
-    moments,
-)
+from megalopta.sensor.effects.dead_time import DeadTime, draw_counts, expected_counts, moments
 from megalopta.sensor.sampling.streams import generator
 
 KINDS = ["ideal", "nonparalyzable", "paralyzable"]
@@ -26,30 +21,30 @@ MEAN_ARRIVALS = [2.0, 1000.0]
 DRAWS = 100_000
 
 
-def law(kind, dead_time_s=1.0):
+def dead_time(kind, dead_time_s=1.0):
     return DeadTime(kind=kind, dead_time_s=0 if kind == "ideal" else dead_time_s)
 
 
 def mean_and_variance(kind, a, arrivals):
     """Closed forms for r·τ = a and r·T = arrivals, in units of the dead time."""
-    arguments = [a], arrivals / a, law(kind)
+    arguments = [a], arrivals / a, dead_time(kind)
     return expected_counts(*arguments)[0], moments(*arguments)[1][0]
 
 
 @cache
 def sampled(kind, a, arrivals):
     rng = generator(1, kind, f"{a} {arrivals}")
-    return draw_counts(rng, np.full(DRAWS, a), arrivals / a, law(kind))
+    return draw_counts(rng, np.full(DRAWS, a), arrivals / a, dead_time(kind))
 
 
-def nonparalyzable_law(a, arrivals, largest):
+def nonparalyzable_distribution(a, arrivals, largest):
     """P(N = 0 … largest) from P(N >= n), an incomplete gamma function."""
     n = np.arange(1, largest + 2)
     reached = gammainc(n, np.maximum(arrivals - (n - 1) * a, 0))
     return -np.diff(np.concatenate(([1.0], reached)))
 
 
-def paralyzable_law(a, arrivals, size):
+def paralyzable_distribution(a, arrivals, size):
     """P(N = 0 … size − 1) from the generating function, for exposures of very many dead times.
 
     E[z^N] has the Laplace transform (1 − f₁(1−z)/(1−z·f))/s with f = λe^(−sτ)/(s+λe^(−sτ)),
@@ -63,14 +58,14 @@ def paralyzable_law(a, arrivals, size):
 
 @pytest.mark.parametrize(("a", "arrivals"), [(0.05, 3.0), (0.02, 40.0), (1.0, 600.0), (20.0, 9e3)])
 def test_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
-    p = nonparalyzable_law(a, arrivals, int(arrivals / a) + 1)
+    p = nonparalyzable_distribution(a, arrivals, int(arrivals / a) + 1)
     assert_follows(sampled("nonparalyzable", a, arrivals), p)
 
 
 @pytest.mark.parametrize(("a", "counts"), [(0.01, 30.0), (0.3, 90.0), (1.0, 60.0), (4.0, 90.0)])
 def test_paralyzable_draws_follow_the_exact_law_below_the_switch_over(a, counts):
     arrivals = counts * np.exp(a)
-    assert_follows(sampled("paralyzable", a, arrivals), paralyzable_law(a, arrivals, 256))
+    assert_follows(sampled("paralyzable", a, arrivals), paralyzable_distribution(a, arrivals, 256))
 
 
 def assert_follows(counts, p):
@@ -97,7 +92,7 @@ def test_paralyzable_normal_draws_are_within_4e4_of_the_exact_law_at_the_switch_
         exceeds = [paralyzable.approximate_count(z, *moments, a) for z in middle] > counts
         low, high = np.where(exceeds, low, middle), np.where(exceeds, middle, high)
     drawn = np.diff(ndtr(high), prepend=0)
-    distance = np.abs(drawn - paralyzable_law(a, arrivals, 256)).sum() / 2
+    distance = np.abs(drawn - paralyzable_distribution(a, arrivals, 256)).sum() / 2
     assert distance < 4e-4
 
 
@@ -105,7 +100,7 @@ def test_paralyzable_normal_draws_are_within_4e4_of_the_exact_law_at_the_switch_
 @pytest.mark.parametrize("dead_times", [0.3, 1.0, 1.7, 4.2, 30.5, 1e3, 2e4])
 def test_nonparalyzable_moments_are_those_of_the_exact_law(a, dead_times):
     arrivals = a * dead_times
-    p = nonparalyzable_law(
+    p = nonparalyzable_distribution(
         a, arrivals, int(min(dead_times + 1, arrivals + 10 * arrivals**0.5 + 40))
     )
     n = np.arange(p.size)
@@ -118,7 +113,7 @@ def test_nonparalyzable_moments_are_those_of_the_exact_law(a, dead_times):
 @pytest.mark.parametrize("a", [1e-3, 0.1, 1.0, 4.0])
 def test_paralyzable_moments_are_those_of_the_exact_law(a):
     arrivals = 80.0 * np.exp(a)
-    p = paralyzable_law(a, arrivals, 256)
+    p = paralyzable_distribution(a, arrivals, 256)
     n = np.arange(p.size)
     mean, variance = mean_and_variance("paralyzable", a, arrivals)
     assert mean == pytest.approx((p * n).sum(), rel=1e-9)
@@ -128,9 +123,11 @@ def test_paralyzable_moments_are_those_of_the_exact_law(a):
 def test_exposure_shorter_than_the_dead_time_counts_at_most_once():
     rate = np.array([0.1, 1.0, 10.0])
     for kind in ("nonparalyzable", "paralyzable"):
-        mean = expected_counts(rate, 0.9, law(kind))
+        mean = expected_counts(rate, 0.9, dead_time(kind))
         np.testing.assert_allclose(mean, 1 - np.exp(-0.9 * rate), rtol=1e-12)
-        np.testing.assert_allclose(moments(rate, 0.9, law(kind))[1], mean * (1 - mean), rtol=1e-9)
+        np.testing.assert_allclose(
+            moments(rate, 0.9, dead_time(kind))[1], mean * (1 - mean), rtol=1e-9
+        )
 
 
 def stationary(kind):
@@ -143,7 +140,7 @@ def integral_of_reached(n, x):
     return x * gammainc(n, x) - n * gammainc(n + 1, x)
 
 
-def stationary_nonparalyzable_law(a, arrivals, largest):
+def stationary_nonparalyzable_distribution(a, arrivals, largest):
     """P(N = 0 … largest): the wait for the first event is that left of a gap in equilibrium."""
     n = np.arange(1, largest + 2)
     later = integral_of_reached(n, arrivals - n * a)
@@ -157,20 +154,20 @@ def stationary_nonparalyzable_law(a, arrivals, largest):
 def test_stationary_nonparalyzable_moments_are_those_of_the_exact_law(a, dead_times):
     arrivals = a * dead_times
     largest = int(min(dead_times + 1, arrivals + 10 * arrivals**0.5 + 40))
-    p = stationary_nonparalyzable_law(a, arrivals, largest)
+    p = stationary_nonparalyzable_distribution(a, arrivals, largest)
     n = np.arange(p.size)
-    law_of = [a], dead_times, stationary("nonparalyzable")
+    arguments = [a], dead_times, stationary("nonparalyzable")
     # the oracle is a difference of integrals of up to a·dead_times, good to 1e-13 of these
-    assert expected_counts(*law_of)[0] == pytest.approx((p * n).sum(), rel=1e-9)
+    assert expected_counts(*arguments)[0] == pytest.approx((p * n).sum(), rel=1e-9)
     mean = a / (1 + a) * dead_times
-    assert expected_counts(*law_of)[0] == pytest.approx(mean, rel=1e-12)
+    assert expected_counts(*arguments)[0] == pytest.approx(mean, rel=1e-12)
     variance = (p * (n - mean) ** 2).sum()
-    assert moments(*law_of)[1][0] == pytest.approx(variance, rel=1e-6, abs=1e-9)
+    assert moments(*arguments)[1][0] == pytest.approx(variance, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(("a", "arrivals"), [(0.05, 3.0), (0.02, 40.0), (1.0, 60.0), (5.0, 90.0)])
 def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
-    p = stationary_nonparalyzable_law(a, arrivals, int(arrivals / a) + 1)
+    p = stationary_nonparalyzable_distribution(a, arrivals, int(arrivals / a) + 1)
     rate = np.full(DRAWS, a)
     drawn = draw_counts(generator(4), rate, arrivals / a, stationary("nonparalyzable"))
     assert_follows(drawn, p)
@@ -179,9 +176,9 @@ def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
 @pytest.mark.parametrize("a", [0.01, 1.0, 4.0])
 @pytest.mark.parametrize("dead_times", [0.1, 1.5, 20.0])
 def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times):
-    law_of = np.full(DRAWS, a), dead_times, stationary("paralyzable")
-    counts = draw_counts(generator(5), *law_of)
-    mean, variance = expected_counts(*law_of)[0], moments(*law_of)[1][0]
+    arguments = np.full(DRAWS, a), dead_times, stationary("paralyzable")
+    counts = draw_counts(generator(5), *arguments)
+    mean, variance = expected_counts(*arguments)[0], moments(*arguments)[1][0]
     assert mean == pytest.approx(a * dead_times * np.exp(-a), rel=1e-12)
     assert abs(counts.mean() - mean) < 5 * np.sqrt(variance / DRAWS)
     squares = (counts - mean) ** 2
@@ -190,9 +187,9 @@ def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times
 
 def test_moments_and_draws_stay_finite_for_overwhelming_light():
     bright, dead_time_s = [1e15], 1e-9
-    assert draw_counts(generator(0), bright, 1.0, law("paralyzable", dead_time_s))[0] == 1
-    count = draw_counts(generator(0), bright, 1.0, law("nonparalyzable", dead_time_s))[0]
-    mean = expected_counts(bright, 1.0, law("nonparalyzable", dead_time_s))[0]
+    assert draw_counts(generator(0), bright, 1.0, dead_time("paralyzable", dead_time_s))[0] == 1
+    count = draw_counts(generator(0), bright, 1.0, dead_time("nonparalyzable", dead_time_s))[0]
+    mean = expected_counts(bright, 1.0, dead_time("nonparalyzable", dead_time_s))[0]
     assert count == pytest.approx(mean, rel=1e-9)
 
 

@@ -24,17 +24,3 @@ def test_window_that_is_never_closed_changes_nothing():
     assert not Gate().is_on
     assert not Gate(period_s=1.0, width_s=1.0).is_on
     assert open_fraction(Gate(period_s=1.0, width_s=1.0, phase_s=0.4), 3.3) == pytest.approx(1)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"period_s": 1.0}, "belong together"),
-        ({"period_s": 1.0, "width_s": 1.5}, "fit into"),
-        ({"period_s": 1.0, "width_s": 0.5, "phase_s": 1.0}, "fit into"),
-        ({"period_s": -1.0, "width_s": 0.5}, "period_s"),
-    ],
-)
-def test_impossible_window_is_refused(wrong, message):
-    with pytest.raises(ValueError, match=message):
-        Gate(**wrong)

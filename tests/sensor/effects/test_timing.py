@@ -38,28 +38,28 @@ def test_faint_light_is_pulse_decay_and_response_convolved():
         0.5e-9, number
     )
     seen = np.histogram(times % 20e-9, 100, (0, 20e-9))[0]
-    law = mean_histograms(rate_of(1e-6), TCSPC)[0, 0, 0]
-    assert agree(seen, number * law / law.sum())
+    mean = mean_histograms(rate_of(1e-6), TCSPC)[0, 0, 0]
+    assert agree(seen, number * mean / mean.sum())
 
 
 @pytest.mark.parametrize("photons", [0.01, 1.0, 5.0])
 def test_pile_up_of_constant_light_is_exponential(photons):
     sensor = changed(TCSPC, tcspc={"pulsed_share": 0.0}, jitter={"sigma_s": 0, "tail_share": 0})
-    law = mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
+    chances = mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
     ends = np.arange(101) / 100
-    np.testing.assert_allclose(law, -np.diff(np.exp(-photons * ends)), rtol=1e-9)
+    np.testing.assert_allclose(chances, -np.diff(np.exp(-photons * ends)), rtol=1e-9)
 
 
 def test_every_pixel_has_the_delay_of_its_own():
     later = np.array([[[0.0, 3.21e-9, 18.9e-9], [40.1e-9, 1e-9, np.inf]]])
     sensor = changed(TCSPC, tcspc={"from_camera": True})
-    own = mean_histograms(rate_of(1.0, shape=later.shape), sensor, later)
+    late = mean_histograms(rate_of(1.0, shape=later.shape), sensor, later)
     for place in np.ndindex(2, 3):
         delay_s = later[0][place]
         fixed = {"pulsed_share": 0.0} if np.isinf(delay_s) else {"delay_s": 2e-9 + delay_s}
         alone = mean_histograms(rate_of(1.0), changed(TCSPC, tcspc=fixed))[0, 0, 0]
         # between parts of a bin the pulse is a mixture: 1 % of its steepest bins
-        np.testing.assert_allclose(own[0][place], alone, atol=0.01 * alone.max(), rtol=1e-3)
+        np.testing.assert_allclose(late[0][place], alone, atol=0.01 * alone.max(), rtol=1e-3)
 
 
 def test_a_pulse_without_width_falls_into_the_bin_of_its_delay():
@@ -90,14 +90,14 @@ def test_first_photons_of_simulated_pulses_have_the_same_histogram():
         rng.random(pixel.size) < 0.8, late % period_s, period_s * rng.random(pixel.size)
     )
     times = period_s * rng.integers(pulses, size=pixel.size) + late
-    found = sorted_in_time(times, pixel, pixels, sensor.tcspc)
+    sorted_times = sorted_in_time(times, pixel, pixels, sensor.tcspc)
     plain = changed(sensor, jitter={"sigma_s": 0, "tail_share": 0})
-    law = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), plain)[0, 0]
-    assert found.sum() < 0.7 * pixel.size  # pile-up
-    assert agree(found.sum(axis=0), law.sum(axis=0))
+    mean = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), plain)[0, 0]
+    assert sorted_times.sum() < 0.7 * pixel.size  # pile-up
+    assert agree(sorted_times.sum(axis=0), mean.sum(axis=0))
     # stamps scatter after the first avalanche is chosen
     stamps = period_s * (np.arange(100) + rng.random((pixels, 1))) / 100
-    moved = np.repeat(np.broadcast_to(stamps, found.shape).ravel(), found.ravel())
+    moved = np.repeat(np.broadcast_to(stamps, sorted_times.shape).ravel(), sorted_times.ravel())
     moved = moved + 0.2e-9 * rng.standard_normal(moved.size)
     moved += (rng.random(moved.size) < 0.3) * rng.exponential(0.5e-9, moved.size)
     seen = np.histogram(moved % period_s, 100, (0, period_s))[0]
@@ -147,15 +147,15 @@ def test_sensors_without_histograms_are_refused(words, change):
 
 
 def test_decays_and_pulses_that_are_nearly_zero_are_zero():
-    def law(**tcspc):
+    def mean(**tcspc):
         sensor = changed(TCSPC, tcspc=tcspc, jitter={"sigma_s": 0, "tail_share": 0})
         return mean_histograms(rate_of(0.5), sensor)
 
-    short, none = law(pulse_sigma_s=1e-9, decay_s=1e-18), law(pulse_sigma_s=1e-9, decay_s=0)
+    short, none = mean(pulse_sigma_s=1e-9, decay_s=1e-18), mean(pulse_sigma_s=1e-9, decay_s=0)
     np.testing.assert_allclose(short, none, rtol=1e-6, atol=1e-9)
-    either = (law(pulse_sigma_s=1e-9, decay_s=1e-9 * each) for each in (0.99e-5, 1.01e-5))
-    np.testing.assert_allclose(*either, rtol=1e-5, atol=1e-5)  # both forms agree
-    np.testing.assert_allclose(law(pulse_sigma_s=1e-320), law(pulse_sigma_s=0), rtol=1e-9)
+    both = (mean(pulse_sigma_s=1e-9, decay_s=decay_s) for decay_s in (0.99e-14, 1.01e-14))
+    np.testing.assert_allclose(*both, rtol=1e-5, atol=1e-5)  # both forms agree
+    np.testing.assert_allclose(mean(pulse_sigma_s=1e-320), mean(pulse_sigma_s=0), rtol=1e-9)
 
 
 SIGMA_S, SHARE, TAIL_S, EVENTS = 50e-12, 0.2, 300e-12, 200_000

@@ -3,30 +3,21 @@ import pytest
 from scipy.special import ndtri, pdtr, pdtrc
 from scipy.stats import chisquare, poisson
 
-from megalopta.sensor import (
-    Crosstalk,
-    DeadTime,
-    changed,
-    expose_binary,
-    preset,
-)
+from megalopta.sensor import Crosstalk, DeadTime, changed, expose_binary, preset
 from megalopta.sensor.sampling.poisson import (
     CHANCE_ERROR,
     SMALLEST_MEAN,
     chance,
-    doubt,
     draw_poisson,
     fill_bits,
     fill_quantiles,
-    place,
     unpack,
 )
 from megalopta.sensor.sampling.streams import generator, word_streams
 
 
 @pytest.mark.parametrize(
-    "mean",
-    [0.01, 0.0625, 0.125, 0.99, 1.0, 3.99, 4.0, 4.5, 9.5, 16.0, 400.0, 2049.0, 2e4, 1e6],
+    "mean", [0.01, 0.0625, 0.125, 0.99, 1.0, 3.99, 4.0, 4.5, 9.5, 16.0, 400.0, 2049.0, 2e4, 1e6]
 )
 def test_draws_follow_the_poisson_law(mean):
     counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
@@ -36,13 +27,6 @@ def test_draws_follow_the_poisson_law(mean):
     expected[0] += poisson.cdf(n[0] - 1, mean) * counts.size
     expected[-1] += counts.size - expected.sum()
     assert chisquare(observed, expected).pvalue > 1e-6  # the false-alarm rate
-
-
-def test_the_first_counts_of_many_streams_follow_the_law():
-    means = np.array([0.3, 0.03, 2.2, 5.0, 30.0, 3.99, 4.01])
-    counts = np.array([draw_poisson(generator(seed), means) for seed in range(20_000)])
-    z = (counts.mean(axis=0) - means) / np.sqrt(means / len(counts))
-    assert abs(z).max() < 5.5  # seven means: false-alarm rate 3e-7
 
 
 def test_of_fewer_pixels_the_counts_are_the_first_of_more():
@@ -77,9 +61,6 @@ def test_draws_of_different_means_follow_their_laws_and_are_independent():
     np.testing.assert_allclose(correlation, 0, atol=5 / np.sqrt(len(z)))
 
 
-MEANS = [*np.linspace(SMALLEST_MEAN, 30, 300), *np.geomspace(30, 1e4, 60)]
-
-
 def steps(mean):
     """Counts n, and the normal numbers at which the quantile steps from n to n + 1."""
     counts = np.arange(max(0, int(mean - 9 * mean**0.5)), int(mean + 12 * mean**0.5) + 9)
@@ -89,33 +70,14 @@ def steps(mean):
     return counts[known].astype(float), z[known]
 
 
-@pytest.mark.parametrize("means", np.array_split(MEANS, 6))
-def test_the_expansion_is_as_near_to_each_step_as_it_says(means):
-    for mean in means:
-        counts, z = steps(mean)
-        off = [abs(place(at, mean) - (n + 1)) for n, at in zip(counts, z, strict=True)]
-        stated = [doubt(at, mean) for at in z]
-        rounding = 1e-13 * mean**1.5  # of SciPy's z, some 1e-13 of σ, and of y
-        assert np.all(np.array(off) < np.array(stated) + rounding)
-
-
-@pytest.mark.parametrize("mean", [SMALLEST_MEAN, 4.7, 10.0, 33.3, 1000.0])
+@pytest.mark.parametrize("mean", [*np.linspace(SMALLEST_MEAN, 9, 26), 10.0, 33.3, 1000.0, 1e4])
 def test_counts_on_both_sides_of_each_step_are_exact(mean):
     counts, z = steps(mean)
     near = np.concatenate([z - 1e-9, z + 1e-9])
     expected = np.concatenate([counts, counts + 1])
-    found = np.empty_like(near)
-    fill_quantiles(near, np.full(near.size, mean), found)
-    np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("mean", [*np.linspace(SMALLEST_MEAN, 9, 26), 30.0, 3e3, 3e6])
-def test_counts_grow_with_the_number_and_are_never_negative(mean):
-    z = np.linspace(-8.5, 8.5, 40_001)
-    counts = np.empty_like(z)
-    fill_quantiles(z, np.full(z.size, mean), counts)
-    assert counts[0] >= 0
-    assert np.all(np.diff(counts) >= 0)
+    drawn = np.empty_like(near)
+    fill_quantiles(near, np.full(near.size, mean), drawn)
+    np.testing.assert_array_equal(drawn, expected)
 
 
 IDEAL = preset("ideal")

@@ -69,15 +69,6 @@ def test_every_lane_is_numpys_generator_of_the_same_state():
         np.testing.assert_array_equal(twin.random_raw(100), words[:, lane])
 
 
-def test_the_source_goes_on_where_it_stopped():
-    parts, whole = word_streams(generator(1)), word_streams(generator(1))
-    all_words, words = np.empty((7, LANES), np.uint64), np.empty((7, LANES), np.uint64)
-    fill_words(whole, all_words)
-    fill_words(parts, words[:3])
-    fill_words(parts, words[3:])
-    np.testing.assert_array_equal(words, all_words)
-
-
 DRAWS = 1_600_000
 
 

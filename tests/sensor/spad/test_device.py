@@ -68,8 +68,7 @@ def with_fit(folder, fit):
 
 
 @pytest.mark.parametrize(
-    ("fit", "window"),
-    [("top_left", np.s_[:3, :4]), ("center", np.s_[1:4, 2:6])],
+    ("fit", "window"), [("top_left", np.s_[:3, :4]), ("center", np.s_[1:4, 2:6])]
 )
 def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, window):
     device = draw_fixed_pattern(with_fit(folder, fit), (3, 4))
@@ -103,14 +102,12 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
     with pytest.raises(ValueError, match=rf"measured\.dark_counts: .*{message}") as refusal:
         draw_fixed_pattern(load(folder), SHAPE)
     assert "\n" not in str(refusal.value)
-    assert "MapFile" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
         ({"preset": "spadcam", "exposure": 1}, "exposure: unknown key; did you mean .exposure_s"),
-        ({"preset": "spadcam", "exposure_s": -1}, "exposure_s: .* greater than 0, got -1"),
         ({"name": "mine"}, "pitch_m: missing"),
         ({"preset": ["spadcam"]}, "no such preset"),
         ({"preset": "spadcam", "measured": 5}, "measured: give a mapping .* got 5"),
@@ -127,7 +124,6 @@ def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
     with pytest.raises(ValueError, match=message) as refusal:
         load_sensor(str(folder / "device.yaml"))
     assert "\n" not in str(refusal.value)
-    assert "MapFile" not in str(refusal.value)
 
 
 HOT = r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"
@@ -137,7 +133,6 @@ HOT = r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"
     ("preset_name", "changes", "message"),
     [
         ("spadcam", {"bias": {"excess_v": 100.0}}, HOT),
-        ("spadcam", {"temperature": {"celsius": 1000.0, "dcr_doubling_k": 1.0}}, HOT),
         ("spadcam", {"temperature": {"celsius": 500.0, "dcr_doubling_k": 1e-3}}, HOT),
         (
             "spadcam",
@@ -182,13 +177,7 @@ SMALLER = r"has 6 × 9, the image .*lower camera\.height"
 
 @pytest.mark.parametrize(
     ("fit", "shape", "message"),
-    [
-        ("exact", (3, 4), LARGER),
-        ("exact", (6, 8), LARGER),
-        ("exact", (9, 6), SMALLER),
-        ("top_left", (7, 9), SMALLER),
-        ("center", (6, 10), SMALLER),
-    ],
+    [("exact", (3, 4), LARGER), ("exact", (9, 6), SMALLER), ("center", (6, 10), SMALLER)],
 )
 def test_map_that_does_not_fit_is_refused_with_what_helps(folder, fit, shape, message):
     with pytest.raises(ValueError, match=message):
@@ -228,10 +217,11 @@ def test_stuck_pixels_read_the_same_in_every_frame(folder):
     np.testing.assert_array_equal(counts[:, 3, 8], 100)
     mean, variance = reading_moments(rate, sensor)
     assert (mean[0, 3, 8], variance[0, 3, 8]) == (100, 0)
-    whole = expose_rate(rate, changed(sensor, measured={"stuck": None}), seed=1, stream="stuck")
+    working = changed(sensor, measured={"stuck": None})
+    all_work = expose_rate(rate, working, seed=1, stream="stuck").counts
     works = np.delete(np.arange(counts[0].size), [1 * 9 + 2, 3 * 9 + 8])
     np.testing.assert_array_equal(
-        counts.reshape(5, -1)[:, works], whole.counts.reshape(5, -1)[:, works]
+        *(frames.reshape(5, -1)[:, works] for frames in (counts, all_work))
     )
 
 
@@ -251,15 +241,3 @@ def test_readings_that_a_counter_cannot_have_are_refused(folder, reading):
     unchecked = changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
     with pytest.raises(ValueError, match=r"measured\.stuck: .* no reading of this counter; give"):
         expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, stream="stuck")
-
-
-def test_steps_of_telegraph_noise_that_cannot_be_drawn_are_refused(folder):
-    np.save(folder / "steps.npy", np.full(SHAPE, 1e300))
-    sensor = changed(
-        preset("ideal"),
-        dark_counts={"bulk_mean_hz_um2": 0.1},
-        telegraph={"share": 0.1},
-        measured={"telegraph": str(folder / "steps.npy")},
-    )
-    with pytest.raises(ValueError, match=r"telegraph\.step: .* Hz of dark counts in the worst"):
-        expose_rate(np.full((1, *SHAPE), 1e3), sensor, seed=1, stream="steps")

@@ -16,12 +16,7 @@ from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate
 from megalopta.sensor.spad.counts import draw_frame
 from megalopta.sensor.spad.model import AvalancheEffects
-from megalopta.sensor.spad.moments import (
-    MEAN_ERROR,
-    VARIANCE_ERROR,
-    VARIANCE_FLOOR,
-    count_moments,
-)
+from megalopta.sensor.spad.moments import MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR, count_moments
 
 from ..plainest import brute_force_events
 

@@ -7,12 +7,7 @@ from scipy.linalg import expm
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.effects.dead_time import DeadTime, moments
 from megalopta.sensor.spad.model import AvalancheEffects
-from megalopta.sensor.spad.moments import (
-    MEAN_ERROR,
-    VARIANCE_ERROR,
-    VARIANCE_FLOOR,
-    pixel_moments,
-)
+from megalopta.sensor.spad.moments import MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR, pixel_moments
 
 TAU_S = 1e-6
 
@@ -49,8 +44,8 @@ def hawkes(rate, exposure_s, traps, is_stationary):
     return rate * mean, rate * variance
 
 
-def check(found, exact):
-    (mean, variance), (exact_mean, exact_variance) = found, exact
+def check(stated, exact):
+    (mean, variance), (exact_mean, exact_variance) = stated, exact
     np.testing.assert_allclose(mean, exact_mean, rtol=MEAN_ERROR, atol=1e-6)
     np.testing.assert_allclose(variance, exact_variance, rtol=VARIANCE_ERROR, atol=VARIANCE_FLOOR)
 
@@ -61,8 +56,8 @@ def check(found, exact):
 def test_afterpulsing_has_the_moments_of_a_hawkes_process(carriers, exposure_s, start):
     rates = np.geomspace(0.1, min(1e5, 5e6 * exposure_s), 31) / exposure_s  # most between nodes
     traps = Afterpulsing(mean_carriers=carriers, delay_s=2e-6)
-    found = pixel_moments(rates, exposure_s, effects_of("ideal", start, traps))
-    check(found, hawkes(rates, exposure_s, traps, start == "stationary"))
+    stated = pixel_moments(rates, exposure_s, effects_of("ideal", start, traps))
+    check(stated, hawkes(rates, exposure_s, traps, start == "stationary"))
 
 
 @pytest.mark.parametrize("start", ["live", "stationary"])
@@ -71,5 +66,5 @@ def test_afterpulsing_has_the_moments_of_a_hawkes_process(carriers, exposure_s, 
 def test_hardly_any_carriers_leave_the_moments_of_dead_time(kind, exposure_s, start):
     rates = np.geomspace(0.1 / exposure_s, 100 / TAU_S, 21)
     effects = effects_of(kind, start, Afterpulsing(mean_carriers=1e-9, delay_s=2e-6))
-    found = pixel_moments(rates, exposure_s, effects)
-    check(found, moments(rates, exposure_s, effects.dead_time))
+    stated = pixel_moments(rates, exposure_s, effects)
+    check(stated, moments(rates, exposure_s, effects.dead_time))
