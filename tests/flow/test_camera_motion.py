@@ -125,9 +125,3 @@ def test_motion_without_noise_is_found_exactly(seed):
     found = fitted(directions, moved)
     assert angle_deg(found.heading, way) < 1e-4
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
-
-
-def test_too_few_velocities_are_refused():
-    directions, moved, _, _ = seen(np.random.default_rng(0), 3, 0.2, count=7)
-    with pytest.raises(ValueError, match="7 velocities are defined"):
-        fitted(directions, moved)
