@@ -227,7 +227,7 @@ class BenchmarkResult:
                 return curve
         raise ValueError(
             f"no {metric} curve of {method!r} at {size} px: choose from"
-            f" {', '.join(each.name for each in self.methods)} at {self.settings.sizes} px,"
+            f" {', '.join(detector.name for detector in self.methods)} at {self.settings.sizes} px,"
             f" {', '.join(self.settings.metrics)}"
         )
 
@@ -235,7 +235,9 @@ class BenchmarkResult:
         """Return all fields, ready for JSON."""
         return vars(self) | {
             "settings": self.settings.model_dump(mode="json"),
-            "methods": {each.name: each.model_dump(mode="json") for each in self.methods},
+            "methods": {
+                detector.name: detector.model_dump(mode="json") for detector in self.methods
+            },
             "curves": [curve.to_dict() for curve in self.curves],
         }
 
@@ -246,7 +248,7 @@ class BenchmarkResult:
             type(METHODS[name]).model_validate(parameters)
             for name, parameters in fields["methods"].items()
         )
-        curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
+        curves = tuple(ErrorCurve.from_dict(curve) for curve in fields["curves"])
         return TypeAdapter(cls).validate_python(
             {**fields, "methods": (*methods,), "curves": curves}
         )
@@ -278,7 +280,7 @@ def photon_benchmark(
     books
         Gets the work done, `work_units` in all, and caches its parts.
     """
-    detectors = [method(each) for each in methods]
+    detectors = [method(chosen) for chosen in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:

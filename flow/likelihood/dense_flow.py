@@ -255,7 +255,9 @@ def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
     """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
     along = ((np.arange(side) + 0.5) / factor - 0.5 for side in shape)
     places = np.stack(np.meshgrid(*along, indexing="ij"))
-    return np.stack([map_coordinates(each, places, order=1, mode="nearest") for each in coarse])
+    return np.stack(
+        [map_coordinates(component, places, order=1, mode="nearest") for component in coarse]
+    )
 
 
 def _at_pixels(values: Floats, counts: NDArray[Any]) -> Floats:

@@ -350,7 +350,11 @@ _CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
     "saturation": lambda sensor: without(_unlimited(sensor), "dead_time"),
     _BLUR: lambda sensor: sensor,
     "dark counts": lambda sensor: without(sensor, "dark_counts"),
-    "read noise": lambda sensor: _noiseless(sensor),
+    "read noise": lambda sensor: (
+        sensor
+        if sensor.counter.kind == "digital"
+        else changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+    ),
 }
 """Causes that keep an error from being reached, and the sensor without each"""
 
@@ -364,16 +368,10 @@ def _unlimited(sensor: Sensor) -> Sensor:
     return without(sensor, "counter")
 
 
-def _noiseless(sensor: Sensor) -> Sensor:
-    if sensor.counter.kind == "digital":
-        return sensor
-    return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
-
-
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
     curves = sensor.efficiency, sensor.lens.transmission_curve
-    ends = [(each.wavelengths_nm[0], each.wavelengths_nm[-1]) for each in curves if each]
+    ends = [(curve.wavelengths_nm[0], curve.wavelengths_nm[-1]) for curve in curves if curve]
     bands = [
         band for band in _BANDS_NM if all(low <= band[0] and band[1] <= top for low, top in ends)
     ]

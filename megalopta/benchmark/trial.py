@@ -115,11 +115,11 @@ Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="ki
 
 def template_names(templates: Sequence[Template]) -> list[str]:
     """Return short names of templates; those of gratings show their differences."""
-    gratings = [each for each in templates if isinstance(each, GratingTemplate)]
+    gratings = [template for template in templates if isinstance(template, GratingTemplate)]
     differing = [
         field
         for field in GratingTemplate.model_fields
-        if len({getattr(each, field) for each in gratings}) > 1
+        if len({getattr(grating, field) for grating in gratings}) > 1
     ]
     names = []
     for template in templates:

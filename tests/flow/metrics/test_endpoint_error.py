@@ -38,7 +38,7 @@ def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
     flow, hidden = rng.normal(size=(1, 97, 83, 2)), rng.random((1, 97, 83)) < 0.2
     flow[rng.random((1, 97, 83)) < 0.1] = np.nan
     grid = block_grid((64, 50), 7)
-    averaged = block_flow(flow, grid, hidden, valid_fraction=0)
+    averaged = block_flow(flow, grid, hidden)
     for i, j in np.ndindex(grid.rows, grid.columns):
         inside = [
             flow[0, row, column]
