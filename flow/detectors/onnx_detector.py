@@ -39,7 +39,8 @@ class OnnxDetector(DenseDetector, frozen=True):
 
     def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         shape = (pair.shape[1], pair.shape[2])
-        session, padded = _session(self.path, self.content), _padded(shape)
+        session = _session(self.path, self.content)
+        padded = tuple(max(_FEWEST_PX, -(-side // _MULTIPLE) * _MULTIPLE) for side in shape)
         inputs = session.get_inputs()
         is_fixed = all(isinstance(side, int) for side in inputs[0].shape[-2:])
         size = (int(inputs[0].shape[-2]), int(inputs[0].shape[-1])) if is_fixed else padded
@@ -111,12 +112,7 @@ def _problem(detector: OnnxDetector) -> str | None:
     return None
 
 
-def _padded(shape: tuple[int, int]) -> tuple[int, int]:
-    height, width = (max(_FEWEST_PX, -(-side // _MULTIPLE) * _MULTIPLE) for side in shape)
-    return height, width
-
-
-def _resized(picture: Floats, shape: tuple[int, int]) -> NDArray[Any]:
+def _resized(picture: Floats, shape: tuple[int, ...]) -> NDArray[Any]:
     import cv2
 
     return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_LINEAR)

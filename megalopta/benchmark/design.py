@@ -280,7 +280,9 @@ class _Work:
     def __init__(self, scene: DesignScene, settings: DesignSettings) -> None:
         self._scene, self._settings, self.times = scene, settings, settings.exposures
         self._per_degree = scene.flow_per_degree()
-        self._light = lru_cache(maxsize=1)(self._light_of)
+        self._light = lru_cache(maxsize=1)(
+            lambda sensor, level: detected_rate(scene.radiance(level), scene.bands_nm, sensor)[0]
+        )
 
     def errors(
         self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
@@ -298,10 +300,6 @@ class _Work:
         turn = slopes.of_turn(self._per_degree) * spread
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
-
-    def _light_of(self, sensor: Sensor, level: LightLevel) -> Floats:
-        radiance, bands = self._scene.radiance(level), self._scene.bands_nm
-        return np.asarray(detected_rate(radiance, bands, sensor)[0])
 
     def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
         """Return the row of one sensor and level, from its points by exposure."""

@@ -115,7 +115,7 @@ def block_detector(chosen: Method) -> BlockDetector:
     return detector.model_copy(update={"block_px": BLOCK_PX})
 
 
-def stretched(name: str, kind: str = "√") -> GrayDetector:
+def stretched(name: str, kind: str) -> GrayDetector:
     """Return a gray method on Anscombe roots of the counts: √, slightly smoothed; NLM, denoised."""
     detector, (settings, light) = gray_method(name), _STRETCHES[kind]
     names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {light}"}

@@ -49,20 +49,6 @@ def test_damaged_file_is_refused_with_what_is_wrong(tmp_path, damage, sentence):
         read_flo(path)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "sentence"),
-    [
-        (np.full((5, 7, 2), 2e9), "keeps for undefined"),
-        (np.zeros((5, 7, 3)), r"give \(H, W, 2\)"),
-        (np.zeros((0, 7, 2)), r"give \(H, W, 2\)"),
-    ],
-)
-def test_array_that_is_no_flow_is_not_written(tmp_path, wrong, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        write_flo(tmp_path / "a.flo", wrong)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.fixture
 def flow():
     values = np.random.default_rng(0).uniform(-40, 40, (5, 7, 2)).astype(np.float32)
