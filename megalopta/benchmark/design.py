@@ -41,11 +41,7 @@ from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.metrics.translation_bound import (
-    blurred_by_motion,
-    cramer_rao_covariance,
-    reading_slopes,
-)
+from megalopta.flow.metrics import translation_bound
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of
@@ -291,10 +287,10 @@ class _Work:
         light, settings = self._light(sensor, level), self._settings
         if blurs:
             path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
-            light = blurred_by_motion(light, path_px)
-        slopes = reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
+            light = translation_bound.blurred_by_motion(light, path_px)
+        slopes = translation_bound.reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
         blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
-        least = cramer_rao_covariance(blocks, settings.frames)
+        least = translation_bound.cramer_rao_covariance(blocks, settings.frames)
         flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
         spread = settings.frames * (settings.frames**2 - 1) / 12
         turn = slopes.of_turn(self._per_degree) * spread
