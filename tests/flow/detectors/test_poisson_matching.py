@@ -13,7 +13,6 @@ from megalopta.flow.detectors.poisson_matching import (
     SmoothedFrame,
     agreed_velocities,
     aligned,
-    parabola_minimum,
 )
 
 from ..textures import drifting_texture
@@ -54,27 +53,6 @@ def test_pooling_starts_with_the_frames_there_are(leaves):
         PooledMatching(frames=5).respond(counts)[1], PooledMatching().respond(counts[:3])[-1]
     )
     assert PooledMatching().respond(counts).shape == PoissonMatching().respond(counts).shape
-
-
-Y, X = np.mgrid[-1:2, -1:2].astype(float)
-
-
-def tilted(x, y):
-    return 2 * (X - x) ** 2 + 1.2 * (X - x) * (Y - y) + (Y - y) ** 2
-
-
-@pytest.mark.parametrize(
-    ("costs", "place"),
-    [
-        (tilted(0.3, -0.2), (0.3, -0.2)),
-        (tilted(0.49, 0.51), (0.49, 0.51)),
-        ((X - 0.3) ** 2, (0.3, 0)),  # stripes
-        (-(Y**2), (0, 0)),
-        (np.where(X == 1, np.inf, (X - 0.3) ** 2 + (Y - 0.4) ** 2), (0, 0.4)),  # frame's edge
-    ],
-)
-def test_minimum_of_a_parabola_is_exact_where_there_is_one(costs, place):
-    np.testing.assert_allclose(parabola_minimum(costs[np.newaxis])[0], place, atol=1e-12)
 
 
 PATCHES = block_grid((76, 76), 24)
