@@ -31,15 +31,7 @@ from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
 from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
-from megalopta.flow.stimuli.photons import (
-    Normalization,
-    ResizeKind,
-    divisors,
-    draw_counts,
-    frame_light,
-    resize,
-    resized_shape,
-)
+from megalopta.flow.stimuli import photons
 
 _THESIS_WARM_UP = 30
 
@@ -59,7 +51,7 @@ class CurveSettings(
     """Independent draws of the whole sequence at each flux; they give the confidence intervals"""
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
-    normalization: Normalization = "per_frame"
+    normalization: photons.Normalization = "per_frame"
     """per_frame scales every frame to the flux, as in the dissertation. per_sequence scales the
     mean frame, so that frames keep their differences in brightness"""
     reference: Literal["self", "perfect"] = "self"
@@ -107,7 +99,7 @@ class BenchmarkSettings(CurveSettings, frozen=True):
         60, 120, 180, 240,
     )  # fmt: skip
     """Rows of the resized frames (px); columns are in proportion"""
-    resize: ResizeKind = "nearest"
+    resize: photons.ResizeKind = "nearest"
     """"nearest" subsamples frames as in the dissertation, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; default: 30 if there are 60, else a detector's memory"""
@@ -140,7 +132,9 @@ def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> int:
     """Return the work of a benchmark of frames (T, H, W): the number of drawn pixels."""
-    shapes = (resized_shape((frames_shape[1], frames_shape[2]), size) for size in settings.sizes)
+    shapes = (
+        photons.resized_shape((frames_shape[1], frames_shape[2]), size) for size in settings.sizes
+    )
     pixels = sum(rows * columns for rows, columns in shapes)
     return frames_shape[0] * pixels * len(settings.fluxes) * settings.repeats
 
@@ -169,7 +163,7 @@ def checked_warm_up(
     if not names or len(set(names)) < len(names):
         raise ValueError(f"methods {names}: give at least one, each under a name of its own")
     for size, detector in product(settings.sizes, methods):
-        detector.start(resized_shape((frames_shape[1], frames_shape[2]), size))
+        detector.start(photons.resized_shape((frames_shape[1], frames_shape[2]), size))
     warm_up = settings.warm_up
     if warm_up is None:
         warm_up = default_warm_up(frames_shape[0], methods)
@@ -227,7 +221,7 @@ class BenchmarkResult:
                 return curve
         raise ValueError(
             f"no {metric} curve of {method!r} at {size} px: choose from"
-            f" {', '.join(each.name for each in self.methods)} at {self.settings.sizes} px,"
+            f" {', '.join(detector.name for detector in self.methods)} at {self.settings.sizes} px,"
             f" {', '.join(self.settings.metrics)}"
         )
 
@@ -235,7 +229,9 @@ class BenchmarkResult:
         """Return all fields, ready for JSON."""
         return vars(self) | {
             "settings": self.settings.model_dump(mode="json"),
-            "methods": {each.name: each.model_dump(mode="json") for each in self.methods},
+            "methods": {
+                detector.name: detector.model_dump(mode="json") for detector in self.methods
+            },
             "curves": [curve.to_dict() for curve in self.curves],
         }
 
@@ -246,7 +242,7 @@ class BenchmarkResult:
             type(METHODS[name]).model_validate(parameters)
             for name, parameters in fields["methods"].items()
         )
-        curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
+        curves = tuple(ErrorCurve.from_dict(curve) for curve in fields["curves"])
         return TypeAdapter(cls).validate_python(
             {**fields, "methods": (*methods,), "curves": curves}
         )
@@ -278,7 +274,7 @@ def photon_benchmark(
     books
         Gets the work done, `work_units` in all, and caches its parts.
     """
-    detectors = [method(each) for each in methods]
+    detectors = [method(chosen) for chosen in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
@@ -318,7 +314,7 @@ class _AtSize:
     ) -> None:
         self._frames, self._settings = frames, settings
         rows, columns = frames.shape[1], frames.shape[2]
-        self.shape = resized_shape((rows, columns), size)
+        self.shape = photons.resized_shape((rows, columns), size)
         self._pixels = self.shape[0] * self.shape[1]
         # per resized pixel and frame
         self._dark_counts = settings.dark_counts * rows * columns / self._pixels
@@ -326,8 +322,8 @@ class _AtSize:
         """Names the sequence at this size in random streams"""
         self._of_means: dict[tuple[str, float, int], Floats] = {}
         """Velocities in mean counts by method, scale and first frame: the same in every repeat"""
-        light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
-        self._divisors = divisors(light, settings.normalization)
+        light = np.concatenate([photons.frame_light(chunk) for _, chunk in self._resized()])
+        self._divisors = photons.divisors(light, settings.normalization)
 
     def sums(self, repeat: int, detectors: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, T), over one draw of the sequence."""
@@ -347,7 +343,7 @@ class _AtSize:
                 scale = self._pixels / flux
                 means = light * flux + self._dark_counts
                 key = *self.key, f"{flux:.6g}", repeat
-                counts = draw_counts(means, *key, first_frame=first)
+                counts = photons.draw_counts(means, *key, first_frame=first)
                 for detector, ideal, (respond, to_means) in zip(
                     detectors, ideals, at_flux, strict=True
                 ):
@@ -376,4 +372,4 @@ class _AtSize:
         length = self._settings.chunk_frames
         for first in range(0, self._frames.shape[0], length):
             chunk = np.asarray(self._frames[first : first + length])
-            yield first, resize(chunk, self.shape, self._settings.resize)
+            yield first, photons.resize(chunk, self.shape, self._settings.resize)

@@ -68,12 +68,12 @@ def photon_search(
     name : str
         Name of the stimulus; stimuli of different names are drawn independently.
     """
-    detectors = [method(each) for each in methods]
+    detectors = [method(chosen) for chosen in methods]
     sequences = ShortSequences(stimulus, settings, seed, name, detectors)
     # detectors of the most frames first: the others see a part of these
     order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
-    curves = {each.name: _Search(sequences, each).curves() for each in order}
-    return tuple(curve for each in detectors for curve in curves[each.name])
+    curves = {detector.name: _Search(sequences, detector).curves() for detector in order}
+    return tuple(curve for detector in detectors for curve in curves[detector.name])
 
 
 class ShortSequences:
@@ -93,7 +93,9 @@ class ShortSequences:
         self.pixels = stimulus.size**2
         self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
         self._before = max(map(_warm_up_frames, methods), default=0)
-        after = max((each.noise_memory_frames for each in methods), default=0) + settings.frames
+        after = (
+            max((detector.noise_memory_frames for detector in methods), default=0) + settings.frames
+        )
         frames = self._before + after + settings.summed_frames - 1
         self._light = [
             stimulus.light(shift - self._before * stimulus.velocity_px, frames)

@@ -217,11 +217,6 @@ def camera_motion_with_error(
     return motion, error
 
 
-def has_contrast(counts: Frames) -> bool:
-    """Return whether frames (T, H, W) have contrast, and each of them counts."""
-    return bool(np.ptp(counts)) and not roots.has_dark_frame(counts)
-
-
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
     """Yield the pixels (H, W) of each of the strips, which overlap."""
     height, width = shape
@@ -297,7 +292,7 @@ class _Search:
             )
         if not (np.isfinite(counts).all() and counts.min() >= 0):
             raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
-        if not has_contrast(counts):
+        if not np.ptp(counts) or roots.has_dark_frame(counts):
             raise ValueError("frames, or one of them, have no contrast; give textured frames")
         y, x = np.meshgrid(
             *(
@@ -348,7 +343,9 @@ class _Search:
         cost = itemgetter(0)
         starts = (self._start(heading, used) for heading in headings)
         begun = sorted((self._stepped(start, _FIRST_STEPS) for start in starts), key=cost)
-        return min((self._stepped(each.motion, _STEPS) for each in begun[:_CONTINUED]), key=cost)
+        return min(
+            (self._stepped(estimate.motion, _STEPS) for estimate in begun[:_CONTINUED]), key=cost
+        )
 
     def _start(self, heading: Floats, used: Mask) -> _Motion:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""

@@ -25,14 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import (
-    ARRAY_BYTES,
-    check_decoded,
-    numbers_in,
-    opened_hdf5,
-    plain_array,
-    read_bytes,
-)
+from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.pictures import checked_png, read_pfm, write_codes
@@ -65,7 +58,7 @@ def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     read = _READERS.get(path.suffix.lower())
     if read is None:
         raise ValueError(f"{path}: flow is read from {', '.join(_READERS)}")
-    check_decoded(path, (path.stat().st_size,), _COPIES)
+    bounded.check_decoded(path, (path.stat().st_size,), _COPIES)
     flow = read_kitti_png(path, png_scale) if read is read_kitti_png else read(path)
     if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
@@ -93,7 +86,7 @@ def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
 
 def read_flo(path: str | Path) -> Flow:
     """Read a `.flo` file. Raises ValueError if it is damaged."""
-    content = read_bytes(path, ARRAY_BYTES)
+    content = bounded.read_bytes(path, bounded.ARRAY_BYTES)
     if len(content) < _HEADER.size:
         raise ValueError(f"{path} has {len(content)} bytes: too short for a .flo file")
     tag, width, height = _HEADER.unpack_from(content)
@@ -101,7 +94,7 @@ def read_flo(path: str | Path) -> Flow:
         raise ValueError(f"{path} starts with {tag!r}: a .flo file starts with {_TAG!r}")
     if not (0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
         raise ValueError(f"{path} claims {width} × {height} px: the file is damaged")
-    check_decoded(path, (height, width), _PX_BYTES)
+    bounded.check_decoded(path, (height, width), _PX_BYTES)
     expected = _HEADER.size + 8 * width * height
     if len(content) != expected:
         raise ValueError(
@@ -122,8 +115,8 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_flo5(path: str | Path) -> Flow:
     """Read a `.flo5` file. Raises ValueError if it is damaged."""
     try:
-        with opened_hdf5(path) as file:
-            flow = numbers_in(file, "flow", "f", 3, _PX_BYTES / 2)
+        with bounded.opened_hdf5(path) as file:
+            flow = bounded.numbers_in(file, "flow", "f", 3, _PX_BYTES / 2)
     except (FileNotFoundError, UserError):
         raise
     except Exception as problem:  # a damaged file can raise any exception
@@ -147,8 +140,8 @@ def read_kitti_png(path: str | Path, png_scale: float = KITTI_SCALE) -> Flow:
     """Read KITTI's PNG. Raises ValueError if it does not have 16 bits and three channels."""
     if not 0 < png_scale < np.inf:
         raise ValueError(f"png_scale {png_scale:g}: give the codes of a pixel, such as 64 or 128")
-    content = read_bytes(path, ARRAY_BYTES)
-    check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
+    content = bounded.read_bytes(path, bounded.ARRAY_BYTES)
+    bounded.check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
     try:
         coded = np.frombuffer(checked_png(content), np.uint8)
     except (ValueError, struct.error):
@@ -165,12 +158,12 @@ def _read_pfm(path: Path) -> Flow:
     values = read_pfm(path)
     if values.ndim != 3:
         raise ValueError(f"{path} is not a .pfm file of three channels")
-    check_decoded(path, values.shape[:2], _PX_BYTES)
+    bounded.check_decoded(path, values.shape[:2], _PX_BYTES)
     return values[..., :2]
 
 
 def _read_npy(path: Path) -> Flow:
-    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    values = bounded.plain_array(bounded.read_bytes(path, bounded.ARRAY_BYTES))
     if values is None:
         raise ValueError(f"{path} is not a complete .npy file of numbers; write it with numpy.save")
     if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":

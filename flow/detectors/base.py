@@ -128,7 +128,7 @@ def stacked(frames: Sequence[Frames]) -> Frames:
     Raises ValueError if they are not images, differ in shape, or have pixels that are NaN or
     infinite.
     """
-    shapes = {each.shape for each in frames}
+    shapes = {frame.shape for frame in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
         differing = " and ".join(map(str, sorted(shapes)))
         raise ValueError(

@@ -97,10 +97,10 @@ def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int
         return np.inf
     total = 0.0
     for y in range(size):
-        here = pair[0, row + y, column : column + size]
-        there = pair[1, top + y, left : left + size]
+        patch = pair[0, row + y, column : column + size]
+        displaced = pair[1, top + y, left : left + size]
         for x in range(size):
-            total += abs(here[x] - there[x])
+            total += abs(patch[x] - displaced[x])
     return total
 
 

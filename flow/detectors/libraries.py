@@ -260,7 +260,7 @@ class ContribFlow(DenseDetector, frozen=True):
         start = np.zeros((*pair.shape[1:], 2), np.float32)
         with one_thread():
             if self.algorithm == "RLOF":  # which takes colors
-                colors = [cv2.cvtColor(each, cv2.COLOR_GRAY2BGR) for each in (first, second)]
+                colors = [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) for picture in (first, second)]
                 return np.asarray(optflow.calcOpticalFlowDenseRLOF(*colors, start))
             create = getattr(optflow, f"createOptFlow_{self.algorithm}")
             return np.asarray(create().calc(first, second, start))
@@ -271,7 +271,7 @@ def contrib_detector(name: str) -> ContribFlow | None:
 
     Raises ValueError if OpenCV comes without it.
     """
-    known = {each.casefold(): each for each in get_args(Algorithm)}
+    known = {algorithm.casefold(): algorithm for algorithm in get_args(Algorithm)}
     if (algorithm := known.get(name.casefold())) is None:
         return None
     import cv2

@@ -39,17 +39,18 @@ class OnnxDetector(DenseDetector, frozen=True):
 
     def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         shape = (pair.shape[1], pair.shape[2])
-        session, padded = _session(self.path, self.content), _padded(shape)
+        session = _session(self.path, self.content)
+        padded = tuple(max(_FEWEST_PX, -(-side // _MULTIPLE) * _MULTIPLE) for side in shape)
         inputs = session.get_inputs()
         is_fixed = all(isinstance(side, int) for side in inputs[0].shape[-2:])
-        wanted = (int(inputs[0].shape[-2]), int(inputs[0].shape[-1])) if is_fixed else padded
-        if wanted == padded:
+        size = (int(inputs[0].shape[-2]), int(inputs[0].shape[-1])) if is_fixed else padded
+        if size == padded:
             more = [(0, 0), *((0, int(px)) for px in np.subtract(padded, shape))]
             pictures = np.pad(pair, more, mode="edge")
         else:
-            pictures = np.array([_resized(picture, wanted) for picture in pair])
+            pictures = np.array([_resized(picture, size) for picture in pair])
         channels = int(inputs[0].shape[1]) * len(inputs) // 2
-        planes = np.repeat(255 * pictures, channels, axis=0).reshape(len(inputs), -1, *wanted)
+        planes = np.repeat(255 * pictures, channels, axis=0).reshape(len(inputs), -1, *size)
         feed = {
             entry.name: plane[np.newaxis].astype(_TYPES[entry.type])
             for entry, plane in zip(inputs, planes, strict=True)
@@ -58,9 +59,9 @@ class OnnxDetector(DenseDetector, frozen=True):
         flows = [output[0] for output in outputs if output.ndim == 4 and output.shape[1] == 2]
         most = max(flow.size for flow in flows)
         flow = [flow for flow in flows if flow.size == most][-1]
-        if wanted == padded:
+        if size == padded:
             return np.asarray(np.moveaxis(flow, 0, -1)[: shape[0], : shape[1]])
-        scale = np.array(shape[::-1]) / np.array(wanted[::-1])
+        scale = np.array(shape[::-1]) / np.array(size[::-1])
         resized = [_resized(component, shape) for component in flow]
         return np.asarray(np.dstack(resized) * scale)
 
@@ -101,22 +102,17 @@ def _problem(detector: OnnxDetector) -> str | None:
     """Reason why a file cannot be used."""
     session = _session(detector.path, detector.content)
     inputs = session.get_inputs()
-    if any(len(each.shape) != 4 or each.type not in _TYPES for each in inputs):
+    if any(len(entry.shape) != 4 or entry.type not in _TYPES for entry in inputs):
         return "its inputs are not pictures (1, channels, H, W) of numbers"
-    channels = [each.shape[1] for each in inputs]
+    channels = [entry.shape[1] for entry in inputs]
     if channels not in ([1, 1], [3, 3], [2], [6]):
         return f"its inputs have {channels} channels, not 3 and 3, 1 and 1, 6 or 2"
-    if not any(len(each.shape) == 4 and each.shape[1] == 2 for each in session.get_outputs()):
+    if not any(len(output.shape) == 4 and output.shape[1] == 2 for output in session.get_outputs()):
         return "it has no output (1, 2, H, W)"
     return None
 
 
-def _padded(shape: tuple[int, int]) -> tuple[int, int]:
-    height, width = (max(_FEWEST_PX, -(-each // _MULTIPLE) * _MULTIPLE) for each in shape)
-    return height, width
-
-
-def _resized(picture: Floats, shape: tuple[int, int]) -> NDArray[Any]:
+def _resized(picture: Floats, shape: tuple[int, ...]) -> NDArray[Any]:
     import cv2
 
     return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_LINEAR)

@@ -190,12 +190,12 @@ def add_costs(
                     continue
                 cost = np.float32(0)
                 for y in range(size):
-                    here = second[row + y, column : column + size]
+                    part = second[row + y, column : column + size]
                     weight = weights[row + y, column : column + size]
-                    there = first[top + y, left : left + size]
+                    shifted = first[top + y, left : left + size]
                     row_cost = np.float32(0)
                     for x in range(size):
-                        difference = here[x] - there[x]
+                        difference = part[x] - shifted[x]
                         row_cost += weight[x] * difference * difference
                     cost += row_cost
                 costs[block, radius + dy, radius + dx] += cost

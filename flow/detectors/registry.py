@@ -56,7 +56,9 @@ def _by_name() -> Mapping[str, Detector]:
 
 
 METHODS: Mapping[str, Detector] = _by_name()
-VELOCITY_METHODS = tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
+VELOCITY_METHODS = tuple(
+    name for name, detector in METHODS.items() if isinstance(detector, BlockDetector)
+)
 """Names of the methods that give velocities"""
 
 

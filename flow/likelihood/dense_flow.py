@@ -94,8 +94,6 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
     log-likelihood per pixel and unit of the flow's gradient, of 20 photons per pixel in all frames.
     NaN if a frame has no photon.
-
-    Raises ValueError for a single frame.
     """
     if roots.has_dark_frame(counts):
         return np.full((*counts.shape[1:], 2), np.nan)
@@ -108,7 +106,7 @@ def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats
 
     The inverse of the information of evidence and prior at nodes, interpolated; the prior's is
     multiplied by a factor that depends on the light. Where frames do not agree, as where something
-    is hidden, evidence is reduced and the covariance large. NaN, and raises, as `likelihood_flow`.
+    is hidden, evidence is reduced and the covariance large. NaN as `likelihood_flow`.
     """
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
@@ -141,8 +139,6 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
 
 def _most_likely_flow(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
-    if len(counts) < 2:
-        raise ValueError("one frame has no flow: give two or more")
     times = times_from_reference(len(counts))
     flow = np.zeros((2, 1, 1))
     for number, level in enumerate(roots.pyramid(roots.without_defects(counts))):
@@ -255,7 +251,9 @@ def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
     """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
     along = ((np.arange(side) + 0.5) / factor - 0.5 for side in shape)
     places = np.stack(np.meshgrid(*along, indexing="ij"))
-    return np.stack([map_coordinates(each, places, order=1, mode="nearest") for each in coarse])
+    return np.stack(
+        [map_coordinates(component, places, order=1, mode="nearest") for component in coarse]
+    )
 
 
 def _at_pixels(values: Floats, counts: NDArray[Any]) -> Floats:

@@ -46,6 +46,7 @@ GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
 
 _OUTLIER = 0.25
 """Relative error of a velocity above which it is an outlier: the dissertation's 2-bit accuracy."""
+_LEAST_SHARE = 0.5
 _THRESHOLDS_PX = (1.0, 3.0, 5.0)
 _RELATIVE = 0.05
 _STEPS = 100
@@ -88,7 +89,6 @@ def block_flow(
     true_flow: NDArray[np.floating],
     grid: BlockGrid,
     occluded: Mask | None = None,
-    valid_fraction: float = 0.5,
     weights: NDArray[np.floating] | None = None,
 ) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
@@ -103,14 +103,12 @@ def block_flow(
         Blocks of the method, in the resized image.
     occluded : (T − 1, H, W), optional
         Pixels hidden in the next frame.
-    valid_fraction : float
-        A block with a smaller fraction of usable pixels, or less weight, has no true velocity.
     weights : (T − 1, H, W), optional
         Weight of each pixel, 0 to 1, such as the share that its flow is true for.
 
     Returns
     -------
-    (T − 1, rows, columns, 2), NaN where there is no true velocity.
+    (T − 1, rows, columns, 2), NaN where less than half of a block's pixels are usable.
     """
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
@@ -126,7 +124,7 @@ def block_flow(
     known = np.where(is_known[..., np.newaxis], true_flow, 0) * usable[..., np.newaxis]
     sums = np.stack([y @ known[..., axis] @ x.T for axis in range(2)], axis=-1)
     pixels = y @ usable @ x.T
-    enough = (pixels > 0) & (pixels >= valid_fraction * np.outer(y.sum(axis=1), x.sum(axis=1)))
+    enough = (pixels > 0) & (pixels >= _LEAST_SHARE * np.outer(y.sum(axis=1), x.sum(axis=1)))
     scale = np.array([grid.shape[1] / shape[2], grid.shape[0] / shape[1]])
     return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
 
@@ -205,7 +203,7 @@ def truth_splits(
         "clear": hidden < OCCLUDED_SHARE,
         "occlusion": hidden >= OCCLUDED_SHARE,
     }
-    return {name: truth_error(velocities, true_velocities, each) for name, each in groups.items()}
+    return {name: truth_error(velocities, true_velocities, among) for name, among in groups.items()}
 
 
 def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Floats]:
@@ -230,7 +228,9 @@ def angles_deg(first: Floats, second: Floats) -> Floats:
 
 def _angles_deg(first: Floats, second: Floats) -> Floats:
     """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
-    return angles_deg(*(np.column_stack((each, np.ones(len(each)))) for each in (first, second)))
+    return angles_deg(
+        *(np.column_stack((velocities, np.ones(len(velocities)))) for velocities in (first, second))
+    )
 
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:
@@ -335,7 +335,7 @@ class DenseErrors:
         pixels, images, image_epe, *sums = self._sums[group].tolist()
         if not pixels:
             return DenseError(0, *(math.nan,) * 10)
-        epe, square, *shares, angle = (each / pixels for each in sums)
+        epe, square, *shares, angle = (total / pixels for total in sums)
         *percents, missing = (100 * share for share in shares)
         values = [epe, image_epe / images, math.sqrt(square), *percents, angle, missing]
         return DenseError(int(pixels), *values)

@@ -104,7 +104,7 @@ def threshold(
     confidence : float
         Confidence level of the interval.
     """
-    flux, error, spread = (np.asarray(each, np.float64) for each in measured[:3])
+    flux, error, spread = (np.asarray(values, np.float64) for values in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
         raise ValueError(f"fluxes {flux.tolist()}: give two or more, in ascending order")
     bounds = (float(flux[0]), float(flux[-1]))
@@ -177,7 +177,7 @@ class ErrorCurve:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve ready for JSON; undefined errors are None."""
-        thresholds = {f"N_{bits}b": asdict(each) for bits, each in self.thresholds.items()}
+        thresholds = {f"N_{bits}b": asdict(flux) for bits, flux in self.thresholds.items()}
         return dict(for_json(asdict(self) | {"thresholds": thresholds}))
 
     @staticmethod
@@ -187,7 +187,7 @@ class ErrorCurve:
         Raises ValueError, LookupError, TypeError or AttributeError if something is missing or of
         the wrong kind.
         """
-        thresholds = {name[2:-1]: each for name, each in fields["thresholds"].items()}
+        thresholds = {name[2:-1]: flux for name, flux in fields["thresholds"].items()}
         curve = _reader().validate_python({**fields, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
@@ -241,7 +241,7 @@ def error_curve(
     for n in bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, n)
         thresholds[n] = threshold(measured, 2.0**-n, rng, confidence)
-    fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
+    fluxes, errors, spreads = (tuple(np.asarray(values).tolist()) for values in measured[:3])
     freedom = measured.degrees_of_freedom
     return ErrorCurve(
         method.name, method.label, shape, metric, fluxes, errors, spreads, freedom, thresholds

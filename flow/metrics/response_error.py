@@ -33,12 +33,7 @@ _SMALLEST_DENOMINATOR = 1e-20
 
 
 def error_sums(detector: Detector, ideal: Floats, noisy: Floats) -> Floats:
-    """Return the sums (4, T) of a detector's responses (T, H, W) or (T, rows, columns, 2).
-
-    Raises ValueError if the two have different shapes.
-    """
-    if ideal.shape != noisy.shape:
-        raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
+    """Return the sums (4, T) of a detector's responses (T, H, W) or (T, rows, columns, 2)."""
     sums = np.zeros((4, len(ideal)))
     skip_zero = detector.gives == "velocity"
     _add_up(detector.scored(ideal), detector.scored(noisy), skip_zero, sums)
@@ -69,9 +64,9 @@ def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -
 def for_json(value: Any) -> Any:
     """Return a value, or a container, with None in place of NaN, which JSON lacks."""
     if isinstance(value, dict):
-        return {name: for_json(each) for name, each in value.items()}
+        return {name: for_json(item) for name, item in value.items()}
     if isinstance(value, tuple | list):
-        return [for_json(each) for each in value]
+        return [for_json(item) for item in value]
     return None if isinstance(value, float) and math.isnan(value) else value
 
 

@@ -64,12 +64,12 @@ class MovingLayers:
 
     def hidden(self, shape: tuple[int, int], time: float) -> Mask:
         """Return where content visible at a time is behind an upper layer a frame later, (H, W)."""
-        here = _pixels(shape, 1)
-        there = here + self.flow(shape, time)
+        positions = _pixels(shape, 1)
+        moved = positions + self.flow(shape, time)
         covered = np.zeros(shape, np.bool_)
         for layer in self.layers:
-            is_lower = ~_seen(layer, here, time)[1]
-            covered = is_lower & (covered | _seen(layer, there, time + 1)[1])
+            is_lower = ~_seen(layer, positions, time)[1]
+            covered = is_lower & (covered | _seen(layer, moved, time + 1)[1])
         return covered
 
 

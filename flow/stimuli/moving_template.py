@@ -13,13 +13,7 @@ from scipy.ndimage import correlate1d
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.stimuli.photons import (
-    Normalization,
-    ResizeKind,
-    divisors,
-    resize,
-    resized_shape,
-)
+from megalopta.flow.stimuli import photons
 
 
 @dataclass(frozen=True)
@@ -32,9 +26,9 @@ class MovingTemplate:
     """Columns per frame, positive to the right"""
     size: int
     """Rows and columns of the frames after resizing (px)"""
-    resize: ResizeKind = "nearest"
+    resize: photons.ResizeKind = "nearest"
     """Method of resizing"""
-    normalization: Normalization = "per_frame"
+    normalization: photons.Normalization = "per_frame"
     """Scaled to the flux: every frame, or the mean frame of a full turn"""
 
     def __post_init__(self) -> None:
@@ -46,13 +40,13 @@ class MovingTemplate:
             )
         if not (self.template.min() >= 0 and np.isfinite(self.template.sum())):
             raise ValueError("template holds negative or non-finite values: give light, 0 or more")
-        resized_shape((rows, rows), self.size)
+        photons.resized_shape((rows, rows), self.size)
 
     @cached_property
     def _lines(self) -> Floats:
         """Return the template with rows resized, and its first columns repeated at its end."""
         rows, columns = self.template.shape
-        lines = resize(self.template, (self.size, columns), self.resize)
+        lines = photons.resize(self.template, (self.size, columns), self.resize)
         return np.concatenate((lines, lines[:, :rows]), axis=1)
 
     @cached_property
@@ -74,9 +68,10 @@ class MovingTemplate:
         frames, sums = np.empty((count, self.size, self.size)), np.empty(count)
         for t, start in enumerate(starts):
             window = self._lines[:, start : start + rows]
-            frames[t] = resize(window, (self.size, self.size), self.resize)
+            frames[t] = photons.resize(window, (self.size, self.size), self.resize)
             sums[t] = frames[t].sum()
-        frames /= divisors(sums, self.normalization, self._mean_light)[:, np.newaxis, np.newaxis]
+        divisors = photons.divisors(sums, self.normalization, self._mean_light)
+        frames /= divisors[:, np.newaxis, np.newaxis]
         return frames
 
 

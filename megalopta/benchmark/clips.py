@@ -153,8 +153,8 @@ class TrueFlow(NamedTuple):
 
     def files(self) -> list[Path]:
         """Return all its files."""
-        found = self.flow, self.occlusion, self.undefined, self.visible
-        return [path for path in found if path]
+        paths = self.flow, self.occlusion, self.undefined, self.visible
+        return [path for path in paths if path]
 
 
 Truths = Mapping[FrameName, TrueFlow]
@@ -172,27 +172,27 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     dataset's files differ from its record.
     """
     _compare_with_record(root)
-    found: dict[FrameName, TrueFlow] = {}
+    truths: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
             visible = _frames_below(folder / "flow_noc")
             for frame, path in _frames_below(folder / "flow_occ").items():
-                found[frame] = TrueFlow(path, png_scale, visible=visible.get(frame))
+                truths[frame] = TrueFlow(path, png_scale, visible=visible.get(frame))
         elif (folder / "flow").is_dir():
             for frame, path in _frames_below(folder / "flow").items():
                 name = Path(frame.sequence) / f"{frame.name}.png"
                 masks = (folder / kind / name for kind in ("occlusions", "invalid"))
                 occlusion, undefined = (mask if mask.exists() else None for mask in masks)
-                found[frame] = TrueFlow(path, png_scale, occlusion, undefined)
+                truths[frame] = TrueFlow(path, png_scale, occlusion, undefined)
         elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
             spring = _frames_below(folder, among_pictures=True)
-            found |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
-    if not found:
+            truths |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
+    if not truths:
         below = _frames_below(root, among_pictures=True)
-        found = {frame: TrueFlow(path, png_scale) for frame, path in below.items()}
-    if not found:
+        truths = {frame: TrueFlow(path, png_scale) for frame, path in below.items()}
+    if not truths:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
-    return found
+    return truths
 
 
 def _compare_with_record(root: Path) -> None:
@@ -214,14 +214,14 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameNam
     sequences = {frame.sequence for frame in truths}
     passes: dict[str, dict[FrameName, Path]] = {}
     for frame, path in _frames_below(root).items():
-        name, _, rest = frame.sequence.partition("/")
-        is_within = frame.sequence not in sequences and rest in sequences
-        found = passes.setdefault(name if is_within else "", {})
-        found[FrameName(rest, frame.name) if is_within else frame] = path
+        name, _, sequence = frame.sequence.partition("/")
+        is_within = frame.sequence not in sequences and sequence in sequences
+        flows = passes.setdefault(name if is_within else "", {})
+        flows[FrameName(sequence, frame.name) if is_within else frame] = path
     if not passes:
         raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
-    for name, found in passes.items():
-        _check_pairs(root / name, found, truths)
+    for name, flows in passes.items():
+        _check_pairs(root / name, flows, truths)
     return passes
 
 
@@ -230,19 +230,19 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, P
 
     Raises UserError if there are none.
     """
-    found: dict[str, dict[FrameName, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    pictures: dict[str, dict[FrameName, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
     for frame, files in truths.items():
         for name, pair in _pictures(frame, files.flow).items():
             if all(path.exists() for path in pair):
-                found[name][frame] = pair
-    whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
-    if not whole:
-        most = max(found.values(), key=len)
+                pictures[name][frame] = pair
+    complete = {name: pairs for name, pairs in pictures.items() if len(pairs) == len(truths)}
+    if not complete:
+        most = max(pictures.values(), key=len)
         lacking = next(files.flow for frame, files in truths.items() if frame not in most)
         raise UserError(
             f"{lacking}: its two pictures are not there, or have other names; known are {LAYOUTS}"
         )
-    return whole
+    return complete
 
 
 def pairs_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, Files]:
@@ -343,7 +343,7 @@ def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
     above, root = flow.parents[levels].name, flow.parents[levels + 1]
     if above == "flow_occ":
         kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
-        place = next((each for each in kinds if each.is_dir()), kinds[0]) / frame.sequence
+        place = next((kind for kind in kinds if kind.is_dir()), kinds[0]) / frame.sequence
         return {"": (at(place, 0), at(place, 1))}
     if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
         passes = {name: root / name / frame.sequence for name in ("clean", "final")}
@@ -351,8 +351,8 @@ def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
     key = re.sub("_?flow_?", "", stem)
     pictures = _pictures_in(folder)
     from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
-    own = takewhile(lambda path: path.name.startswith(key), from_key)
-    pair = [path for path in own if not path.name[len(key)].isdigit() or not key]
+    beginning = takewhile(lambda path: path.name.startswith(key), from_key)
+    pair = [path for path in beginning if not path.name[len(key)].isdigit() or not key]
     return {"": (pair[0], pair[1])} if len(pair) == 2 else {}
 
 
@@ -366,14 +366,14 @@ def _pictures_in(folder: Path) -> list[Path]:
     )
 
 
-def _check_pairs(root: Path, found: Mapping[FrameName, Path], truths: Truths) -> None:
-    if unknown := sorted(found.keys() - truths.keys()):
+def _check_pairs(root: Path, flows: Mapping[FrameName, Path], truths: Truths) -> None:
+    if unknown := sorted(flows.keys() - truths.keys()):
         sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
         raise UserError(
-            f"{found[unknown[0]]} matches no frame of the truth, whose sequences are"
+            f"{flows[unknown[0]]} matches no frame of the truth, whose sequences are"
             f" {sequences}: remove it, or give the folder above the sequences"
         )
-    if missing := sorted(truths.keys() - found.keys()):
+    if missing := sorted(truths.keys() - flows.keys()):
         raise UserError(
             f"{root} lacks {len(missing)} of {len(truths)} frames, the first is"
             f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
@@ -388,17 +388,17 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
         suffixes.discard(".png")
     if len(suffixes) > 1:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
-    found: dict[FrameName, Path] = {}
+    flows: dict[FrameName, Path] = {}
     for path in paths:
         if path.suffix.lower() not in suffixes:
             continue
         number = _NUMBERED.fullmatch(path.stem)
         name = f"frame_{int(number[1]):04d}" if number else path.stem
         frame = FrameName(path.parent.relative_to(root).as_posix().removeprefix("."), name)
-        if frame in found:
-            raise UserError(f"{path} and {found[frame]} are the same frame: give one")
-        found[frame] = path
-    return found
+        if frame in flows:
+            raise UserError(f"{path} and {flows[frame]} are the same frame: give one")
+        flows[frame] = path
+    return flows
 
 
 def _light(path: Path) -> Floats:

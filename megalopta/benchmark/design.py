@@ -41,11 +41,7 @@ from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.metrics.translation_bound import (
-    blurred_by_motion,
-    cramer_rao_covariance,
-    reading_slopes,
-)
+from megalopta.flow.metrics import translation_bound
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of
@@ -280,7 +276,9 @@ class _Work:
     def __init__(self, scene: DesignScene, settings: DesignSettings) -> None:
         self._scene, self._settings, self.times = scene, settings, settings.exposures
         self._per_degree = scene.flow_per_degree()
-        self._light = lru_cache(maxsize=1)(self._light_of)
+        self._light = lru_cache(maxsize=1)(
+            lambda sensor, level: detected_rate(scene.radiance(level), scene.bands_nm, sensor)[0]
+        )
 
     def errors(
         self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
@@ -289,19 +287,15 @@ class _Work:
         light, settings = self._light(sensor, level), self._settings
         if blurs:
             path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
-            light = blurred_by_motion(light, path_px)
-        slopes = reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
+            light = translation_bound.blurred_by_motion(light, path_px)
+        slopes = translation_bound.reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
         blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
-        least = cramer_rao_covariance(blocks, settings.frames)
+        least = translation_bound.cramer_rao_covariance(blocks, settings.frames)
         flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
         spread = settings.frames * (settings.frames**2 - 1) / 12
         turn = slopes.of_turn(self._per_degree) * spread
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
-
-    def _light_of(self, sensor: Sensor, level: LightLevel) -> Floats:
-        radiance, bands = self._scene.radiance(level), self._scene.bands_nm
-        return np.asarray(detected_rate(radiance, bands, sensor)[0])
 
     def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
         """Return the row of one sensor and level, from its points by exposure."""
@@ -350,7 +344,11 @@ _CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
     "saturation": lambda sensor: without(_unlimited(sensor), "dead_time"),
     _BLUR: lambda sensor: sensor,
     "dark counts": lambda sensor: without(sensor, "dark_counts"),
-    "read noise": lambda sensor: _noiseless(sensor),
+    "read noise": lambda sensor: (
+        sensor
+        if sensor.counter.kind == "digital"
+        else changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+    ),
 }
 """Causes that keep an error from being reached, and the sensor without each"""
 
@@ -364,16 +362,10 @@ def _unlimited(sensor: Sensor) -> Sensor:
     return without(sensor, "counter")
 
 
-def _noiseless(sensor: Sensor) -> Sensor:
-    if sensor.counter.kind == "digital":
-        return sensor
-    return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
-
-
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
     curves = sensor.efficiency, sensor.lens.transmission_curve
-    ends = [(each.wavelengths_nm[0], each.wavelengths_nm[-1]) for each in curves if each]
+    ends = [(curve.wavelengths_nm[0], curve.wavelengths_nm[-1]) for curve in curves if curve]
     bands = [
         band for band in _BANDS_NM if all(low <= band[0] and band[1] <= top for low, top in ends)
     ]

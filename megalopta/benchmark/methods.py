@@ -81,10 +81,12 @@ def tuned(name: str) -> TunedMethod:
 
 def gray_method(name: str) -> GrayDetector:
     """Return a method that takes gray levels. Raises ValueError for any other."""
-    found = registry.method(name)
-    if not isinstance(found, GrayDetector):
-        raise ValueError(f"{found.name} takes no gray levels: give DIS, an ONNX file or the like")
-    return found
+    detector = registry.method(name)
+    if not isinstance(detector, GrayDetector):
+        raise ValueError(
+            f"{detector.name} takes no gray levels: give DIS, an ONNX file or the like"
+        )
+    return detector
 
 
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
@@ -92,12 +94,12 @@ def velocity_methods(chosen: Iterable[Method]) -> Methods:
 
     Raises ValueError if one is unknown, gives no velocities, or has a duplicate name.
     """
-    found: dict[str, BlockDetector] = {}
+    detectors: dict[str, BlockDetector] = {}
     for detector in map(velocity_method, chosen):
-        if detector.name in found:
+        if detector.name in detectors:
             raise ValueError(f"methods: duplicate {detector.name!r}; give each once")
-        found[detector.name] = detector
-    return found
+        detectors[detector.name] = detector
+    return detectors
 
 
 def block_detector(chosen: Method) -> BlockDetector:
@@ -107,34 +109,34 @@ def block_detector(chosen: Method) -> BlockDetector:
     """
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
     if kind == "tuned":
-        found: BlockDetector = tuned(name)
+        detector: BlockDetector = tuned(name)
     else:
-        found = stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
-    return found.model_copy(update={"block_px": BLOCK_PX})
+        detector = stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
+    return detector.model_copy(update={"block_px": BLOCK_PX})
 
 
-def stretched(name: str, kind: str = "√") -> GrayDetector:
+def stretched(name: str, kind: str) -> GrayDetector:
     """Return a gray method on Anscombe roots of the counts: √, slightly smoothed; NLM, denoised."""
-    detector, (settings, what) = gray_method(name), _STRETCHES[kind]
-    names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {what}"}
+    detector, (settings, light) = gray_method(name), _STRETCHES[kind]
+    names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {light}"}
     return detector.model_copy(update={**names, **settings})
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:
     """Return all methods and baselines that run on this many frames."""
-    there = (block_detector(name) for name in VELOCITY_METHODS)
-    found = [each for each in there if each.memory_frames < frames]
-    found += [block_detector(f"{name} tuned") for name in TUNED]
+    detectors = (block_detector(name) for name in VELOCITY_METHODS)
+    fitting = [detector for detector in detectors if detector.memory_frames < frames]
+    fitting += [block_detector(f"{name} tuned") for name in TUNED]
     if frames >= _MANY:
-        found += [summed_frames(block_detector(name), _MANY) for name in TUNED]
-    return found
+        fitting += [summed_frames(block_detector(name), _MANY) for name in TUNED]
+    return fitting
 
 
 def identity(detector: Detector) -> str:
     """Identify a method: its parameters, its class, and the file of a function."""
     function = getattr(detector, "function", None)
     places = type(detector), inspect.unwrap(function) if inspect.isfunction(function) else None
-    return digest(detector.model_dump_json(), *(_source(each) for each in places if each))
+    return digest(detector.model_dump_json(), *(_source(place) for place in places if place))
 
 
 @cache

@@ -63,7 +63,7 @@ class Scores(Record, frozen=True):
     @property
     def overall(self) -> tuple[Entry, ...]:
         """Entries over all sequences, by pass."""
-        return tuple(each for each in self.entries if each.sequence is None)
+        return tuple(entry for entry in self.entries if entry.sequence is None)
 
 
 def score_submission(

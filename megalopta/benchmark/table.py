@@ -88,8 +88,8 @@ def interval(sums: Sums) -> Interval | None:
     """Return the mean over all blocks and its interval; None if there are no blocks."""
     if not sums.blocks.any():
         return None
-    there = _present(sums)
-    spread = _spread(_log_means(there), there.blocks)
+    present = _present(sums)
+    spread = _spread(_log_means(present), present.blocks)
     return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
 
 
@@ -135,8 +135,8 @@ def _around(value: float, error: float, freedom: float) -> Interval:
 
 
 def _present(sums: Sums) -> Sums:
-    there = sums.blocks > 0
-    return Sums(sums.totals[there], sums.blocks[there])
+    has_blocks = sums.blocks > 0
+    return Sums(sums.totals[has_blocks], sums.blocks[has_blocks])
 
 
 def _mean(sums: Sums) -> float:

@@ -30,13 +30,8 @@ from pydantic import (
 )
 
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
+from megalopta.benchmark import panoramas
 from megalopta.benchmark.methods import identity
-from megalopta.benchmark.panoramas import (
-    NATURAL_PANORAMAS,
-    ROWS,
-    natural_templates,
-    template_from_file,
-)
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import mapping, put, validated, yaml_text
 from megalopta.core import files
@@ -79,7 +74,7 @@ class GratingTemplate(Record, frozen=True):
 
     def pixels(self) -> Floats:
         """Return the template, (251, 251)."""
-        x = np.arange(ROWS) / ROWS
+        x = np.arange(panoramas.ROWS) / panoramas.ROWS
         return sine_grating(
             x, x[:, np.newaxis], self.contrast, self.cycles_per_frame, self.phases_rad, self.variant
         )
@@ -115,11 +110,11 @@ Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="ki
 
 def template_names(templates: Sequence[Template]) -> list[str]:
     """Return short names of templates; those of gratings show their differences."""
-    gratings = [each for each in templates if isinstance(each, GratingTemplate)]
+    gratings = [template for template in templates if isinstance(template, GratingTemplate)]
     differing = [
         field
         for field in GratingTemplate.model_fields
-        if len({getattr(each, field) for each in gratings}) > 1
+        if len({getattr(grating, field) for grating in gratings}) > 1
     ]
     names = []
     for template in templates:
@@ -138,14 +133,14 @@ def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
         if isinstance(template, GratingTemplate):
             pixels[template] = template.pixels()
             continue
-        if template.name in NATURAL_PANORAMAS:
-            light = natural_templates([template.name])[template.name]
+        if template.name in panoramas.NATURAL_PANORAMAS:
+            light = panoramas.natural_templates([template.name])[template.name]
         elif Path(template.name).suffix or Path(template.name).exists():
-            light = template_from_file(Path(template.name))
+            light = panoramas.template_from_file(Path(template.name))
         else:
             raise UserError(
                 f"template.name: no forest {template.name!r}; there are"
-                f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
+                f" {', '.join(panoramas.NATURAL_PANORAMAS)}, or give the path of a panorama"
             )
         if template.coding == "srgb":
             gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
@@ -159,9 +154,9 @@ class Trial(Record, frozen=True):
 
     template: Template = GratingTemplate()
     """Moving template"""
-    velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
+    velocity_px: Annotated[int, Field(ge=-(panoramas.ROWS // 2), le=panoramas.ROWS // 2)] = 5
     """Motion of the template (columns per frame, positive to the right)"""
-    size: Annotated[int, Field(ge=3, le=ROWS)] = 60
+    size: Annotated[int, Field(ge=3, le=panoramas.ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
     resize: ResizeKind = "nearest"
     """Resizing of frames: nearest subsamples as in the dissertation, area pools the light"""

@@ -327,12 +327,14 @@ def distances_of_pairs(
         def measure(clip: FlowClip, counts: Frames) -> Measures:
             stand_in = true_velocities(clip)
             known = np.isfinite(stand_in).all(axis=-1)
-            flows = {each.name: block_velocities(each, clip, counts) for each in detectors}
+            flows = {
+                detector.name: block_velocities(detector, clip, counts) for detector in detectors
+            }
             for name, flow in flows.items():
                 references = [(FROM_STAND_IN, stand_in)]
-                others = [flow_of for other, flow_of in flows.items() if other != name]
-                if len(others) > 1:
-                    references.append((FROM_OTHERS, np.median(others, axis=0)))
+                other_flows = [flow_of for method, flow_of in flows.items() if method != name]
+                if len(other_flows) > 1:
+                    references.append((FROM_OTHERS, np.median(other_flows, axis=0)))
                 for names, reference_flow in references:
                     for metric, value in measures(distances(flow, reference_flow)[known]):
                         yield names[metric], name, value

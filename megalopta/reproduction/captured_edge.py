@@ -60,7 +60,7 @@ def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> 
     direct = [bench.peaks(speed, sensor) for speed in speeds]
     peaks: dict[tuple[str, str], list[Peaks]] = {}
     for method in _MEANS:
-        ours = peaks["simulated", method] = [each[method] for each in direct]
+        ours = peaks["simulated", method] = [by_method[method] for by_method in direct]
         peaks["captured", method] = [
             Peaks(
                 bench.crossing_peaks(bench.detector(method), bench.pooled(captured[speed])), ideal
@@ -82,23 +82,23 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
 
     def draw(canvas: Canvas) -> None:
         panels = canvas.subplots(len(rows), 4)
-        for (name, what), frames in maps.items():
+        for (name, content), frames in maps.items():
             row = list(rows).index(name)
-            axes = panels[row, ["counts", *_MEANS].index(what)]
+            axes = panels[row, ["counts", *_MEANS].index(content)]
             look: dict[str, Any] = {"aspect": "auto", "interpolation": "nearest"}
             canvas.colorbar(axes.imshow(frames[: bench.FRAMES], **look), ax=axes)
             axes.grid(visible=False)
-            axes.set_title(f"{what}, {name}", fontsize=9, loc="left")
-            axes.set(xlabel="pixel" if what == "counts" else "detector", ylabel="frame")
-            curve = frames[:, _SHOWN + (what == "counts")]
-            panels[row, 3].plot(time_s, curve / curve.max(), label=what)
+            axes.set_title(f"{content}, {name}", fontsize=9, loc="left")
+            axes.set(xlabel="pixel" if content == "counts" else "detector", ylabel="frame")
+            curve = frames[:, _SHOWN + (content == "counts")]
+            panels[row, 3].plot(time_s, curve / curve.max(), label=content)
         for axes in panels[:, 3]:
             axes.set(ylim=(0, 1.05), xlabel="time (s)", ylabel="share of largest")
         panels[0, 3].legend(loc="lower right", fontsize=8)
 
     columns = {
-        f"{name}_{what}_{place}": column
-        for (name, what), frames in maps.items()
+        f"{name}_{content}_{place}": column
+        for (name, content), frames in maps.items()
         for place, column in enumerate(frames.T, 1)
     }
     return Figure(
@@ -120,9 +120,9 @@ def _over_speeds(
     velocity = np.array([bench.pixels_per_frame(speed) for speed in speeds])
     phase = 2 * np.pi * _THEORY_CYCLES / bench.PIXELS
     columns = {
-        f"{name}_{method}_{what}": np.array([getattr(each, field) for each in over])
+        f"{name}_{method}_{statistic}": np.array([getattr(result, field) for result in over])
         for (name, method), over in peaks.items()
-        for what, field in (("mean", "mean"), ("sigma", "deviation"), ("snr_db", "snr_db"))
+        for statistic, field in (("mean", "mean"), ("sigma", "deviation"), ("snr_db", "snr_db"))
     }
     snr = [
         f"{method} {name} {columns[f'{name}_{method}_snr_db'].mean():.1f} dB (dissertation, one "
@@ -133,7 +133,7 @@ def _over_speeds(
     def draw(canvas: Canvas) -> None:
         fine = np.linspace(0, velocity[-1], 201)
         for axes, (method, mean) in zip(canvas.subplots(1, 2), _MEANS.items(), strict=True):
-            ideal = np.array([each.ideal.mean() for each in peaks["simulated", method]])
+            ideal = np.array([result.ideal.mean() for result in peaks["simulated", method]])
             theory = mean(bench.filter_step(method), phase * fine, phase, 1.0)
             axes.plot(fine, ideal.max() * theory / theory.max(), "--", color=style.BLACK)
             axes.plot(velocity, ideal, "-" if velocity.size > 1 else "_", color=style.GREEN, ms=24)
@@ -185,9 +185,9 @@ def reproduce_captured(
     recorded = [_recorded(source) for source in sources]
     sensor = _sensor(sources, recorded, device)
     cut: dict[float, list[NDArray[Any]]] = {}
-    for source, each in zip(sources, recorded, strict=True):
-        frames = Level(each.counts, each.exposure_s, 0.0, times_s=each.times_s)
-        counts = comparison.captured_frames(each, sensor, 0.0) if device else frames
+    for source, recording in zip(sources, recorded, strict=True):
+        frames = Level(recording.counts, recording.exposure_s, 0.0, times_s=recording.times_s)
+        counts = comparison.captured_frames(recording, sensor, 0.0) if device else frames
         cut.setdefault(source.light, []).append(comparison.passages_at(source.light, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
     ensure_directory(out)
@@ -215,8 +215,8 @@ def _sensor(
     if device is not None:
         with refused_as("--device", OSError):
             return changed(load_sensor(device), exposure_s=first.exposure_s)
-    for source, each in zip(sources, recorded, strict=True):
-        if each.sensor is None or each.sensor != first.sensor:
+    for source, recording in zip(sources, recorded, strict=True):
+        if recording.sensor is None or recording.sensor != first.sensor:
             raise UserError(
                 f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
                 "with the same settings, or --device"

@@ -90,15 +90,15 @@ def sweep(name: str, is_quick: bool = False) -> Sweep:
 
     The quick form has the smallest frames, every third value and two forests.
     """
-    found = load_sweep(Path(__file__).parent / "sweeps" / f"{name}.yaml")
+    full = load_sweep(Path(__file__).parent / "sweeps" / f"{name}.yaml")
     if not is_quick:
-        return found
-    changes: dict[str, Any] = {"templates": found.templates[:2]}
-    if found.vary == "size":
-        changes |= {"values": found.values[:2]}
+        return full
+    changes: dict[str, Any] = {"templates": full.templates[:2]}
+    if full.vary == "size":
+        changes |= {"values": full.values[:2]}
     else:
-        changes |= {"values": found.values[::3], "sizes": _SMALLEST}
-    return Sweep(**{name: getattr(found, name) for name in Sweep.model_fields} | changes)
+        changes |= {"values": full.values[::3], "sizes": _SMALLEST}
+    return Sweep(**{name: getattr(full, name) for name in Sweep.model_fields} | changes)
 
 
 def reproduce(

@@ -73,14 +73,14 @@ def thresholds(points: Iterable[SweepPoint], results: Results) -> pd.DataFrame:
             "method": curve.method,
             "metric": curve.metric,
             "bits": bits,
-            "kind": found.kind,
-            "photons_per_frame": found.flux,
-            "low": found.low,
-            "high": found.high,
+            "kind": threshold.kind,
+            "photons_per_frame": threshold.flux,
+            "low": threshold.low,
+            "high": threshold.high,
         }
         for point in points
         for curve in results[point.trial]
-        for bits, found in curve.thresholds.items()
+        for bits, threshold in curve.thresholds.items()
     )
     numbers = ("photons_per_frame", "low", "high")
     return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float) | {"value": object})
@@ -93,7 +93,7 @@ def over_templates(table: pd.DataFrame) -> pd.DataFrame:
     """
     photons = "photons_per_frame"
     groups = table.groupby(["size_px", "value", "method", "metric", "bits"], sort=False)
-    found = groups.agg(
+    means = groups.agg(
         **{photons: (photons, lambda values: values.mean(skipna=False))},
         least=(photons, "min"),
         most=(photons, "max"),
@@ -101,10 +101,10 @@ def over_templates(table: pd.DataFrame) -> pd.DataFrame:
         high=("high", "first"),
         templates=("template", "nunique"),
     ).reset_index()
-    several, known = found["templates"] > 1, found[photons].notna()
-    found["low"] = found["least"].where(several, found["low"]).where(known)
-    found["high"] = found["most"].where(several, found["high"]).where(known)
-    return found.drop(columns=["least", "most", "templates"])
+    several, known = means["templates"] > 1, means[photons].notna()
+    means["low"] = means["least"].where(several, means["low"]).where(known)
+    means["high"] = means["most"].where(several, means["high"]).where(known)
+    return means.drop(columns=["least", "most", "templates"])
 
 
 def sweep_figure(name: str, sweep: Sweep, results: Results) -> Figure:

@@ -7,9 +7,6 @@ WAVES = 60
 CORNER = (((0.0, 1.0, 0.0), 1.2), ((0.4, 0.0, 1.0), 4.0))
 """Normals and distances along them (m): a floor, and a wall ahead that is askew"""
 
-ROOM = (*CORNER[:1], ((0.4, 0.0, 1.0), 12.0), ((1.0, 0.0, 0.0), 2.5), ((-1.0, 0.0, 0.0), 2.5))
-"""Long, with walls on both sides"""
-
 
 def texture(u, v, seed, size):
     """A sum of waves of 0.2 to 2 sizes, contrast 0.3."""

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_benchmark
-from megalopta.flow.benchmark_search import next_index, phase_shifts, photon_search
+from megalopta.flow.benchmark_search import next_index, photon_search
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 
 ALL = tuple(METHODS[name] for name in ("BM", "IIA", "EMD", "NDM", "NDS", "IM"))
@@ -107,9 +107,3 @@ def test_search_ends_on_any_falling_curve(per_decade, is_smooth):
         below = [i for i in range(19) if curve[i] < 0.25]
         assert not below or min(below) in errors
         assert below[:1] in ([], [0]) or min(below) - 1 in errors
-
-
-def test_places_of_a_grating_do_not_share_a_phase():
-    for cycles in range(1, 8):
-        phases = np.array(phase_shifts(251, 4)) * cycles / 251 % 1
-        assert np.ptp(np.append(phases, phases + 1)) > 1

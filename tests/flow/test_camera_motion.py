@@ -88,8 +88,6 @@ def test_a_trunk_that_crosses_every_strip_is_within_the_stated_error():
         (np.ones((8, 80, 90), np.uint16), "80 × 96 px"),
         (np.ones((1, 80, 96), np.uint16), "two or more frames"),
         (np.zeros((8, 80, 96), np.uint16), "have no contrast"),
-        (np.eye(80, 96, dtype=np.uint16) * np.arange(8)[:, None, None], "one of them, have no"),
-        (np.full((8, 80, 96), np.nan), "0 or more"),
         (np.arange(-2.0, 6).repeat(80 * 96).reshape(8, 80, 96), "0 or more"),
     ],
 )
@@ -125,9 +123,3 @@ def test_motion_without_noise_is_found_exactly(seed):
     found = fitted(directions, moved)
     assert angle_deg(found.heading, way) < 1e-4
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
-
-
-def test_too_few_velocities_are_refused():
-    directions, moved, _, _ = seen(np.random.default_rng(0), 3, 0.2, count=7)
-    with pytest.raises(ValueError, match="7 velocities are defined"):
-        fitted(directions, moved)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
+from megalopta.flow.color_wheel import flow_to_rgb
 
 
 def color(x, y, max_speed=1.0):
@@ -20,12 +20,3 @@ def test_speed_is_saturation_and_darker_beyond_the_maximum_and_none_is_gray():
     assert color(1, 0, max_speed=2) == (255, 128, 128)
     assert color(5, 0) == (191, 0, 0)
     assert color(np.nan, 1) == (128, 128, 128)
-
-
-def test_legend_shows_each_direction_in_its_color():
-    legend = wheel_legend(101)
-    assert legend.shape == (101, 101, 3)
-    assert tuple(legend[50, 100]) == color(100 / 101, 0)
-    assert tuple(legend[50, 50]) == (255, 255, 255)
-    assert tuple(legend[0, 0]) == (255, 255, 255)
-    np.testing.assert_array_equal(legend[90, 50], flow_to_rgb(np.array([0, 80 / 101]), 1.0))

@@ -1,4 +1,4 @@
-"""Poisson matching of two and of eight frames on textures whose motion is known; its smoothing, costs."""
+"""Poisson matching of two and of eight frames on textures whose motion is known; its smoothing."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,8 @@ from megalopta.flow.detectors.poisson_matching import (
     PoissonMatching,
     PooledMatching,
     SmoothedFrame,
-    add_costs,
-    add_up_pairs,
     agreed_velocities,
     aligned,
-    parabola_minimum,
 )
 
 from ..textures import drifting_texture
@@ -58,45 +55,6 @@ def test_pooling_starts_with_the_frames_there_are(leaves):
     assert PooledMatching().respond(counts).shape == PoissonMatching().respond(counts).shape
 
 
-def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
-    rng = np.random.default_rng(0)
-    first, second, weights = rng.random((3, 30, 34), np.float32)
-    corners, origins = np.array([[3, 5], [20, 22]]), np.array([[4, 5], [18, 20]])
-    costs = np.ones((2, 9, 9))
-    add_costs(first, second, weights, np.hstack((origins, corners)), 8, costs)
-    for block, dy, dx in np.ndindex(costs.shape):
-        (row, column), (top, left) = corners[block], origins[block] - (dy - 4, dx - 4)
-        inside = 0 <= top <= 22 and 0 <= left <= 26
-        here = np.s_[row : row + 8, column : column + 8]
-        expected = np.inf
-        if inside:
-            difference = second[here].astype(float) - first[top : top + 8, left : left + 8]
-            expected = 1 + (weights[here] * difference**2).sum()
-        # float32 sums of 64 squares
-        assert costs[block, dy, dx] == pytest.approx(expected, rel=1e-5)
-
-
-Y, X = np.mgrid[-1:2, -1:2].astype(float)
-
-
-def tilted(x, y):
-    return 2 * (X - x) ** 2 + 1.2 * (X - x) * (Y - y) + (Y - y) ** 2
-
-
-@pytest.mark.parametrize(
-    ("costs", "place"),
-    [
-        (tilted(0.3, -0.2), (0.3, -0.2)),
-        (tilted(0.49, 0.51), (0.49, 0.51)),
-        ((X - 0.3) ** 2, (0.3, 0)),  # stripes
-        (-(Y**2), (0, 0)),
-        (np.where(X == 1, np.inf, (X - 0.3) ** 2 + (Y - 0.4) ** 2), (0, 0.4)),  # frame's edge
-    ],
-)
-def test_minimum_of_a_parabola_is_exact_where_there_is_one(costs, place):
-    np.testing.assert_allclose(parabola_minimum(costs[np.newaxis])[0], place, atol=1e-12)
-
-
 PATCHES = block_grid((76, 76), 24)
 MARGIN_PX = 7
 
@@ -114,35 +72,6 @@ def test_bright_texture_tells_its_velocity(velocity, count):
     # Correlations interpolated linearly peak where a displacement is whole: half a pixel over the
     # longest baseline, and a tenth for what enters and leaves the patch (its largest of 12: .09).
     np.testing.assert_allclose(found, velocity, atol=0.5 / (count - 1) + 0.1)
-
-
-def test_score_is_the_weighted_power_of_the_sum_of_aligned_frames():
-    # Parseval: Σ_ω W·|Σ_t y_t(ω)·exp(iω·v·t)|² is 2·Σ over pairs + what does not depend on v. At
-    # whole velocities the interpolation is exact, and below 38/7 px all pairs overlap.
-    counts = np.random.default_rng(0).poisson(3.0, (8, 38, 38))
-    seen = patches(counts, block_grid((38, 38), 24, 1))
-    size = seen[0].spectra.shape[1]
-    full = np.array([np.fft.fft2(each - each.mean(), (size, size)) for each in counts])
-    weight = np.abs(np.random.default_rng(1).normal(size=(size, size)))
-    weight = (weight + np.roll(weight[::-1, ::-1], 1, axis=(0, 1))) / 2  # of a real filter
-    crosses = [
-        sum(a.spectra[0].conj() * b.spectra[0] for a, b in zip(seen, seen[k:], strict=False))
-        for k in range(1, 8)
-    ]
-    half = weight[:, : size // 2 + 1]
-    correlations = np.fft.irfft2(np.stack(crosses) * half, (size, size)).astype(np.float32)
-    scores = np.zeros((29, 29))
-    add_up_pairs(correlations, seen[0].side, scores)
-    omega_y, omega_x = np.meshgrid(*[2 * np.pi * np.fft.fftfreq(size)] * 2, indexing="ij")
-    alone = np.sum(weight * np.sum(np.abs(full) ** 2, axis=0))
-    for x, y in ((0, 0), (3, 0), (-2, 1), (5, -5)):
-        turned = sum(
-            frame * np.exp(1j * t * (omega_x * x + omega_y * y)) for t, frame in enumerate(full)
-        )
-        expected = (np.sum(weight * np.abs(turned) ** 2) - alone) / 2 / size**2
-        # single precision, of terms that cancel
-        scale = alone / size**2
-        assert scores[14 + 2 * y, 14 + 2 * x] == pytest.approx(expected, abs=1e-4 * scale)
 
 
 @pytest.mark.parametrize("seen_in", [0, 1])
@@ -189,12 +118,3 @@ def test_whole_shifts_beyond_the_search_of_one_level_are_exact():
     frames = drifting_texture((-7.0, 4.0), 4, (144, 144), blur_px=3.0)
     found = BurstAlignment(frames=4, block_px=24).respond(1e4 * (3 + frames))[-1, 1:-1, 1:-1]
     np.testing.assert_allclose(found, np.broadcast_to((-7, 4), found.shape), atol=0.05)
-
-
-def test_burst_alignment_does_not_depend_on_the_zero_of_gray_levels():
-    frames = np.round(100 * drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
-    frames[:, :32] = frames.min()  # without texture, nothing to see
-    found = BurstAlignment(block_px=16).respond(frames - frames.min())
-    assert np.isnan(found[-1, 0]).all()
-    assert np.isfinite(found[-1, 3:]).all()
-    np.testing.assert_array_equal(BurstAlignment(block_px=16).respond(frames), found)

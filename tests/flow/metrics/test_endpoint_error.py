@@ -16,10 +16,6 @@ from megalopta.flow.metrics.endpoint_error import (
 )
 
 
-def uniform(velocity, shape=(120, 120), pairs=2):
-    return np.tile(np.asarray(velocity, np.float32), (pairs, *shape, 1))
-
-
 def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():
     rng = np.random.default_rng(6)
     flow, weights = rng.normal(size=(1, 40, 40, 2)), rng.random((1, 40, 40))
@@ -42,7 +38,7 @@ def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
     flow, hidden = rng.normal(size=(1, 97, 83, 2)), rng.random((1, 97, 83)) < 0.2
     flow[rng.random((1, 97, 83)) < 0.1] = np.nan
     grid = block_grid((64, 50), 7)
-    averaged = block_flow(flow, grid, hidden, valid_fraction=0)
+    averaged = block_flow(flow, grid, hidden)
     for i, j in np.ndindex(grid.rows, grid.columns):
         inside = [
             flow[0, row, column]
@@ -54,13 +50,6 @@ def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
         ]
         expected = np.nanmean(inside, axis=0) * (50 / 83, 64 / 97)
         np.testing.assert_allclose(averaged[0, i, j], expected, rtol=1e-9)
-
-
-def test_angular_error_is_measured_in_space_and_time():
-    # (1, 0, 1) and (0, 1, 1) enclose 60°.
-    error = truth_error(np.tile((1.0, 0.0), (1, 3, 3, 1)), np.tile((0.0, 1.0), (1, 3, 3, 1)))
-    assert error.angular_error_deg == pytest.approx(60)
-    assert error.endpoint_error_px == pytest.approx(math.sqrt(2))
 
 
 def test_bias_spread_and_outliers_are_those_of_the_differences():

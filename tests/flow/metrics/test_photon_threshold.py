@@ -7,7 +7,6 @@ from megalopta.flow.metrics.photon_threshold import (
     MeasuredErrors,
     Threshold,
     first_crossing,
-    format_flux,
     threshold,
 )
 
@@ -61,11 +60,3 @@ def test_interval_covers_the_truth_as_often_as_it_promises(repeats):
     assert covered / trials > 0.885
     if repeats == 10:
         assert covered / trials < 1
-
-
-@pytest.mark.parametrize(
-    ("flux", "text"),
-    [(5, "5.00"), (999.6, "1.00k"), (41234, "41.2k"), (1.54e8, "154M"), (2.5e12, "2.50T")],
-)
-def test_flux_prints_with_three_digits(flux, text):
-    assert format_flux(flux) == text

@@ -127,7 +127,6 @@ def test_five_taps_are_two_running_means_of_three():
         (lambda: frame_light(frames() * np.nan), "negative or non-finite"),
         (lambda: frame_light(np.ones((4, 4))), "give a sequence"),
         (lambda: resize(frames(), (5, 70)), "choose sizes from 1 px to that of the frames"),
-        (lambda: triangular_pool(np.ones((3, 16)), 4), "taps 4 for rows of 16 px: use an odd"),
         (lambda: MovingTemplate(np.ones((30, 20)), 1, 20), "as many columns as rows"),
         (lambda: MovingTemplate(-template(), 1, 20), "negative or non-finite"),
         (lambda: MovingTemplate(template(), 1, 40), "size 40 × 40 px"),

@@ -120,21 +120,6 @@ def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, cap
     assert still.errors["all"]["epe_px"] == pytest.approx(np.mean(speeds))
 
 
-def test_programs_are_compared_in_one_table(tree, tmp_path, capsys):
-    truth, submitted = tree
-    perfect, out = tmp_path / "perfect", tmp_path / "scores.json"
-    shutil.copytree(truth / "training" / "flow", perfect)
-    printed = submit(capsys, truth, submitted, perfect, "--out", out)
-    overall = [each for each in json.loads(out.read_text())["entries"] if not each["sequence"]]
-    assert [(each["program"], each["pass_name"]) for each in overall] == [
-        ("dis", "clean"),
-        ("perfect", ""),
-    ]
-    assert overall[1]["errors"]["all"]["epe_px"] == 0
-    assert overall[1]["errors"]["all"]["wauc_percent"] == 100
-    assert "perfect" in printed and "dis" in printed
-
-
 def test_frames_must_pair_strictly(tree, told):
     truth, submitted = tree
     some = submitted / "clean" / "scene_1" / "frame0001.flo"
@@ -159,10 +144,7 @@ def test_mistakes_get_one_sentence(tree, tmp_path, told):
     assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
     path.write_bytes(whole)
     assert "no such folder" in told(truth, tmp_path / "none")
-    assert "its two pictures are not there" in told(truth, "DIS")
     assert "gives no dense flow" in told(truth, "BM")
-    (tmp_path / "empty").mkdir()
-    assert "no true flow" in told(tmp_path / "empty", submitted)
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
     assert "holds .flo and .npy: give one format" in told(truth, submitted)
     path.with_suffix(".npy").unlink()

@@ -49,13 +49,6 @@ def test_of_small_scatter_it_is_the_interval_of_a_mean():
     assert (found.low, found.high) == pytest.approx((low, high), abs=1e-8)
 
 
-def test_draws_are_not_units():
-    """Twice as many draws of the same units: sums and blocks double, intervals do not shrink."""
-    one, other = drawn(np.random.default_rng(2), 8, 1.2)
-    twice = Sums(2 * one.totals, 2 * one.blocks)
-    np.testing.assert_allclose(ratio(other, twice), ratio(other, one))
-
-
 @pytest.mark.parametrize("blocks", [[5, 0, 0], [1000, 1, 1]])
 def test_one_unit_alone_has_no_interval(blocks):
     one = sums([3.0, 1.0, 2.0] * np.sign(blocks), blocks)

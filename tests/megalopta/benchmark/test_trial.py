@@ -64,20 +64,6 @@ def test_impossible_parameters_are_refused_in_one_sentence(tmp_path, text, sente
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "values"),
-    [
-        ("{vary: search.dark_counts, values: [1e-1, 10]}", [0.1, 10]),
-        ("{vary: blurred, values: [true, false]}", [True, False]),
-    ],
-)
-def test_values_are_what_they_mean(tmp_path, text, values):
-    points = load_sweep(written(tmp_path, text)).points
-    assert [(point.value, type(point.value)) for point in points] == [
-        (value, type(value)) for value in values
-    ]
-
-
 def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     canary = tmp_path / "canary"

@@ -1,8 +1,5 @@
-import csv
-
 import numpy as np
 import pandas as pd
-import pytest
 
 from megalopta.reproduction.picture import Figure, write_figure
 
@@ -23,16 +20,6 @@ EXAMPLE = Figure(
         {"time_s": [0.0, 1.0], "name": ["a, b", "c"], "output_v": [1 / 3, np.nan]}
     ),
 )
-
-
-def test_numbers_survive(tmp_path):
-    *_, path = write_figure(EXAMPLE, tmp_path)
-    with path.open(newline="", encoding="utf-8") as file:
-        head, *rows = csv.reader(file)
-    assert head == list(EXAMPLE.numbers)
-    assert rows[0][1] == "a, b"
-    assert float(rows[0][2]) == pytest.approx(1 / 3, rel=1e-8)
-    assert np.isnan(float(rows[1][2]))
 
 
 def test_same_figure_gives_the_same_bytes(tmp_path):

@@ -13,7 +13,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import Tree, open_sequence
-from megalopta.flow import benchmark
+from megalopta.flow.stimuli import photons
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_truth
 from megalopta.report.dataset_card import write_card, write_contact_sheet
@@ -165,14 +165,14 @@ def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     without(copy.root, "benchmark")
     repeats = copy.configuration.benchmark.repeats
-    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, drawn := []))
+    monkeypatch.setattr(photons, "draw_counts", counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "benchmark")
     a_repeat = len(drawn) // repeats
     without(copy.root, "benchmark")
-    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, [], a_repeat + 1))
+    monkeypatch.setattr(photons, "draw_counts", counting(draw_counts, [], a_repeat + 1))
     with pytest.raises(KeyboardInterrupt):
         run_stage(copy.root, copy.configuration, "benchmark")
-    monkeypatch.setattr(benchmark, "draw_counts", counting(draw_counts, drawn := []))
+    monkeypatch.setattr(photons, "draw_counts", counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "benchmark")
     assert len(drawn) == a_repeat * (repeats - 1)
     assert content(copy.root) == before
