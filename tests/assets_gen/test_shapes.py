@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.bodies import ball, box, grow_rock
-from megalopta.assets_gen.plants.undergrowth import grow_log
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.terrain import cut_at, ground_surface, make_moss, make_terrain
 from megalopta.assets_gen.tileable_noise import make_octaves
@@ -43,16 +42,6 @@ def test_rocks_are_closed_solids_about_a_meter_wide_half_in_the_ground(seed):
     # the base, which lies in the ground, is flat while its rim's normals are not
     sides = 28
     assert agreement[: -(sides - 2)].min() > 0.3
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_log_lies_on_the_ground_a_little_sunk(seed):
-    bark, ends = grow_log(np.random.default_rng(seed))
-    x, _, z = bark.vertices.T
-    assert 3 <= np.ptp(x) <= 7.7
-    middle = abs(x) < np.ptp(x) / 4
-    assert -0.15 < z[middle].min() < 0
-    assert ends.vertices[:, 2].max() > 0.1
 
 
 PATH = np.stack([np.linspace(-1, 5, 13), np.zeros(13)], axis=-1)
