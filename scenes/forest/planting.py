@@ -150,8 +150,8 @@ class Planting:
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
         low = {name for name, bush in BUSHES.items() if bush.shape.height_m < CLOSING_M}
-        wanted = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
-        shares = wanted or THICKET
+        low_shares = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
+        shares = low_shares or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
         plants = [PLANTS[kind] for kind in kinds]
