@@ -305,11 +305,11 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
         placements, litter = laid(forest.seed, placements, floor)
     names = {placement.asset for placement in placements} & SPECIMENS.keys()
     grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
-    if forest.leaf_area_index is None:
-        specimens, share = grow(), 1.0
-    else:
+    if forest.leaf_area_index:
         ring_m = forest.leaf_ring_m
         specimens, share = in_leaf(forest.leaf_area_index, grow, placements, path, ring_m)
+    else:
+        specimens, share = grow(), 1.0
     assets = plant_assets(forest.seed, specimens, share) | litter
     assets["ground"] = floor.asset() if floor else even_ground(forest.ground, land, edge_m)
     if forest.wind:

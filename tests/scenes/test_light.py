@@ -92,16 +92,6 @@ def test_disc_direction_is_a_unit_vector_toward_azimuth_and_elevation():
     np.testing.assert_allclose(sun.direction, [0, math.cos(math.pi / 6), 0.5], atol=1e-12)
 
 
-LUX = {
-    "daylight": 1e5,
-    "twilight": 1.0,
-    "full_moon": 0.25,
-    "quarter_moon": 1e-2,
-    "starlight": 1e-3,
-    "airglow": 8.19e-4,
-    "moonless_forest_floor": math.pi * 1e-4,  # 1e-4 cd/m² of white: Kelber et al. 2006
-    "overcast_night": 1e-4,
-}
 SUN_LUX, SKY_LUX = 97.13e3, 12.67e3
 # By the middle of a band's light; over the mean that the eye sees
 MIDDLES = np.array((545, 795, 1010, 1225, 1570))
@@ -140,7 +130,7 @@ def night(level):
 @pytest.mark.parametrize("level", LEVELS)
 def test_components_add_up_to_the_named_illuminance(level):
     lux = sum(each.illuminance_lux for each in LEVELS[level].components)
-    assert lux == pytest.approx(LUX[level], rel=0.02)
+    assert lux == pytest.approx(LEVELS[level].illuminance_lux, rel=0.02)
     assert lux == pytest.approx(luminous(LEVELS[level].spectrum()), rel=1e-9)
     assert lux == pytest.approx(illuminance_of(level), rel=1e-9)
 
