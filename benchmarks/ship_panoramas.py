@@ -9,6 +9,7 @@ import hashlib
 import math
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -17,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.benchmark.panoramas import ROWS, SHIPPED
 from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.record import Record
@@ -31,9 +34,10 @@ from megalopta.render import (
 )
 from megalopta.scenes import build_scene
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
-from megalopta.scenes.cloudy_sky import under_clouds
 from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.light import Light
+from megalopta.scenes.scene import Lighting, SkyPattern, pattern_directions
+from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
 LUMINANCE_BAND_NM = (507.0, 614.0)
@@ -109,6 +113,24 @@ RECIPES: Mapping[str, NaturalPanorama] = MappingProxyType(
 """Panoramas by name, in the order of Fig. 4.3 a to d."""
 
 
+def clouds(seed: int) -> NDArray[np.float32]:
+    """Pattern (270, 540) of broken clouds, which light a horizontal plane like an even sky.
+
+    An even sky has no texture, so that detectors do not respond to it. The clouds are a random
+    field on a plane at height 1, with wavelengths of 0.25 to 4. Haze halves their contrast where
+    the sine of the elevation is 0.12.
+    """
+    directions = pattern_directions(270)
+    up = directions[..., 2]
+    height = np.maximum(up, 1e-2)
+    field = plane_waves((0.25, 4.0), 1.0, 64, generator(seed, "clouds"))(
+        directions[..., :2] / height[..., np.newaxis]
+    )
+    pattern = 1 + 0.6 * np.tanh(field) * np.where(up > 0, height / (height + 0.12), 0)
+    mean = np.average(pattern, weights=np.maximum(up, 0) * np.sqrt(1 - up**2))
+    return np.asarray(pattern / mean, np.float32)
+
+
 def render_panorama(
     recipe: NaturalPanorama, after_pass: Callable[[], object]
 ) -> tuple[NDArray[np.float32], RenderNoise]:
@@ -116,8 +138,9 @@ def render_panorama(
     height = recipe.eye_m
     stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
     forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)
-    wavelength_nm = sum(LUMINANCE_BAND_NM) / 2
-    scene = under_clouds(forest, recipe.light.lighting(), wavelength_nm, recipe.forest.seed)
+    even = recipe.light.lighting()
+    sky = SkyPattern(even.sky, clouds(recipe.forest.seed))
+    scene = replace(forest, lighting=Lighting(flat(0.0), even.sun, (sky,)))
     # Baked light would be used only once: it costs more than the paths that it replaces.
     settings = RenderSettings(
         samples_per_pixel=recipe.samples_per_pass,

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
@@ -21,8 +21,7 @@ from megalopta.scenes.forest.floor import (
     make_land,
     trail_of,
 )
-from megalopta.scenes.forest.flora import LAYERS, LODS, PRESETS, TREES, Flora
-from megalopta.scenes.forest.own_species import SpeciesByName, flora_of
+from megalopta.scenes.forest.flora import BUSHES, LAYERS, LODS, PRESETS, TREES
 from megalopta.scenes.forest.planting import (
     BELT_M,
     THICKET_PER_M2,
@@ -32,11 +31,11 @@ from megalopta.scenes.forest.planting import (
 )
 from megalopta.scenes.forest.specimens import (
     RING_M,
+    SPECIMENS,
     grow_specimens,
     in_leaf,
     materials,
     plant_assets,
-    specimens_of,
 )
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.light import Light
@@ -92,15 +91,14 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
     bushes = THICKET_PER_M2 * (area(end) - area(edge - 7))
     bush = triangles[np.searchsorted(limits[1:-1], edge)] / 8
     small = CLUMPED * sum(
-        density * area(min(forest.flora.layers[kind].reach_m, edge))
+        density * area(min(LAYERS[kind].reach_m, edge))
         for kind, density in forest.densities_per_m2.items()
     )
     total = counts @ triangles + bushes * bush + small * SMALL_TRIANGLES
     if forest.has_floor:
         total += fineness(forest.detail).triangles(path_m, edge + HORIZON_M)
     if forest.bark_relief:
-        trees = forest.flora.trees
-        rough = sum(share for name, share in forest.mix.items() if trees[name].shape.relief)
+        rough = sum(share for name, share in forest.mix.items() if TREES[name].shape.relief)
         total += counts[0] * CARVED_TRIANGLES * rough / sum(forest.mix.values())
     return float(counts.sum() + bushes + small), float(total)
 
@@ -129,9 +127,6 @@ class Forest(SceneDescription, frozen=True):
     """Trees of the stand, without those of the surrounding belt (count)."""
     density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
     """Trees per hectare; with the number of trees it sets the extent of the stand (1/ha)."""
-    species: SpeciesByName = Field(default={}, exclude_if=lambda species: not species)
-    """Your own species by name, or the path of a YAML file with them. Trees are grown if `mix`
-    names them, bushes and saplings if `undergrowth_per_m2` does; default: none."""
     mix: dict[str, NotNegative] = Field(
         default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
         description=f"Share of each species, relative to their sum (1): {', '.join(TREES)}.",
@@ -184,24 +179,20 @@ class Forest(SceneDescription, frozen=True):
 
     @field_validator("mix")
     @classmethod
-    def _check_mix(cls, mix: dict[str, float], validation: ValidationInfo) -> dict[str, float]:
-        trees = flora_of(validation.data.get("species", {})).trees
-        unknown = sorted(mix.keys() - trees.keys())
+    def _check_mix(cls, mix: dict[str, float]) -> dict[str, float]:
+        unknown = sorted(mix.keys() - TREES.keys())
         if unknown:
-            raise ValueError(f"unknown species {unknown}; choose from {sorted(trees)}")
+            raise ValueError(f"unknown species {unknown}; choose from {sorted(TREES)}")
         if sum(mix.values()) <= 0:
             raise ValueError(f"the shares {mix} sum to 0; give one species a positive share")
         return mix
 
     @field_validator("undergrowth_per_m2")
     @classmethod
-    def _check_undergrowth(
-        cls, densities: dict[str, float], validation: ValidationInfo
-    ) -> dict[str, float]:
-        layers = flora_of(validation.data.get("species", {})).layers
-        unknown = sorted(densities.keys() - layers.keys())
+    def _check_undergrowth(cls, densities: dict[str, float]) -> dict[str, float]:
+        unknown = sorted(densities.keys() - LAYERS.keys())
         if unknown:
-            raise ValueError(f"unknown kind {unknown}; choose from {sorted(layers)}")
+            raise ValueError(f"unknown kind {unknown}; choose from {sorted(LAYERS)}")
         return densities
 
     @model_validator(mode="after")
@@ -227,11 +218,6 @@ class Forest(SceneDescription, frozen=True):
     def _check_size(self) -> "Forest":
         check_stand(self, 0.0)
         return self
-
-    @property
-    def flora(self) -> Flora:
-        """Kinds of plants that it may contain."""
-        return flora_of(self.species)
 
     @property
     def has_floor(self) -> bool:
@@ -307,7 +293,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     land = make_land(forest.seed, path, forest.relief_m, edge_m)
     floor = kept_floor(forest, land, trail, trees, edge_m) if forest.has_floor else None
     height = floor.height if floor else land.height
-    planting = Planting(forest.seed, path, height, forest.detail, trail, forest.flora)
+    planting = Planting(forest.seed, path, height, forest.detail, trail)
     placements: tuple[Placement, ...] = (
         Placement("ground", "ground", np.eye(4)),
         *planting.trees(forest.mix, forest.age_spread, forest.height_spread, trees),
@@ -317,17 +303,16 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     litter: dict[str, Asset] = {}
     if floor:
         placements, litter = laid(forest.seed, placements, floor)
-    flora, relief = forest.flora, forest.bark_relief
-    names = {placement.asset for placement in placements} & specimens_of(flora).keys()
-    grow = partial(grow_specimens, forest.seed, names, bark_relief=relief, flora=flora)
-    if (wanted := forest.leaf_area_index) is None:
-        assets = plant_assets(forest.seed, grow(), flora=flora) | litter
+    names = {placement.asset for placement in placements} & SPECIMENS.keys()
+    grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
+    if forest.leaf_area_index:
+        ring_m = forest.leaf_ring_m
+        specimens, share = in_leaf(forest.leaf_area_index, grow, placements, path, ring_m)
     else:
-        specimens, share = in_leaf(wanted, grow, placements, path, forest.leaf_ring_m)
-        assets = plant_assets(forest.seed, specimens, share, flora) | litter
+        specimens, share = grow(), 1.0
+    assets = plant_assets(forest.seed, specimens, share) | litter
     assets["ground"] = floor.asset() if floor else even_ground(forest.ground, land, edge_m)
     if forest.wind:
-        swayed = {*forest.flora.trees, *forest.flora.bushes}
-        placements = tuple(swaying(placements, assets, swayed, forest.wind))
-    surfaces = materials(forest.seed, assets, forest.bark_relief > 0, forest.flora)
+        placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
+    surfaces = materials(forest.seed, assets, forest.bark_relief > 0)
     return Scene(surfaces, assets, placements)

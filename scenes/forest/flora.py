@@ -4,9 +4,8 @@ Stones, logs and fallen leaves are plants here too.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
@@ -140,8 +139,6 @@ class Woody(Plant):
     """Factor on its species' number of leaves."""
     furrows: Furrows | None = None
     """Relief of its bark, drawn in full detail only; None: smooth."""
-    variety: str = ""
-    """Hash of a species of the user's own, by which its shapes are cached."""
 
     @property
     def carved_bark(self) -> Coat | None:
@@ -203,17 +200,12 @@ def by_name(*plants: AnyPlant) -> Mapping[str, AnyPlant]:
     return MappingProxyType({plant.name: plant for plant in plants})
 
 
-def _scaled(entry: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return an entry with the scale of its leaves applied."""
+def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
+    """Return a tree or bush of the table, with the scale of its leaves applied."""
     leaf = dict(entry["shape"]["foliage"])
     scale = leaf.pop("scale", 1.0)
     leaf |= {length: scale * leaf[length] for length in ("length_m", "width_m")}
-    return {**entry, "shape": {**entry["shape"], "foliage": leaf}}
-
-
-def woody(name: str, entry: Mapping[str, Any]) -> Woody:
-    """Return a tree or bush of an entry, as of `ENTRIES`."""
-    shape = Species.model_validate(entry["shape"])
+    shape = Species.model_validate({**entry["shape"], "foliage": leaf})
     light, dark = map(reflectance_of, entry["bark"])
     shade, sun = map(leaf_of, entry["leaf"])
     layer = Layer(**entry["layer"]) if entry.get("layer") else None
@@ -222,8 +214,11 @@ def woody(name: str, entry: Mapping[str, Any]) -> Woody:
 
 
 _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-8"))
-ENTRIES: Mapping[str, Mapping[str, Any]] = {name: _scaled(each) for name, each in _TABLE.items()}
-"""Fields of each tree and bush by name."""
+_WOODY = [_woody(name, entry) for name, entry in _TABLE.items()]
+TREES = by_name(*(plant for plant in _WOODY if plant.layer is None))
+"""Species for the mix of a stand, by name."""
+BUSHES = by_name(*(plant for plant in _WOODY if plant.layer))
+"""Bushes and saplings, by name."""
 
 
 LITTER = "litter"
@@ -293,37 +288,15 @@ SMALL: Mapping[str, Small] = by_name(
 """Small plants and litter, by name."""
 
 
-@dataclass(frozen=True, eq=False)
-class Flora:
-    """Kinds of plants that a forest may contain, by name."""
-
-    trees: Mapping[str, Woody]
-    """Species for the mix of a stand."""
-    bushes: Mapping[str, Woody]
-    """Bushes and saplings."""
-
-    @classmethod
-    def of(cls, plants: Iterable[Woody]) -> "Flora":
-        """Return the flora of some trees and bushes, with all small plants."""
-        woody = list(plants)
-        trees = by_name(*(plant for plant in woody if plant.layer is None))
-        return cls(trees, by_name(*(plant for plant in woody if plant.layer)))
-
-    @cached_property
-    def layers(self) -> Mapping[str, Layer]:
-        """Places of the undergrowth, by kind."""
-        bushes = {name: bush.layer for name, bush in self.bushes.items() if bush.layer}
-        return MappingProxyType(bushes | {name: each.layer for name, each in SMALL.items()})
-
-    @cached_property
-    def plants(self) -> Mapping[str, Plant]:
-        """Everything that a forest may contain."""
-        return MappingProxyType({**self.trees, **self.bushes, **SMALL})
-
-
-FLORA = Flora.of(woody(name, entry) for name, entry in ENTRIES.items())
-"""Plants of this program."""
-TREES, BUSHES, LAYERS, PLANTS = FLORA.trees, FLORA.bushes, FLORA.layers, FLORA.plants
+PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
+"""Everything that a forest may contain, by name."""
+LAYERS: Mapping[str, Layer] = MappingProxyType(
+    {
+        **{name: bush.layer for name, bush in BUSHES.items() if bush.layer},
+        **{name: plant.layer for name, plant in SMALL.items()},
+    }
+)
+"""Places of the undergrowth, by kind."""
 
 COVERS: Mapping[str, Coat] = MappingProxyType(
     {

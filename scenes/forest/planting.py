@@ -18,7 +18,16 @@ from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.core.arrays import Floats
-from megalopta.scenes.forest.flora import FLORA, HEIGHTS, LITTER, LODS, Flora, Plant
+from megalopta.scenes.forest.flora import (
+    BUSHES,
+    HEIGHTS,
+    LAYERS,
+    LITTER,
+    LODS,
+    PLANTS,
+    TREES,
+    Plant,
+)
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.scene import Placement
 
@@ -114,8 +123,6 @@ class Planting:
     """Factor on the distances at which plants get coarser."""
     trail: Trail | None = None
     """Trodden path, with only litter on it."""
-    flora: Flora = FLORA
-    """Kinds of plants."""
 
     def trees(
         self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: Floats
@@ -125,8 +132,7 @@ class Planting:
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
         plants = [
-            self.flora.trees[names[i]]
-            for i in rng.choice(len(names), len(points), p=shares / shares.sum())
+            TREES[names[i]] for i in rng.choice(len(names), len(points), p=shares / shares.sum())
         ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
         away = (np.array(HEIGHTS) - 1) / max(age_spread, 1e-3)
@@ -143,19 +149,18 @@ class Planting:
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
-        bushes = self.flora.bushes.items()
-        low = {name for name, bush in bushes if bush.shape.height_m < CLOSING_M}
-        wanted = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
-        shares = wanted or THICKET
+        low = {name for name, bush in BUSHES.items() if bush.shape.height_m < CLOSING_M}
+        low_shares = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
+        shares = low_shares or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
-        plants = [self.flora.plants[kind] for kind in kinds]
+        plants = [PLANTS[kind] for kind in kinds]
         return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
     def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Scatter every kind at its density."""
         for kind, density in per_m2.items():
-            layer, rng = self.flora.layers[kind], generator(self.seed, "undergrowth", kind)
+            layer, rng = LAYERS[kind], generator(self.seed, "undergrowth", kind)
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
             if density > 0:
                 points = _strewn(self.path, ring, ring[1], density, 0.6, rng)
@@ -166,7 +171,7 @@ class Planting:
                 if kind != LITTER:
                     points = self._beside_trail(points, layer.clearance_m)
                 scales = rng.uniform(*layer.scale, len(points))
-                plants = [self.flora.plants[kind]] * len(points)
+                plants = [PLANTS[kind]] * len(points)
                 yield from self._place(plants, points, scales, rng)
 
     def _beside_trail(self, points: Floats, from_middle_m: float) -> Floats:

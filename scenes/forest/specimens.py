@@ -37,11 +37,10 @@ from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
 from megalopta.scenes.forest.flora import (
     COVERS,
-    FLORA,
     HEIGHTS,
     LODS,
+    PLANTS,
     SMALL,
-    Flora,
     LodLevel,
     Organs,
     Plant,
@@ -68,10 +67,7 @@ def grown(
     deep as their species'.
     """
     levels = (lod.name for lod in lods)
-    variety = [plant.variety] if isinstance(plant, Woody) and plant.variety else []
-    store = store_of(
-        "plant", seed, plant.name, number, fullness, str(bark_relief), *levels, *variety
-    )
+    store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
     if kept := store.read():
         fields_of: list[dict[str, dict[str, NDArray[np.generic]]]] = [{} for _ in lods]
         for name, values in kept.items():
@@ -141,11 +137,13 @@ class Specimen(NamedTuple):
         return f"{self.plant.name} {self.number} {self.lod.name}"
 
 
-@lru_cache(maxsize=8)
-def specimens_of(flora: Flora) -> Mapping[str, Specimen]:
-    """Every specimen of a flora by its name."""
-    of = product(flora.plants.values(), range(len(HEIGHTS)), LODS)
-    return MappingProxyType({each.name: each for each in map(Specimen._make, of)})
+SPECIMENS: Mapping[str, Specimen] = MappingProxyType(
+    {
+        specimen.name: specimen
+        for specimen in map(Specimen._make, product(PLANTS.values(), range(len(HEIGHTS)), LODS))
+    }
+)
+"""Every specimen by its name."""
 
 
 def grow_specimens(
@@ -153,7 +151,6 @@ def grow_specimens(
     names: Iterable[str],
     fullness: int = 1,
     bark_relief: float = 0.0,
-    flora: Flora = FLORA,
 ) -> dict[str, Organs]:
     """Grow the named specimens; every individual grows once for all its levels of detail.
 
@@ -161,14 +158,14 @@ def grow_specimens(
     their species'.
     """
     ordered = sorted(
-        map(specimens_of(flora).__getitem__, names),
+        map(SPECIMENS.__getitem__, names),
         key=lambda specimen: (specimen.plant.name, specimen.number, LODS.index(specimen.lod)),
     )
     organs_of: dict[str, Organs] = {}
     for (kind, number), group in groupby(
         ordered, lambda specimen: (specimen.plant.name, specimen.number)
     ):
-        individual, plant = list(group), flora.plants[kind]
+        individual, plant = list(group), PLANTS[kind]
         full = fullness if isinstance(plant, Woody) else 1
         lods = [specimen.lod for specimen in individual]
         levels = grown(seed, plant, number, lods, full, bark_relief)
@@ -180,12 +177,11 @@ def plant_assets(
     seed: int,
     specimens: Mapping[str, Organs],
     leaf_share: float = 1.0,
-    flora: Flora = FLORA,
 ) -> dict[str, Asset]:
     """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
     assets = {}
     for name, organs in specimens.items():
-        plant = specimens_of(flora)[name].plant
+        plant = SPECIMENS[name].plant
         if isinstance(plant, Woody) and leaf_share < 1:
             rng = generator(seed, "leaf share", name)
             organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
@@ -194,11 +190,11 @@ def plant_assets(
 
 
 def materials(
-    seed: int, assets: Mapping[str, Asset], has_furrows: bool = False, flora: Flora = FLORA
+    seed: int, assets: Mapping[str, Asset], has_furrows: bool = False
 ) -> dict[str, Material]:
     """Return the materials of all parts of the assets, bark with furrows or without."""
     result, coats, carved = {}, {f"{cover} ground": coat for cover, coat in COVERS.items()}, {}
-    for plant in flora.plants.values():
+    for plant in PLANTS.values():
         coats |= {plant.part(organ): coat for organ, coat in plant.coats.items()}
         if isinstance(plant, Woody) and plant.carved_bark:
             carved[plant.part("bark")] = plant.carved_bark

@@ -130,18 +130,18 @@ class GltfFile:
         shape = entry["count"], _WIDTHS[entry["type"]]
         kind = np.dtype(_TYPES[entry["componentType"]])
         check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
-        found = np.zeros(shape, kind)
+        values = np.zeros(shape, kind)
         if "bufferView" in entry:
             step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
             strides = step or kind.itemsize * shape[1], kind.itemsize
             start = entry.get("byteOffset", 0)
             # numpy refuses an array that would reach beyond the bytes.
-            found = np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
+            values = np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
         if "sparse" in entry:
             raise ValueError("it has sparse accessors, which are not read; export it without")
         if entry.get("normalized"):
-            return np.maximum(found / np.iinfo(kind).max, -1.0)
-        return found.astype(np.float64) if kind.kind == "f" else found
+            return np.maximum(values / np.iinfo(kind).max, -1.0)
+        return values.astype(np.float64) if kind.kind == "f" else values
 
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -253,17 +253,17 @@ def _poses(header: Json) -> dict[int, Floats]:
     else:
         roots = set(range(len(nodes))) - {i for node in nodes for i in node.get("children", ())}
     waiting = [(number, np.eye(4)) for number in roots]
-    found: dict[int, Floats] = {}
+    poses: dict[int, Floats] = {}
     while waiting:
         number, above = waiting.pop()
-        if number in found:
+        if number in poses:
             raise ValueError(f"node {number} has two parents")
-        found[number] = above @ _local(nodes[number])
+        poses[number] = above @ _local(nodes[number])
         check_map(
-            found[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
+            poses[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
         )
-        waiting += [(each, found[number]) for each in nodes[number].get("children", ())]
-    return dict(sorted(found.items()))
+        waiting += [(each, poses[number]) for each in nodes[number].get("children", ())]
+    return dict(sorted(poses.items()))
 
 
 def _local(node: Json) -> Floats:
@@ -278,7 +278,7 @@ def _local(node: Json) -> Floats:
 
 def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
     """Tracks of the first animation, by node and part of its pose."""
-    found: dict[int, dict[str, Track]] = {}
+    tracks: dict[int, dict[str, Track]] = {}
     for animation in file.header.get("animations", ())[:1]:
         for channel in animation["channels"]:
             target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
@@ -289,8 +289,8 @@ def _tracks(file: GltfFile) -> dict[int, dict[str, Track]]:
             mode = sampler.get("interpolation", "LINEAR")
             if mode == "CUBICSPLINE":
                 values = values.reshape(len(times), 3, -1)
-            found.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
-    return found
+            tracks.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
+    return tracks
 
 
 def _motion(
@@ -353,9 +353,9 @@ def _ignored(material: Json) -> Iterator[str]:
         yield "gloss"
     if any(material.get("emissiveFactor", ())):
         yield "emission"
-    for what in ("normal", "occlusion"):
-        if f"{what}Texture" in material:
-            yield f"{what} maps"
+    for kind in ("normal", "occlusion"):
+        if f"{kind}Texture" in material:
+            yield f"{kind} maps"
 
 
 def _piece(

@@ -57,9 +57,9 @@ class MeshFile(Hashed, frozen=True):
         Raises ValueError if one of them cannot be read, is too large, or lies elsewhere, or if they
         have changed.
         """
-        found = _contents(self.path)
-        self.compare(_hash(found))
-        return found
+        contents = _contents(self.path)
+        self.compare(_hash(contents))
+        return contents
 
 
 def _hash(contents: Contents) -> str:
@@ -71,21 +71,21 @@ def _hash(contents: Contents) -> str:
 
 
 def _contents(path: str) -> Contents:
-    own = Path(path).name
+    main = Path(path).name
     with unreadable(path):
-        found = {own: read_bytes(path, MESH_BYTES)}
-    left = MESH_BYTES - len(found[own])
-    waiting = [own]
+        contents = {main: read_bytes(path, MESH_BYTES)}
+    left = MESH_BYTES - len(contents[main])
+    waiting = [main]
     while waiting:
         name = waiting.pop()
-        if name not in found:
+        if name not in contents:
             if name.lower().endswith(".mtl") and not os.path.lexists(Path(path).parent / name):
                 continue  # its materials are names
             at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
-            found[name] = _beside(path, name, min(left, at_most))
-            left -= len(found[name])
-        waiting += [each for each in _names_in(path, name, found[name]) if each not in found]
-    return found
+            contents[name] = _beside(path, name, min(left, at_most))
+            left -= len(contents[name])
+        waiting += [each for each in _names_in(path, name, contents[name]) if each not in contents]
+    return contents
 
 
 def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:

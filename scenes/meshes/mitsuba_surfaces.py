@@ -58,12 +58,12 @@ class Surfaces:
 
     def of(self, shape: Element, name: str) -> PlacedPaint:
         """Return the surface of a shape, which has the shape's name if it has none."""
-        found = self._document.parts(shape, "bsdf")
-        if not found:
+        surfaces = self._document.parts(shape, "bsdf")
+        if not surfaces:
             return PlacedPaint(Paint(name, spectrum=self._spectrum(_USUAL)), np.eye(3))
-        key = id(found[0]), found[0].get("id") or name
+        key = id(surfaces[0]), surfaces[0].get("id") or name
         if key not in self._read:
-            self._read[key] = self._coat(found[0], key[1])
+            self._read[key] = self._coat(surfaces[0], key[1])
         return self._read[key]
 
     def _coat(self, bsdf: Element, name: str) -> PlacedPaint:
@@ -80,8 +80,8 @@ class Surfaces:
 
     def _diffuse(self, bsdf: Element, name: str) -> PlacedPaint | None:
         """Return a diffuse surface of a color, spectrum or picture of colors; None of others."""
-        given = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
-        reflecting = self._document.resolved(next(given, _USUAL))
+        reflectances = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
+        reflecting = self._document.resolved(next(reflectances, _USUAL))
         if reflecting.tag in ("rgb", "srgb"):
             return PlacedPaint(Paint(name, _color(reflecting)), np.eye(3))
         if reflecting.tag == "spectrum":
@@ -155,13 +155,13 @@ class Surfaces:
     def shining(self, paint: Paint, shape: Element) -> Paint:
         """Return the paint of a lamp with its radiance, or with the reason that it has none."""
         lamp = self._document.parts(shape, "emitter")[0]
-        given = [each for each in lamp if each.get("name") == "radiance"]
+        radiances = [each for each in lamp if each.get("name") == "radiance"]
         try:
             if lamp.get("type") != "area":
                 raise _NotKeptError(f"of type {quoted(lamp.get('type'))}")
-            if not given:
+            if not radiances:
                 return replace(paint, radiance=_WHITE)
-            return replace(paint, radiance=self._light(self._document.resolved(given[0])))
+            return replace(paint, radiance=self._light(self._document.resolved(radiances[0])))
         except (_NotKeptError, ValueError, KeyError) as problem:  # it may never shine
             return replace(paint, dark=str(problem))
 

@@ -38,13 +38,13 @@ _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 
 def names_in(content: bytes) -> list[str]:
     """Names of the files of shapes and of their surfaces."""
-    found = []
+    names = []
     for element in Document(content).root.iter():
         if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
-            found.append(value_of(element, "string", "filename"))
+            names.append(value_of(element, "string", "filename"))
         elif element.tag == "spectrum":
-            found.append(element.get("filename", ""))
-    return [plain(name) for name in found if name]
+            names.append(element.get("filename", ""))
+    return [plain(name) for name in names if name]
 
 
 def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
@@ -61,10 +61,10 @@ def pieces_of(contents: Mapping[str, bytes]) -> Iterator[Piece]:
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "lights" are used or not. Raises any exception."""
     document = Document(next(iter(contents.values())))
-    for each in document.root:
-        is_lamp = each.tag == "emitter" and each.get("type") == "area"  # of shapes that name it
-        if each.tag in _UNUSED and not is_lamp:
-            yield f"{each.tag}s", each.get("type", "")
+    for part in document.root:
+        is_lamp = part.tag == "emitter" and part.get("type") == "area"  # of shapes that name it
+        if part.tag in _UNUSED and not is_lamp:
+            yield f"{part.tag}s", part.get("type", "")
     for shape in document.root.iter("shape"):
         name = shape.get("id", shape.get("type", ""))
         if document.parts(shape, "emitter") and "lights" not in used:

@@ -77,13 +77,13 @@ class PlacedMesh(Record, frozen=True):
         contents = self.file.contents()
         self._counted(contents)
         with undamaged(self.file.path, REPAIR), np.errstate(all="ignore"):
-            found = (
+            unplaced = (
                 gltf.pieces_of(contents, animated)
                 if animated
                 else _READERS[self.file.suffix][0](contents)
             )
-            read = [piece.moved(self._axes) for piece in found]
-            pieces = [piece for piece in (each.sound() for each in read) if len(piece.faces)]
+            placed = [piece.moved(self._axes) for piece in unplaced]
+            pieces = [piece for piece in (each.sound() for each in placed) if len(piece.faces)]
         self._check(pieces)
         return pieces
 
@@ -94,16 +94,16 @@ class PlacedMesh(Record, frozen=True):
         """
         path, unused = self.file.path, dict[str, dict[str, None]]()
         with undamaged(path, REPAIR), np.errstate(all="ignore"):
-            for what, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
-                unused.setdefault(what, {})[quoted(printable(owner), _LONGEST)] = None
+            for feature, owner in _READERS[self.file.suffix][1](self.file.contents(), used):
+                unused.setdefault(feature, {})[quoted(printable(owner), _LONGEST)] = None
         if unused:
             things = []
-            for what, owners in unused.items():
+            for feature, owners in unused.items():
                 names_used = [name for name in owners if name]
-                rest = len(names_used) - _NAMED
-                more = f" and {rest} more" if rest > 0 else ""
+                unnamed = len(names_used) - _NAMED
+                more = f" and {unnamed} more" if unnamed > 0 else ""
                 some = f" ({', '.join(names_used[:_NAMED])}{more})" if names_used else ""
-                things.append(what + some)
+                things.append(feature + some)
             yield f"{path}: these have no effect: {quoted('; '.join(things), 600)}"
         names = {piece.material for piece in pieces if not piece.paint.is_described}
         if names:

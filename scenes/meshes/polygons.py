@@ -61,14 +61,14 @@ def ply_counts(content: bytes) -> dict[str, int]:
                 needed += counts[name] * (_PLY_BYTES[length] + corners)
             case ["property", kind, _]:
                 needed += counts[name] * _PLY_BYTES[kind]
-    has, what = len(body), "bytes"
+    size, unit = len(body), "bytes"
     if b"format ascii" in header:
-        needed, has, what = sum(counts.values()), body.strip().count(b"\n") + 1, "lines"
+        needed, size, unit = sum(counts.values()), body.strip().count(b"\n") + 1, "lines"
         last = body.rstrip().rpartition(b"\n")[2].split()
         if name == "face" and counts[name] and len(last) <= int(last[0]):
             raise ValueError("it ends within a face")
-    if needed > has or min(counts.values(), default=0) < 0:
-        raise ValueError(f"it states {counts}, for which its {has} {what} are too few")
+    if needed > size or min(counts.values(), default=0) < 0:
+        raise ValueError(f"it states {counts}, for which its {size} {unit} are too few")
     return counts
 
 

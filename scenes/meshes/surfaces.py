@@ -43,12 +43,12 @@ class Surfacing:
 
     def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
         """Return the first piece and the asset of each object of a file."""
-        found: dict[int, list[tuple[str, Surface]]] = {}
+        by_number: dict[int, list[tuple[str, Surface]]] = {}
         first: dict[int, Piece] = {}
         for piece, part in zip(pieces, self._parts(pieces), strict=True):
             first.setdefault(piece.number, piece)
-            found.setdefault(piece.number, []).append(part)
-        return [(first[number], _asset(parts)) for number, parts in found.items()]
+            by_number.setdefault(piece.number, []).append(part)
+        return [(first[number], _asset(parts)) for number, parts in by_number.items()]
 
     def whole(self, pieces: Sequence[Piece]) -> Asset:
         """Return all objects of a file as one asset."""
@@ -115,11 +115,13 @@ class Surfacing:
 
     def _shining(self, piece: Piece, radiance: Spectrum) -> tuple[str, Surface]:
         """Lamp that reflects as its surface does, unless that has a picture."""
-        paint, given = piece.paint, self.given.get(piece.material)
-        finish = paint.finish if given is None else None
+        paint, diffuse = piece.paint, self.given.get(piece.material)
+        finish = paint.finish if diffuse is None else None
         if not finish and not (paint.picture is not None or paint.refused):
-            own = paint.spectrum or reflectance_of_color(paint.color)
-            reflectance = own if given is None else material_of(given).reflectance
+            if diffuse is None:
+                reflectance = paint.spectrum or reflectance_of_color(paint.color)
+            else:
+                reflectance = material_of(diffuse).reflectance
             side = Finish("diffuse", {"reflectance": reflectance})
             finish = Finish("twosided", {"side": side}) if any(reflectance.values) else None
         spans = [(radiance.wavelengths_nm[0], KNOWN_NM[1])] if len(radiance.values) > 1 else []

@@ -44,8 +44,8 @@ def names_in(name: str, content: bytes) -> list[str]:
 def _lines(content: bytes) -> Iterator[tuple[str, str]]:
     """Yield first word, in lower case, and rest of each line."""
     for line in content.decode("utf-8-sig", "replace").replace("\\\n", " ").splitlines():
-        key, *rest = line.split(None, 1)[:2] or [""]
-        yield key.lower(), rest[0].strip() if rest else ""
+        key, *values = line.split(None, 1)[:2] or [""]
+        yield key.lower(), values[0].strip() if values else ""
 
 
 def _beside(name: str, other: str) -> str:
@@ -86,20 +86,20 @@ class _ObjFile:
         lists: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
         names_objects = "o" if _OBJECT.search(content) else "g"
         label, material = "", None
-        for key, rest in _lines(content):
-            if "#" in rest and (key in lists or key == "f"):
-                rest = rest.partition("#")[0]
+        for key, value in _lines(content):
+            if "#" in value and (key in lists or key == "f"):
+                value = value.partition("#")[0]
             if key in lists:
-                lists[key].append(rest)
+                lists[key].append(value)
             elif key == "f":
-                face = _counted(rest, [*map(len, lists.values())]) if "-" in rest else rest
+                face = _counted(value, [*map(len, lists.values())]) if "-" in value else value
                 self.faces.setdefault((label, material), []).append(face)
             elif key == names_objects:
-                label = rest
+                label = value
             elif key == "usemtl":
-                material = rest
+                material = value
             elif key == "mtllib":
-                self.libraries.append(rest)
+                self.libraries.append(value)
         self.positions, self.uv, self.normals = (_table(each) for each in lists.values())
 
 
@@ -174,38 +174,39 @@ def _paints(
     texels: Texels,
 ) -> Iterator[Paint]:
     """Yield the materials of an MTL file, and add their pictures to others."""
-    for each in _materials(contents[name]):
-        red, green, blue = linear_of_srgb(np.clip(_numbers(each.get("kd", "1 1 1")), 0, 1)).tolist()
+    for material in _materials(contents[name]):
+        color = np.clip(_numbers(material.get("kd", "1 1 1")), 0, 1)
+        red, green, blue = linear_of_srgb(color).tolist()
         picture = None
-        if "map_kd" in each:
-            file = _beside(name, each["map_kd"])
+        if "map_kd" in material:
+            file = _beside(name, material["map_kd"])
             if file not in pictures:
-                pictures[file] = texels.add(linear_picture(contents[file], each["newmtl"]))
+                pictures[file] = texels.add(linear_picture(contents[file], material["newmtl"]))
             picture = pictures[file]
-        yield Paint(each["newmtl"], (red, green, blue), picture)
+        yield Paint(material["newmtl"], (red, green, blue), picture)
 
 
 def _materials(content: bytes) -> list[dict[str, str]]:
     """Return the statements of each material of an MTL file, by first word."""
     materials: list[dict[str, str]] = []
-    for key, rest in _lines(content):
+    for key, value in _lines(content):
         if key == "newmtl":
             materials.append({})
         if materials:
-            materials[-1][key] = rest
+            materials[-1][key] = value
     return materials
 
 
 def unused(contents: Mapping[str, bytes], _: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect. Raises any exception if the file is damaged."""
     content = next(iter(contents.values()))
-    yield from (("statements", each.decode()) for each in sorted({*_UNREAD.findall(content)}))
+    yield from (("statements", word.decode()) for word in sorted({*_UNREAD.findall(content)}))
     if b"\nvn " not in content and _SMOOTH.search(content):
         yield "smoothing groups", ""
     for file in contents:
         if file.lower().endswith(".mtl"):
-            for each in _materials(contents[file]):
-                yield from ((what, each["newmtl"]) for what in _ignored(each))
+            for material in _materials(contents[file]):
+                yield from ((effect, material["newmtl"]) for effect in _ignored(material))
 
 
 def _numbers(text: str) -> Floats:

@@ -54,10 +54,10 @@ class Document:
         """Return an element, or what it refers to by its id."""
         if element.tag != "ref":
             return element
-        wanted = element.get("id", "")
-        if wanted not in self._by_id:
-            raise ValueError(f"it names {quoted(wanted)!r}, which is not defined")
-        return self._by_id[wanted]
+        name = element.get("id", "")
+        if name not in self._by_id:
+            raise ValueError(f"it names {quoted(name)!r}, which is not defined")
+        return self._by_id[name]
 
     def _fill(self, value: str, defaults: dict[str, str]) -> str:
         """Return a text with the defaults that it names, which may double in each of many."""
@@ -101,8 +101,8 @@ def _walk(element: Element, depth: int) -> Iterator[Element]:
 
 def value_of(element: Element, tag: str, name: str) -> str:
     """Value of a property of an element; empty without it."""
-    found = (each for each in element if each.tag == tag and each.get("name") == name)
-    return next((each.get("value", "") for each in found), "")
+    properties = (each for each in element if each.tag == tag and each.get("name") == name)
+    return next((each.get("value", "") for each in properties), "")
 
 
 def plain(name: str) -> str:
@@ -134,9 +134,9 @@ def transform_of(element: Element, name: str = "to_world") -> Floats:
                         turn = angle * axis / length if axis.any() else np.full(3, np.nan)
                         change[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
                     case "matrix":
-                        given = numbers_in(step.get("value", ""))
-                        side = 4 if given.size == 16 else 3
-                        change[:side, :side] = given.reshape(side, side)
+                        numbers = numbers_in(step.get("value", ""))
+                        side = 4 if numbers.size == 16 else 3
+                        change[:side, :side] = numbers.reshape(side, side)
                     case other:
                         raise ValueError(f"it has an unknown transform {quoted(other)!r}")
                 matrix = change @ matrix

@@ -100,19 +100,6 @@ def test_covariance_is_that_of_the_first_leaf_to_cover_either_of_two_points():
         assert np.mean(four) == pytest.approx(expected(lag) / expected(0), abs=0.07)
 
 
-@pytest.mark.parametrize(
-    ("choice", "message"),
-    [
-        ({"radii_px": (3.0, 2.0)}, "radii_px 3.0 … 2.0"),
-        ({"values": (0.0, 1.0)}, "values 0.0 … 1.0"),
-        ({"radii_px": (2.0, 30.0)}, "wider than the image of 50 × 90 px"),
-    ],
-)
-def test_impossible_leaves_are_refused(choice, message):
-    with pytest.raises(ValueError, match=message):
-        dead_leaves((50, 90), np.random.default_rng(0), **{"radii_px": (2.0, 9.0), **choice})
-
-
 def test_a_sine_has_its_contrast_and_frequency_alone():
     x = np.arange(240) / 40
     spectrum = np.abs(np.fft.rfft(bars(x, 0.7, 0.4, square=False))) / 240

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen import TEXTURES, join
+from megalopta.assets_gen import TEXTURES
 from megalopta.assets_gen.plants.bark import CARVED_M, TILE_M, Furrows
 from megalopta.assets_gen.plants.foliage import blades, place_leaves
 from megalopta.assets_gen.plants.growth import grow_axes, grow_plant
@@ -13,14 +13,6 @@ from megalopta.assets_gen.plants.skeleton import (
     pipe_radii,
     rotation_minimizing_frames,
     swept_tube,
-)
-from megalopta.assets_gen.plants.undergrowth import (
-    grow_bilberry,
-    grow_fern,
-    grow_flowers,
-    grow_grass,
-    grow_herbs,
-    strew_litter,
 )
 from megalopta.scenes.forest.flora import BUSHES, TREES
 
@@ -207,27 +199,3 @@ def test_what_is_painted_dark_lies_deep(furrows, carved):
     paint = furrows.pattern[row, column][rough].ravel()
     # Grain finer than the mesh is painted only.
     assert np.corrcoef(paint, -profile[rough].ravel())[0, 1] > 0.7
-
-
-# plant, tallest (m), widest half (m), most triangles
-PLANTS = {
-    "fern": (grow_fern, 1.0, 1.1, 300),
-    "bilberry": (grow_bilberry, 0.45, 0.95, 320),
-    "flower": (lambda rng: join(grow_flowers(rng)), 0.3, 1.1, 300),
-    "grass": (grow_grass, 0.65, 0.9, 84),
-    "herb": (grow_herbs, 0.3, 1.2, 150),
-    "litter": (strew_litter, 0.1, 0.8, 100),
-}
-
-
-@pytest.mark.parametrize("name", PLANTS)
-def test_small_plants_have_their_size_and_stand_on_the_ground(name):
-    grow, tallest, half, triangles = PLANTS[name]
-    first, second = (grow(np.random.default_rng(2)) for _ in range(2))
-    assert first.vertices.tobytes() == second.vertices.tobytes()
-    for seed in range(5):
-        surface = grow(np.random.default_rng(seed))
-        z = surface.vertices[:, 2]
-        assert -0.1 < z.min() < 0.15 and tallest / 4 < z.max() < tallest
-        assert np.hypot(*surface.vertices[:, :2].T).max() < half
-        assert len(surface.faces) <= triangles

@@ -2,7 +2,6 @@ import hashlib
 import os
 import subprocess
 import sys
-from collections import Counter
 
 import numpy as np
 import pytest
@@ -115,19 +114,6 @@ def test_presets_set_what_is_not_given(name):
     assert (changed.trees, changed.mix) == (333, {"oak": 1})
     assert changed.density_per_ha == preset.density_per_ha
     assert Forest.model_validate_json(changed.model_dump_json()) == changed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PRESETS)
-def test_presets_grow_what_they_name(name):
-    # As many trees as will have every kind of the mix among them.
-    forest = Forest(preset=name, trees=150, undergrowth=0.02, detail=0.05)
-    scene = build_forest(forest, PATH)
-    kinds = Counter(placement.kind for placement in scene.placements)
-    assert {kind for kind in kinds if kind in TREES} == forest.mix.keys()
-    assert kinds.total() > forest.trees
-    trunks = [p.to_world[:2, 3] for p in scene.placements if p.kind in TREES]
-    assert cKDTree(dense(PATH)).query(trunks)[0].min() >= forest.clearance_m - 0.03
 
 
 @pytest.mark.parametrize(

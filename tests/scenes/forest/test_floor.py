@@ -150,11 +150,17 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
             "megalopta.scenes.forest.floor.make_floor", lambda *_: pytest.fail("made anew")
         )
         again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
-    for field in ("points", "faces"):
-        one, other = getattr(made.mesh, field), getattr(again.mesh, field)
-        np.testing.assert_array_equal(one, other, strict=True)
-    for field in ("heights", "uv", "leaves"):
-        np.testing.assert_array_equal(getattr(made, field), getattr(again, field), strict=True)
     assert list(made.covers) == list(again.covers)
-    for cover, chosen in made.covers.items():
-        np.testing.assert_array_equal(chosen, again.covers[cover], strict=True)
+    before, after = (
+        [
+            each.mesh.points,
+            each.mesh.faces,
+            each.heights,
+            each.uv,
+            each.leaves,
+            *each.covers.values(),
+        ]
+        for each in (made, again)
+    )
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, other, strict=True)

@@ -65,14 +65,6 @@ def test_a_material_that_is_not_there_is_told_with_those_that_are(files):
     assert {max(each.reflectance.values) for each in scene.materials.values()} == {0.4, 0.2}
 
 
-def test_bands_beyond_what_a_color_says_are_refused_by_the_name_of_the_material(files):
-    bands = ((400.0, 500.0), (800.0, 900.0))
-    built(files=files).check_bands(bands[:1])
-    with pytest.raises(ValueError, match=r"room\.glb: wood': .* 360 to 830 nm, .* 800 to 900"):
-        built(files=files).check_bands(bands)
-    built(files=files, materials={"wood": 0.4}).check_bands(bands)
-
-
 def pictured(path, *colors):
     """Squares with a picture of 8 × 4 pixels each, in a color."""
     squares = trimesh.Scene()

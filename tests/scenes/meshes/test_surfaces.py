@@ -107,12 +107,10 @@ def test_a_curve_is_read_once_and_its_numbers_stay(tmp_path):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "has 0 points"),
         ("400,0.5\n", "has 1 points"),
         ("400,0.5\n700,1.5\n", "line 2: reflectance 1.5 is not from 0 to 1"),
         ("700,0.5\n400,0.5\n", "400 nm follows 700"),
         ("400,0.5,1\n", "not wavelength_nm,reflectance"),
-        ("400;0.5\n", "not wavelength_nm,reflectance"),
         ("400,nan\n700,1\n", "nan is not from 0 to 1"),
     ],
 )

@@ -32,7 +32,6 @@ from megalopta.scenes.spectra.color import (
 )
 from megalopta.scenes.spectra.reflectance import (
     LEAVES,
-    REFLECTANCES,
     TABLE,
     Leaf,
     leaf_of,
@@ -120,26 +119,6 @@ def test_primaries_add_up_to_the_light_and_share_its_luminance_as_srgb_does(leve
     )
     # Corners of the light's table between the grid's points.
     assert total == pytest.approx(LEVELS[level].illuminance_lux, rel=2e-3)
-
-
-WAVELENGTHS_NM = np.arange(380, 1701)
-
-
-@pytest.mark.parametrize("name", REFLECTANCES)
-def test_reflectances_lie_between_zero_and_one(name):
-    spectrum = reflectance_of(name)
-    assert spectrum(WAVELENGTHS_NM).min() > 0 and spectrum(WAVELENGTHS_NM).max() < 1
-
-
-def test_leaves_absorb_as_green_dry_and_young_ones_do():
-    absorbed = {
-        name: 1 - sum(spectrum([550, 670, 900]) for spectrum in leaf_of(name)) for name in LEAVES
-    }
-    for name in set(LEAVES) - {"dry leaf"}:
-        green, red, infrared = absorbed[name]
-        assert 0.35 < green < 0.85 and red > 0.8 and infrared < 0.2, name
-    assert absorbed["young leaf light"][0] < absorbed["leaf light"][0] < absorbed["leaf dark"][0]
-    assert absorbed["dry leaf"][1] < 0.3  # no chlorophyll
 
 
 GRID = np.arange(KNOWN_NM[0], KNOWN_NM[1] + 1, 1.0)
