@@ -68,12 +68,7 @@ class Cells:
     """Number of all cells."""
 
     @classmethod
-    def of(
-        cls,
-        meshes: Sequence[MergedMesh],
-        camera: Camera,
-        positions: Floats,
-    ) -> "Cells":
+    def of(cls, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats) -> "Cells":
         """Divide meshes into cells for a camera at positions (T, 3).
 
         Raises ValueError if there are more cells than a table holds.

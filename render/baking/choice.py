@@ -46,11 +46,7 @@ class Scatter(NamedTuple):
 
 
 def path_tracing_reason(
-    scene: Scene,
-    variant: str,
-    poses: Floats | None,
-    settings: RenderSettings,
-    pixels: int,
+    scene: Scene, variant: str, poses: Floats | None, settings: RenderSettings, pixels: int
 ) -> str:
     """Reason for rendering frames by path tracing; empty if their light is baked.
 

@@ -73,12 +73,7 @@ class BakedLightIntegrator:
     reason = ""
 
     def __init__(
-        self,
-        whole: LoadedScene,
-        camera: Camera,
-        settings: RenderSettings,
-        poses: Floats,
-        seed: int,
+        self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm

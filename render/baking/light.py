@@ -48,11 +48,7 @@ class Voxels:
     """Voxels of the cells of meshes, for a camera at positions (T, 3)."""
 
     def __init__(
-        self,
-        cells: Cells,
-        meshes: Sequence[MergedMesh],
-        camera: Camera,
-        positions: Floats,
+        self, cells: Cells, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats
     ) -> None:
         self._cells, self._meshes = cells, meshes
         self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)

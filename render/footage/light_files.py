@@ -21,13 +21,7 @@ from numpy.typing import NDArray
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
-from megalopta.render.footage.frames import (
-    Header,
-    converted,
-    not_square,
-    unused,
-    without_log,
-)
+from megalopta.render.footage.frames import Header, converted, not_square, unused, without_log
 from megalopta.render.footage.transfer import XYZ_XY
 from megalopta.scenes.spectra.color import Bands
 

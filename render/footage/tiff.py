@@ -17,14 +17,7 @@ from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, check_decoded, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.render.footage.frames import (
-    Depth,
-    Header,
-    not_square,
-    turned,
-    unused,
-    without_log,
-)
+from megalopta.render.footage.frames import Depth, Header, not_square, turned, unused, without_log
 
 _ORIENTATION = 274
 TURNS = {

@@ -232,13 +232,7 @@ class _Blade(PlugIn):
         return self.drawn(si, sample1, sample2, self.shares(si, active), active)
 
     def eval_pdf_sample(
-        self,
-        context: Any,
-        si: Any,
-        wo: Any,
-        sample1: Any,
-        sample2: Any,
-        active: Any = True,
+        self, context: Any, si: Any, wo: Any, sample1: Any, sample2: Any, active: Any = True
     ) -> Any:
         shares = self.shares(si, active)
         return (

@@ -40,12 +40,7 @@ class Probes(NamedTuple):
 
 
 def ray_weights(
-    geometry: Geometry,
-    camera: Camera,
-    eyes: Eyes,
-    surface: Surface,
-    places: Floats,
-    probes: Probes,
+    geometry: Geometry, camera: Camera, eyes: Eyes, surface: Surface, places: Floats, probes: Probes
 ) -> Floats:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 

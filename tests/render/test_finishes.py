@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.render import (
-    RenderSettings,
-    SceneRenderer,
-    activate,
-    choose_variant,
-    mi,
-)
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 
 from .conftest import plainly, vectorized

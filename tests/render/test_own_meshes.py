@@ -8,13 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import (
-    Light,
-    Meshes,
-    PerspectiveCamera,
-    Trajectory,
-    build_scene,
-)
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_color

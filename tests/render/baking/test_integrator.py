@@ -10,11 +10,7 @@ import trimesh
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.cells import views
-from megalopta.render.baking.choice import (
-    Scatter,
-    cost_reason,
-    path_tracing_reason,
-)
+from megalopta.render.baking.choice import Scatter, cost_reason, path_tracing_reason
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
@@ -41,10 +37,7 @@ def renderer_of(scene, poses, seed=0, camera=CAMERA, **settings):
 @vectorized
 @pytest.mark.parametrize(
     ("light", "share"),
-    [
-        (Lighting(SKY), 1.0),
-        (Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY)), math.cos(1.0) / math.pi),
-    ],
+    [(Lighting(SKY), 1.0), (Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY)), math.cos(1.0) / math.pi)],
     ids=["sky", "sun"],
 )
 def test_plane_shows_the_band_mean_of_reflectance_times_irradiance_over_pi(light, share, ground):
@@ -63,10 +56,7 @@ def test_what_lies_below_the_ground_sends_no_light_up():
     wall = quad(np.array([[0, -1, -0.37], [0, 1, -0.37], [0, 1, 0.03], [0, -1, 0.03]], float))
     black, white = Material(flat(0)), Material(flat(0.5))
     scene = scene_of(
-        Lighting(flat(1e-9)),
-        (square(0, 20), black),
-        (square(0.8, 20), black),
-        (wall, white),
+        Lighting(flat(1e-9)), (square(0, 20), black), (square(0.8, 20), black), (wall, white)
     )
     poses = Trajectory(frames=2, position_m=(-6, 0.2, 0.6), look_at_m=(0, 0, 0)).poses()
     common = {"samples_per_pixel": 1024, "bands_nm": BANDS[:1], "max_depth": 2}
@@ -138,10 +128,7 @@ def compared(tracer, light, seeds, time=0.0):
 @vectorized
 @pytest.mark.parametrize(
     "sun",
-    [
-        pytest.param(None, id="sky"),
-        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun"),
-    ],
+    [pytest.param(None, id="sky"), pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun")],
 )
 def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     scene = thicket(Lighting(SKY, sun))
