@@ -241,9 +241,9 @@ def read_headers(path: Path) -> list[dict[str, Any]]:
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem
 
 
-def size_in(header: Mapping[str, Any], window: str = "dataWindow") -> tuple[int, int]:
-    """Return rows and columns of a window that a header states."""
-    (left, top), (right, bottom) = np.asarray(header[window]).tolist()
+def size_in(header: Mapping[str, Any]) -> tuple[int, int]:
+    """Return rows and columns of the pixels that a header states."""
+    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
     return bottom - top + 1, right - left + 1
 
 
@@ -254,6 +254,6 @@ def read_channels(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.gene
     header = read_headers(path)[0]
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            return header, {name: np.array(each.pixels) for name, each in file.channels().items()}
+            return header, {name: np.array(plane.pixels) for name, plane in file.channels().items()}
     except Exception as problem:
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem

@@ -37,7 +37,7 @@ _LEAST_SHARE = 0.25
 
 def spectra_of(materials: Iterable[Material]) -> int:
     """Number of spectra that the textures of some materials mix, 2 at least."""
-    return 1 + max((len(each.texture.spectra) for each in materials if each.texture), default=1)
+    return 1 + max((len(look.texture.spectra) for look in materials if look.texture), default=1)
 
 
 def scattered(material: Material, spectra: int) -> list[Spectrum]:
@@ -91,8 +91,8 @@ class Scattering:
 
         It is divided by the side's share of rays.
         """
-        each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
-        return np.stack(each, axis=2)
+        radiances = [self._under(sky) * self._weight[:, :, None] for sky in skies]
+        return np.stack(radiances, axis=2)
 
     def brightness(self, sky: Spectrum) -> Floats:
         """Brightness (M,) of materials under the sky, relative to the brightest; 1 in the dark."""
@@ -183,8 +183,8 @@ class Textures:
     def weights(self, sight: Sight) -> Weights:
         """Weights (N,) at the points seen by rays: of one spectrum, or of three."""
         texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
-        found = dr.switch(texture, self._weights, sight.point, sight.shaded)
-        return list(found) if self._colors else [found]
+        values = dr.switch(texture, self._weights, sight.point, sight.shaded)
+        return list(values) if self._colors else [values]
 
 
 class SunLight:
@@ -277,7 +277,7 @@ class SkyLight:
     def __init__(
         self, lighting: Lighting, scattering: Scattering, bounces: Bounces, bands_nm: Bands
     ) -> None:
-        skies = [lighting.sky, *(each.radiance for each in lighting.patterns)]
+        skies = [lighting.sky, *(pattern.radiance for pattern in lighting.patterns)]
         self._bands, self._skies, self._bounces = len(bands_nm), len(skies), bounces
         self._patterns = SkyPatterns(lighting.patterns)
         self._bright = BrightDirections(lighting) if lighting.patterns else None

@@ -114,13 +114,13 @@ class SplitPaths:
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance and the share of the sky (H, W, B + 1)."""
-        taken = []
+        images = []
         for number, part in enumerate(self.parts):
             samples = {"type": self._sampler, "sample_count": math.ceil(spp / part.every)}
             own_seed = part_seed(seed, "light path", number) if number else seed
-            taken.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
-        radiance = sum(each[..., :-1] for each in taken)
-        return np.concatenate([radiance, taken[0][..., -1:]], axis=-1)
+            images.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
+        radiance = sum(image[..., :-1] for image in images)
+        return np.concatenate([radiance, images[0][..., -1:]], axis=-1)
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky behind the surfaces, and of the sun on them."""

@@ -122,7 +122,7 @@ class Gatherer:
         lit = scene.lighting if settings.max_depth > 1 else None
         patterns = lit.patterns if lit else ()
         self._patterns = SkyPatterns(patterns)
-        skies = [lit.sky if lit else flat(0.0), *(each.radiance for each in patterns)]
+        skies = [lit.sky if lit else flat(0.0), *(pattern.radiance for pattern in patterns)]
         self._under_sky = scattering.under(skies)
         self._bright = scattering.brightness(lit.mean_sky() if lit else flat(0.0))
         # Without light from the sky all rays have to be followed.
@@ -168,13 +168,13 @@ class Gatherer:
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, spectra·bands) that leaves meshes (C,) due to light from surfaces."""
         bands, columns = len(self._bands), self.spectra * len(self._bands)
-        key, other = self._keys(leader, lanes)
+        key, draw = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
         rays, through = self._rays(places, lanes, sample, key)
         blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
-        step = (lanes.sample * WAVELENGTHS + other % WAVELENGTHS) // samples
+        step = (lanes.sample * WAVELENGTHS + draw % WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
         leaving: list[Any] = [None] * columns
@@ -217,13 +217,13 @@ class Gatherer:
             hit.prim_uv = place
             return hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
 
-        wanted = patch.barycentric(of, a, b)
+        inside = patch.barycentric(of, a, b)
         seen = patch.barycentric(of, *unpacked(of(places.seen)))
         # If the ground or another object is in between, this point was not seen.
-        ends = [self._above(surface(place), front) for place in (wanted, seen)]
+        ends = [self._above(surface(place), front) for place in (inside, seen)]
         between: Any = mi.Ray3f(ends[0], ends[1] - ends[0])
         between.maxt = 1.0
-        point = surface(dr.select(self._scene.ray_test(between), seen, wanted))
+        point = surface(dr.select(self._scene.ray_test(between), seen, inside))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
         rays, through = leaving(point, front, share, mi.Point2f(x, y))
         return mi.RayDifferential3f(rays), through

@@ -78,7 +78,7 @@ class Footprints:
     def __init__(self, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry, self._camera = geometry, camera
         grid = math.isqrt(rays - 1) + 1
-        i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
+        i, j = (index.ravel() for index in np.meshgrid(np.arange(grid), np.arange(grid)))
         inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
         corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
         offsets = np.concatenate([inside, np.array(corners, dtype=float)])
@@ -160,10 +160,10 @@ def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int
     shares = weights * known
     x, y = np.where(known[:, None], flow, 0.0).T
     with np.errstate(invalid="ignore"):
-        whole = total(shares)
-        mean_x, mean_y = total(shares * x) / whole, total(shares * y) / whole
+        shown = total(shares)
+        mean_x, mean_y = total(shares * x) / shown, total(shares * y) / shown
         away = np.where(known, (x - mean_x[pixel]) ** 2 + (y - mean_y[pixel]) ** 2, 0.0)
-        spread = np.sqrt(total(shares * away) / whole)
+        spread = np.sqrt(total(shares * away) / shown)
     return np.stack([mean_x, mean_y, spread, total(weights * hidden)], axis=-1)
 
 
@@ -172,5 +172,5 @@ def _joined(parts: Sequence[Any]) -> Any:
     kind = type(parts[0])
     if kind is np.ndarray:
         return np.concatenate(parts)
-    each = ([getattr(part, field.name) for part in parts] for field in fields(kind))
-    return kind(*map(_joined, each))
+    columns = ([getattr(part, field.name) for part in parts] for field in fields(kind))
+    return kind(*map(_joined, columns))
