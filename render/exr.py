@@ -30,7 +30,7 @@ VALUE_BYTES = 12
 """Memory of a value of a channel, with its copies."""
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
-_TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
+TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "depth": ("depth.Z",),
     "position": ("position.X", "position.Y", "position.Z"),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
@@ -150,7 +150,7 @@ def write_truth(
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
-    for field, names in _TRUTH_CHANNELS.items():
+    for field, names in TRUTH_CHANNELS.items():
         values = attrgetter(field)(truth)
         values = values.astype(np.uint32) if values.dtype == bool else values
         values = (values - origin).astype(np.float32) if field == "position" else values
@@ -171,7 +171,7 @@ def read_truth(path: Path) -> "Truth":
     try:
         planes = {
             field: np.stack([channels[name] for name in names], axis=-1)
-            for field, names in _TRUTH_CHANNELS.items()
+            for field, names in TRUTH_CHANNELS.items()
         }
         origin = np.array([float(number) for number in str(header["positionOrigin"]).split()])
     except KeyError as missing:

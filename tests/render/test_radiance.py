@@ -143,9 +143,6 @@ def test_share_is_the_rest_of_a_geometric_series(max_depth):
     np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
 
 
-# Elements of 10 nm over V(λ).
-
-
 def survey(lighting, place, *things):
     camera = PerspectiveCamera(width=4, height=4)
     renderer = renderer_of(camera, *things, lighting=lighting, max_depth=3)

@@ -20,11 +20,9 @@ def pq(code):
 
 
 TRANSFERS = {
-    1: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
-    2: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
+    **dict.fromkeys((1, 2, 6), ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45))),
     4: ("gamma 2.2", lambda v: v**2.2),
     5: ("gamma 2.8", lambda v: v**2.8),
-    6: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
     8: ("linear", lambda v: v),
     13: ("sRGB", lambda v: ((v + 0.055) / 1.055) ** 2.4),
     16: ("PQ", pq),
