@@ -20,22 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import dr, mi
+from megalopta.render import dr, mi, shading
 from megalopta.render.film import Look, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import Layers, LoadedScene, MeshIndex
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.settings import RenderSettings, part_seed
-from megalopta.render.shading import (
-    Bounces,
-    Scattering,
-    Sight,
-    SkyLight,
-    SunLight,
-    Textures,
-    Weights,
-)
 from megalopta.scenes.scene import Scene
 
 _SKY_EVERY, _FOLLOWED_EVERY = 4, 16
@@ -80,12 +71,14 @@ class SplitPaths:
         self._layers = layers or Layers(loaded)
         self._bands, self._sampler = settings.bands_nm, settings.sampler
         self._index = MeshIndex(*self._layers.scenes)
-        self._textures = Textures(scene, meshes)
-        scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
-        self._bounces = Bounces(scattering, len(self._bands))
-        self._sky = SkyLight(scene.lighting, scattering, self._bounces, self._bands)
+        self._textures = shading.Textures(scene, meshes)
+        scattering = shading.Scattering(
+            [scene.materials[mesh.material] for mesh in meshes], self._bands
+        )
+        self._bounces = shading.Bounces(scattering, len(self._bands))
+        self._sky = shading.SkyLight(scene.lighting, scattering, self._bounces, self._bands)
         sun = scene.lighting.sun if settings.max_depth > 1 else None
-        self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
+        self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
     # Both are found anew: a scene in a cycle of references would be freed while paths are traced.
@@ -148,9 +141,9 @@ class SplitPaths:
         light = self._bounces.reflected(sight, through, weights, place, arriving)
         return [*light, sight.sky]
 
-    def _look(self, ray: Any) -> tuple[Sight, Weights]:
+    def _look(self, ray: Any) -> tuple[shading.Sight, shading.Weights]:
         """Surfaces seen along rays, and the weights of their textures."""
         hit = self._layers.ray_intersect_preliminary(ray, coherent=True)
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
-        sight = Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
+        sight = shading.Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
         return sight, self._textures.weights(sight)

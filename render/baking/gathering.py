@@ -22,17 +22,10 @@ from typing import Any
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.render import RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, mi, path_tracing
 from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
-from megalopta.render.path_tracing import (
-    LightPaths,
-    hashed,
-    keyed_sampler,
-    recurrence,
-    wavelength_groups,
-)
 from megalopta.render.shading import WAVELENGTHS, Scattering, leaving
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -110,8 +103,8 @@ class Gatherer:
         self._cells = cells
         self._bands = settings.bands_nm
         # The segment from camera to cell is the first of the path.
-        self._paths = LightPaths(settings.max_depth - 1)
-        self._sampler = keyed_sampler()
+        self._paths = path_tracing.LightPaths(settings.max_depth - 1)
+        self._sampler = path_tracing.keyed_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
         self._scattered = mi.Float(scattering.of_rays().astype(np.float32).ravel())
@@ -178,7 +171,7 @@ class Gatherer:
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
         leaving: list[Any] = [None] * columns
-        for first, size, wavelengths in wavelength_groups(self._bands, place):
+        for first, size, wavelengths in path_tracing.wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             self._sampler.start(key, sample)
             arriving, _ = self._paths.radiance(self._scene, self._sampler, rays, blocked)
@@ -191,15 +184,15 @@ class Gatherer:
 
     def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
         """Two random numbers per lane, shared within its cluster and its half of the samples."""
-        of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
-        return hashed(of_leader, lanes.half)
+        of_leader, _ = path_tracing.hashed(lanes.of_cluster(leader), self._seed)
+        return path_tracing.hashed(of_leader, lanes.half)
 
     def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> tuple[Any, Any]:
         """Rays of samples, from cells of their clusters in cosine-distributed directions.
 
         Also True for those that leave from the other side, for transmitted light.
         """
-        x, y, a, b, draw = recurrence(sample, key)
+        x, y, a, b, draw = path_tracing.recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
 
         def of(values: UInt32) -> Any:

@@ -42,12 +42,6 @@ class FlowSpread:
         """Pixels (H, W) that are partly occluded."""
         return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
-    @classmethod
-    def of_none(cls, shape: tuple[int, ...]) -> "FlowSpread":
-        """Return the values for a missing frame."""
-        undefined = np.full((*shape, 2), np.nan, np.float32)
-        return cls(undefined, undefined[..., 0], np.zeros(shape, np.float32))
-
 
 @dataclass(frozen=True)
 class Footprint:
@@ -131,11 +125,10 @@ class Footprints:
 
         def flow(other: View | None) -> FlowSpread:
             if other is None:
-                return FlowSpread.of_none(centers.shape)
-            found = correspondence(self._geometry, camera, seen, places_used, other)
-            spread = _spread(
-                found.displacement, found.is_hidden, weights[used], pixel, centers.size
-            )
+                undefined = np.full((*centers.shape, 2), np.nan, np.float32)
+                return FlowSpread(undefined, undefined[..., 0], np.zeros(centers.shape, np.float32))
+            way = correspondence(self._geometry, camera, seen, places_used, other)
+            spread = _spread(way.displacement, way.is_hidden, weights[used], pixel, centers.size)
             shaped = spread.reshape(*centers.shape, 4).astype(np.float32)
             return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
 

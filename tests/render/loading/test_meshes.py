@@ -19,7 +19,7 @@ from megalopta.scenes.scene import Asset, Lighting, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from ..conftest import quad, scene_of, vectorized
+from ..conftest import INTEGRATORS, quad, scene_of, vectorized
 
 BOX = trimesh.creation.box((1, 2, 3))
 BALL = trimesh.creation.icosphere(2)
@@ -122,9 +122,7 @@ def rendered(scene, trajectory, samples, **more):
     return SceneRenderer(scene, CAMERA, settings, poses).radiance(poses[0], seed=1)
 
 
-@pytest.mark.parametrize(
-    "integrator", ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
-)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
 @pytest.mark.parametrize(
     ("trajectory", "is_inward"), [(INSIDE, True), (OUTSIDE, False)], ids=["inward", "outward"]

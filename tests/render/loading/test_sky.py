@@ -20,9 +20,8 @@ from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Lighting, SkyPattern, pattern_directions
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad, scene_of, square, vectorized
+from ..conftest import INTEGRATORS, quad, scene_of, square
 
-INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((500.0, 600.0), (1400.0, 1500.0))
 ROWS = 90
 RED, BLUE = Spectrum((500.0, 1500.0), (1e-9, 3e-9)), Spectrum((500.0, 1500.0), (4e-9, 2e-9))
