@@ -112,12 +112,12 @@ class Standing:
     def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
         """Return the error of a pass; zero without one."""
         height, width, bands = like.shape
-        draw, found = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
+        draw, compared = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
         if measured is not None and measured.standing is not None:
             draw = measured.standing.astype(np.float64)
         if measured is not None and measured.differences is not None:
-            found = measured.differences.astype(np.float64)
-        return cls(draw, found)
+            compared = measured.differences.astype(np.float64)
+        return cls(draw, compared)
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
@@ -132,8 +132,8 @@ class Standing:
         draws, groups = [], []
         for axis, both in enumerate(pairs(part)):
             draws.append(np.diff(self.draw.sum(axis=-1, keepdims=True), axis=axis)[both])
-            each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
-            groups.append(self._compared(each, both))
+            steps = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
+            groups.append(self._compared(steps, both))
         compared = np.concatenate(groups)
         scatter = float(_without_scatter(np.concatenate(draws)).sum())
         if len(compared) < _FEWEST:
@@ -230,15 +230,15 @@ class RunningMean:
         )
         surfaces = everywhere if sky is None else sky <= 0
         part = surfaces if surfaces.any() else everywhere
-        whole = frame.region(part)
+        shown = frame.region(part)
         return RenderNoise(
             passes=averaged,
-            median_relative=whole.median,
-            rms_over_mean=whole.rms,
+            median_relative=shown.median,
+            rms_over_mean=shown.rms,
             mean=tuple(self._mean[part].mean(axis=0).tolist()),
             covariance=_rows(frame.covariance(part)),
             detail=_rows(frame.detail(part)),
-            surface=whole if sky is not None and surfaces.any() else None,
+            surface=shown if sky is not None and surfaces.any() else None,
             sky=frame.region(sky >= 1) if sky is not None and (sky >= 1).any() else None,
         )
 
@@ -343,7 +343,7 @@ def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
 
     NaN for blocks without light.
     """
-    masked = (np.where(part, each, 0.0) for each in (squares, light, np.ones_like(light)))
+    masked = (np.where(part, quantity, 0.0) for quantity in (squares, light, np.ones_like(light)))
     rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
     total, lights, pixels = (
         np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1) for values in masked

@@ -52,10 +52,10 @@ def scattered(material: Material, spectra: int) -> list[Spectrum]:
 
 def mixed(ends: Sequence[Any], weights: Sequence[Any]) -> Any:
     """Mean of the first value and others, each with its weight; the first has the rest."""
-    first, *others = ends
+    first, *further = ends
     value = first
-    for other, weight in zip(others, weights, strict=True):
-        value = dr.fma(other, weight, dr.fma(first, -weight, value))  # of one, `dr.lerp`
+    for end, weight in zip(further, weights, strict=True):
+        value = dr.fma(end, weight, dr.fma(first, -weight, value))  # of one, `dr.lerp`
     return value
 
 
@@ -68,7 +68,7 @@ class Scattering:
         places = (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
         self._grids = [lower + (upper - lower) * places for lower, upper in bands_nm]
         table = [
-            [[each(grid) for grid in self._grids] for each in scattered(material, self.spectra)]
+            [[curve(grid) for grid in self._grids] for curve in scattered(material, self.spectra)]
             for material in materials
         ]
         shape = len(materials), 2, self.spectra, len(bands_nm), WAVELENGTHS
@@ -164,10 +164,10 @@ class Textures:
         materials = [scene.materials[mesh.material] for mesh in meshes]
         textures = [material.texture for material in materials]
         self._colors = spectra_of(materials) > 2
-        weights = {id(each.weight): each.weight for each in textures if each}
+        weights = {id(look.weight): look.weight for look in textures if look}
         place = {key: index for index, key in enumerate(weights)}
         plain = len(weights)
-        self._texture = mi.UInt([place[id(each.weight)] if each else plain for each in textures])
+        self._texture = mi.UInt([place[id(look.weight)] if look else plain for look in textures])
         self._weights = [self._reader(weight) for weight in weights.values()]
         self._weights.append(lambda _point, _active: self._weight(0.0))
 

@@ -46,7 +46,7 @@ class Part(NamedTuple):
 def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
     """True if a scene's light can be split: of diffuse surfaces in clear air that do not emit."""
     materials = [scene.materials[mesh.material] for mesh in meshes]
-    is_plain = not any(each.emission or each.finish for each in materials)
+    is_plain = not any(look.emission or look.finish for look in materials)
     lit = scene.lighting is not None and bool(meshes)
     return lit and is_plain and not (scene.haze or is_scalar())
 

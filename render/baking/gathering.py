@@ -75,9 +75,9 @@ class Lanes:
     def means(self, values: list[Any]) -> Floats:
         """Means (2C, n) over the samples of each half of n values per lane."""
         dr.eval(values)  # otherwise rays would be traced again for each of them
-        sums = [dr.block_sum(each, self.size) for each in values]
+        sums = [dr.block_sum(value, self.size) for value in values]
         dr.eval(sums)
-        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
+        groups = np.stack([np.array(value, np.float64) for value in sums], axis=1)
         totals = np.add.reduceat(groups, self._start, axis=0)
         return np.asarray(totals / self._samples[:, None])
 

@@ -211,7 +211,7 @@ def coding_stated(path: Path, unit: frames.Unit | None, header: frames.Header) -
 
 
 def _common_header(files: tuple[Path, ...]) -> frames.Header:
-    kinds = {picture_kind(each): each for each in files}
+    kinds = {picture_kind(file): file for file in files}
     if len(kinds) > 1:
         first_path, other_path = list(kinds.values())[:2]
         raise UserError(

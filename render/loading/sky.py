@@ -60,10 +60,10 @@ class BrightDirections:
     """Random directions to where a sky with patterns is bright."""
 
     def __init__(self, lighting: Lighting) -> None:
-        rows = max(len(each.pattern) for each in lighting.patterns)
+        rows = max(len(part.pattern) for part in lighting.patterns)
         chance = np.full((rows, 2 * rows), mean(lighting.sky))
-        for each in lighting.patterns:
-            near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
+        for part in lighting.patterns:
+            near = maximum_filter(part.pattern, 3, mode=("nearest", "wrap")) * mean(part.radiance)
             of_row, of_column = (np.arange(n) * len(near) // rows for n in (rows, 2 * rows))
             chance += near[of_row][:, of_column]
         sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
@@ -108,7 +108,7 @@ class _UnevenSky(PlugIn):
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
         self.directions = BrightDirections(lighting)
         self.even = mi.load_dict(spectrum(lighting.sky))
-        self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
+        self.spectra = [mi.load_dict(spectrum(part.radiance)) for part in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
 
     def toward(self, at: Any, direction: Any, active: Any) -> Any:

@@ -92,8 +92,8 @@ class Footprints:
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
         strips = [slice(first, min(first + step, height)) for first in range(0, height, step)]
         parts = [self._of_rows(view, following, previous, object_id, rows) for rows in strips]
-        whole: Footprint = _joined(parts)
-        return whole
+        joined: Footprint = _joined(parts)
+        return joined
 
     def _of_rows(
         self,
