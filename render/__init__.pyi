@@ -13,11 +13,7 @@ from .footage.opening import (
     is_footage as is_footage,
     open_footage as open_footage,
 )
-from .mitsuba_loader import (
-    activate as activate,
-    dr as dr,
-    mi as mi,
-)
+from .mitsuba_loader import activate as activate, dr as dr, mi as mi
 from .noise import (
     MEASURED_EVERY as MEASURED_EVERY,
     MeasuredPass as MeasuredPass,
@@ -29,17 +25,8 @@ from .noise import (
     render_until as render_until,
 )
 from .scene_renderer import SceneRenderer as SceneRenderer
-from .settings import (
-    Bands as Bands,
-    RenderSettings as RenderSettings,
-    frame_seed as frame_seed,
-)
-from .truth.tracer import (
-    Flow as Flow,
-    Tracks as Tracks,
-    Truth as Truth,
-    out_of_view as out_of_view,
-)
+from .settings import Bands as Bands, RenderSettings as RenderSettings, frame_seed as frame_seed
+from .truth.tracer import Flow as Flow, Tracks as Tracks, Truth as Truth, out_of_view as out_of_view
 from .variant import (
     CUDA_NOTE as CUDA_NOTE,
     Variant as Variant,

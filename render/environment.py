@@ -185,9 +185,9 @@ def under_panorama(scene: Scene) -> Scene:
 def turned_panorama(picture: Image, turn_deg: float) -> Image:
     """Return the picture (H, 2·H, 3) turned counterclockwise seen from above."""
     columns = turn_deg / 360 * picture.shape[1]
-    whole = int(np.floor(columns))
-    part = np.float32(columns - whole)
-    near = np.roll(picture, -whole, axis=1)
+    shift = int(np.floor(columns))
+    part = np.float32(columns - shift)
+    near = np.roll(picture, -shift, axis=1)
     return near if not part else (1 - part) * near + part * np.roll(near, -1, axis=1)
 
 

@@ -30,7 +30,7 @@ VALUE_BYTES = 12
 """Memory of a value of a channel, with its copies."""
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
-_TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
+TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "depth": ("depth.Z",),
     "position": ("position.X", "position.Y", "position.Z"),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
@@ -150,7 +150,7 @@ def write_truth(
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
-    for field, names in _TRUTH_CHANNELS.items():
+    for field, names in TRUTH_CHANNELS.items():
         values = attrgetter(field)(truth)
         values = values.astype(np.uint32) if values.dtype == bool else values
         values = (values - origin).astype(np.float32) if field == "position" else values
@@ -171,7 +171,7 @@ def read_truth(path: Path) -> "Truth":
     try:
         planes = {
             field: np.stack([channels[name] for name in names], axis=-1)
-            for field, names in _TRUTH_CHANNELS.items()
+            for field, names in TRUTH_CHANNELS.items()
         }
         origin = np.array([float(number) for number in str(header["positionOrigin"]).split()])
     except KeyError as missing:
@@ -241,9 +241,9 @@ def read_headers(path: Path) -> list[dict[str, Any]]:
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem
 
 
-def size_in(header: Mapping[str, Any], window: str = "dataWindow") -> tuple[int, int]:
-    """Return rows and columns of a window that a header states."""
-    (left, top), (right, bottom) = np.asarray(header[window]).tolist()
+def size_in(header: Mapping[str, Any]) -> tuple[int, int]:
+    """Return rows and columns of the pixels that a header states."""
+    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
     return bottom - top + 1, right - left + 1
 
 
@@ -254,6 +254,6 @@ def read_channels(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.gene
     header = read_headers(path)[0]
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            return header, {name: np.array(each.pixels) for name, each in file.channels().items()}
+            return header, {name: np.array(plane.pixels) for name, plane in file.channels().items()}
     except Exception as problem:
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem

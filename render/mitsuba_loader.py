@@ -73,9 +73,6 @@ class PlugIn:
         return f"{type(self).__name__}[]"
 
 
-_NOT_COPIED = "__dict__", "__weakref__", "base"
-
-
 def plug_in(kind: Any) -> Any:
     """Return the class of a `PlugIn` in the active variant."""
     return _of_variant(kind, str(mi.variant()))[0]
@@ -88,9 +85,13 @@ def registered(kind: Any) -> str:
 
 @cache
 def _of_variant(kind: Any, variant: str) -> tuple[Any, str]:
-    own = {name: value for each in kind.__mro__[-2::-1] for name, value in vars(each).items()}
+    members = {name: value for cls in kind.__mro__[-2::-1] for name, value in vars(cls).items()}
     above, name = getattr(mi, kind.base), f"megalopta_{kind.__name__.strip('_').lower()}"
-    body = {name: value for name, value in own.items() if name not in _NOT_COPIED}
+    body = {
+        name: value
+        for name, value in members.items()
+        if name not in ("__dict__", "__weakref__", "base")
+    }
     made = type(kind.__name__, (above,), {**body, "above": above})
     getattr(mi, f"register_{kind.base.lower()}")(name, made)
     return made, name

@@ -112,28 +112,29 @@ class Standing:
     def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
         """Return the error of a pass; zero without one."""
         height, width, bands = like.shape
-        draw, found = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
+        draw, compared = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
         if measured is not None and measured.standing is not None:
             draw = measured.standing.astype(np.float64)
         if measured is not None and measured.differences is not None:
-            found = measured.differences.astype(np.float64)
-        return cls(draw, found)
+            compared = measured.differences.astype(np.float64)
+        return cls(draw, compared)
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
-        found, scatter = self._compared(self.differences, part), _without_scatter(self.draw[part])
-        if len(found) < _FEWEST:
+        pixels = self._compared(self.differences, part)
+        scatter = _without_scatter(self.draw[part])
+        if len(pixels) < _FEWEST:
             return scatter
-        return max(_without_scatter(found), scatter, key=np.sum)
+        return max(_without_scatter(pixels), scatter, key=np.sum)
 
     def slope(self, part: Mask) -> float:
         """Mean squared difference between neighbors of the error, summed over bands."""
-        draws, found = [], []
+        draws, groups = [], []
         for axis, both in enumerate(pairs(part)):
             draws.append(np.diff(self.draw.sum(axis=-1, keepdims=True), axis=axis)[both])
-            each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
-            found.append(self._compared(each, both))
-        compared = np.concatenate(found)
+            steps = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
+            groups.append(self._compared(steps, both))
+        compared = np.concatenate(groups)
         scatter = float(_without_scatter(np.concatenate(draws)).sum())
         if len(compared) < _FEWEST:
             return scatter
@@ -143,8 +144,8 @@ class Standing:
         """Squared error of each pixel (H, W), summed over bands, scaled to the measured mean."""
         draw = self.draw.sum(axis=-1).mean(axis=-1) ** 2
         mean = draw[part].mean()
-        due = max(float(self.covariance(part).sum()), 0.0)
-        return np.asarray(draw * (due / mean) if mean > 0 else np.full_like(draw, due))
+        square = max(float(self.covariance(part).sum()), 0.0)
+        return np.asarray(draw * (square / mean) if mean > 0 else np.full_like(draw, square))
 
     @staticmethod
     def _compared(differences: Floats, part: Mask) -> Floats:
@@ -161,8 +162,8 @@ def _without_scatter(groups: Floats) -> Floats:
     """
     n, count, bands = groups.shape
     sums = groups.sum(axis=1)
-    each = groups.reshape(n * count, bands)
-    product = (sums.T @ sums - each.T @ each) / (max(n, 1) * count * (count - 1))
+    members = groups.reshape(n * count, bands)
+    product = (sums.T @ sums - members.T @ members) / (max(n, 1) * count * (count - 1))
     scale = np.sqrt(np.maximum(product.diagonal(), 0))
     return np.asarray(np.clip(product, -np.outer(scale, scale), np.outer(scale, scale)))
 
@@ -198,7 +199,7 @@ class RunningMean:
         if self.count == 1:
             self._mean = image.astype(np.float64)
             self._squares = np.zeros((*image.shape, image.shape[2]))
-            self._slopes = [np.zeros_like(each) for each in slopes(self._mean)]
+            self._slopes = [np.zeros_like(slope) for slope in slopes(self._mean)]
             return
         before = image - self._mean
         self._mean += before / self.count
@@ -222,22 +223,22 @@ class RunningMean:
         frame = _Frame(
             mean=self._mean,
             flicker=self._squares / (self.count - 1),
-            slopes=[each / (self.count - 1) for each in self._slopes],
+            slopes=[slope / (self.count - 1) for slope in self._slopes],
             standing=Standing.of(measured, self._mean),
             passes=self.count,
             averaged=averaged,
         )
         surfaces = everywhere if sky is None else sky <= 0
         part = surfaces if surfaces.any() else everywhere
-        whole = frame.region(part)
+        shown = frame.region(part)
         return RenderNoise(
             passes=averaged,
-            median_relative=whole.median,
-            rms_over_mean=whole.rms,
+            median_relative=shown.median,
+            rms_over_mean=shown.rms,
             mean=tuple(self._mean[part].mean(axis=0).tolist()),
             covariance=_rows(frame.covariance(part)),
             detail=_rows(frame.detail(part)),
-            surface=whole if sky is not None and surfaces.any() else None,
+            surface=shown if sky is not None and surfaces.any() else None,
             sky=frame.region(sky >= 1) if sky is not None and (sky >= 1).any() else None,
         )
 
@@ -301,13 +302,13 @@ def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
 def _relative(flicker: Floats, squares: Floats, light: Floats, part: Mask) -> tuple[float, float]:
     """Median over blocks of σ/mean, and its 95th percentile."""
     is_even = np.indices(light.shape).sum(axis=0) % 2 == 0
-    whole, *halves = (
+    variances, *halves = (
         _of_blocks(flicker, light, pixels) for pixels in (part, part & is_even, part & ~is_even)
     )
-    lit = np.isfinite(whole)
+    lit = np.isfinite(variances)
     if not lit.any():
         return 0.0, 0.0
-    moving = _shrunk(whole[lit], np.stack(halves)[:, lit])
+    moving = _shrunk(variances[lit], np.stack(halves)[:, lit])
     relative = np.sqrt(moving + _of_blocks(squares, light, part)[lit])
     return float(np.median(relative)), float(np.quantile(relative, _TAIL))
 
@@ -329,12 +330,12 @@ def _shrunk(variances: Floats, halves: Floats) -> Floats:
     shrunk = np.zeros_like(variances)
     shrunk[noisy] = np.exp(np.sqrt(np.clip(common / seen, 0, 1)) * np.log(variances[noisy]))
     full = np.isfinite(halves).all(axis=0)
-    given = due = 0.0
-    for one, other in (halves[:, full], halves[::-1, full]):
-        chosen = one <= np.quantile(one, _TYPICAL)
-        given += float(shrunk[full][chosen].sum())
-        due += float(other[chosen].sum())
-    return shrunk * (due / given) if given else variances
+    total = unbiased = 0.0
+    for first, second in (halves[:, full], halves[::-1, full]):
+        chosen = first <= np.quantile(first, _TYPICAL)
+        total += float(shrunk[full][chosen].sum())
+        unbiased += float(second[chosen].sum())
+    return shrunk * (unbiased / total) if total else variances
 
 
 def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
@@ -342,7 +343,7 @@ def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
 
     NaN for blocks without light.
     """
-    masked = (np.where(part, each, 0.0) for each in (squares, light, np.ones_like(light)))
+    masked = (np.where(part, quantity, 0.0) for quantity in (squares, light, np.ones_like(light)))
     rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
     total, lights, pixels = (
         np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1) for values in masked
@@ -371,11 +372,11 @@ def render_once(
     image = render_pass(0)
     if measure_pass is None:
         return image, None
-    other = measure_pass(1)
+    second = measure_pass(1)
     passes = RunningMean()
     passes.add(image)
-    passes.add(other.radiance)
-    return image, passes.noise(1, other)
+    passes.add(second.radiance)
+    return image, passes.noise(1, second)
 
 
 def render_until(

@@ -129,20 +129,19 @@ class Rows(PythonSensor):
             matrices = to_world.reshape(-1, 4, 4).tolist()
             self.to_world = [mi.Transform4f(matrix) for matrix in matrices]
 
-    def _transform(self, time: Any, y: Any) -> Any:
-        if is_scalar():
-            moment = min(int(time * self.times), self.times - 1)
-            return self.to_world[moment * self.rows + min(int(y * self.rows), self.rows - 1)]
-        moments = dr.minimum(mi.UInt32(time * self.times), self.times - 1)
-        rows = dr.minimum(mi.UInt32(y * self.rows), self.rows - 1)
-        place = moments * self.rows + rows
-        return mi.Transform4f(dr.gather(mi.Matrix4f, self.to_world, place))
-
     def sample_ray(
         self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
     ) -> tuple[Any, Any]:
         """Return a transformed ray of the optics, and its weight."""
         ray, weight = self.optics.sample_ray(time, sample1, sample2, sample3, active)
-        transform = self._transform(time, sample2.y)
+        if is_scalar():
+            moment = min(int(time * self.times), self.times - 1)
+            row = min(int(sample2.y * self.rows), self.rows - 1)
+            transform = self.to_world[moment * self.rows + row]
+        else:
+            moments = dr.minimum(mi.UInt32(time * self.times), self.times - 1)
+            rows = dr.minimum(mi.UInt32(sample2.y * self.rows), self.rows - 1)
+            matrices = dr.gather(mi.Matrix4f, self.to_world, moments * self.rows + rows)
+            transform = mi.Transform4f(matrices)
         ray.o, ray.d = transform @ ray.o, transform @ ray.d
         return ray, weight

@@ -79,7 +79,7 @@ class SceneRenderer:
         scene = under_panorama(scene)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
-        whole = LoadedScene(scene, meshes, loaded)
+        loaded_scene = LoadedScene(scene, meshes, loaded)
         self._scene, self._loaded = scene, loaded
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
@@ -101,16 +101,16 @@ class SceneRenderer:
                 integrator = PathIntegrator(settings.max_depth, air)
             elif is_layered(meshes):
                 layers = MovingScene(meshes, loaded, geometry.still)
-                exposing = SplitPaths(whole, settings, layers)
-                integrator = SplitPaths(whole, settings, exposing=exposing)
+                exposing = SplitPaths(loaded_scene, settings, layers)
+                integrator = SplitPaths(loaded_scene, settings, exposing=exposing)
             else:
-                integrator = SplitPaths(whole, settings)
+                integrator = SplitPaths(loaded_scene, settings)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
-                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(loaded_scene, camera, settings, local, its_seed)
                 reason = baked.reason
                 integrator = integrator if reason else baked
-            self._view = SurfaceView(whole, camera, settings, integrator, air)
+            self._view = SurfaceView(loaded_scene, camera, settings, integrator, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
@@ -119,8 +119,8 @@ class SceneRenderer:
         scene = self._scene
         if not scene.placements or scene.haze:
             return  # a panorama or haze is seen
-        some = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
-        views = map(Instant, times_s[some].tolist(), self._local(poses[some]))
+        sampled = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
+        views = map(Instant, times_s[sampled].tolist(), self._local(poses[sampled]))
         if all(self._tracer.see(view).is_sky.all() for view in views):
             bounds = bounds_of(scene)
             low, high = (", ".join(f"{x:.7g}" for x in corner) for corner in bounds)

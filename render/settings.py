@@ -18,9 +18,9 @@ def channel_names(bands_nm: Bands) -> list[str]:
     for number, center in enumerate(centers):
         first = centers.index(center)
         if first < number:
-            one, other = ("{:g}-{:g}".format(*bands_nm[index]) for index in (first, number))
+            bands = ["{:g}-{:g}".format(*bands_nm[index]) for index in (first, number)]
             raise ValueError(
-                f"bands_nm: {one} and {other} nm share a center, which names the channel "
+                f"bands_nm: {' and '.join(bands)} nm share a center, which names the channel "
                 f"S0.{center}nm; move an edge of one"
             )
     return [f"S0.{center}nm" for center in centers]

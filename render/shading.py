@@ -37,7 +37,7 @@ _LEAST_SHARE = 0.25
 
 def spectra_of(materials: Iterable[Material]) -> int:
     """Number of spectra that the textures of some materials mix, 2 at least."""
-    return 1 + max((len(each.texture.spectra) for each in materials if each.texture), default=1)
+    return 1 + max((len(look.texture.spectra) for look in materials if look.texture), default=1)
 
 
 def scattered(material: Material, spectra: int) -> list[Spectrum]:
@@ -52,10 +52,10 @@ def scattered(material: Material, spectra: int) -> list[Spectrum]:
 
 def mixed(ends: Sequence[Any], weights: Sequence[Any]) -> Any:
     """Mean of the first value and others, each with its weight; the first has the rest."""
-    first, *others = ends
+    first, *further = ends
     value = first
-    for other, weight in zip(others, weights, strict=True):
-        value = dr.fma(other, weight, dr.fma(first, -weight, value))  # of one, `dr.lerp`
+    for end, weight in zip(further, weights, strict=True):
+        value = dr.fma(end, weight, dr.fma(first, -weight, value))  # of one, `dr.lerp`
     return value
 
 
@@ -68,7 +68,7 @@ class Scattering:
         places = (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
         self._grids = [lower + (upper - lower) * places for lower, upper in bands_nm]
         table = [
-            [[each(grid) for grid in self._grids] for each in scattered(material, self.spectra)]
+            [[curve(grid) for grid in self._grids] for curve in scattered(material, self.spectra)]
             for material in materials
         ]
         shape = len(materials), 2, self.spectra, len(bands_nm), WAVELENGTHS
@@ -91,8 +91,8 @@ class Scattering:
 
         It is divided by the side's share of rays.
         """
-        each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
-        return np.stack(each, axis=2)
+        radiances = [self._under(sky) * self._weight[:, :, None] for sky in skies]
+        return np.stack(radiances, axis=2)
 
     def brightness(self, sky: Spectrum) -> Floats:
         """Brightness (M,) of materials under the sky, relative to the brightest; 1 in the dark."""
@@ -164,10 +164,10 @@ class Textures:
         materials = [scene.materials[mesh.material] for mesh in meshes]
         textures = [material.texture for material in materials]
         self._colors = spectra_of(materials) > 2
-        weights = {id(each.weight): each.weight for each in textures if each}
+        weights = {id(look.weight): look.weight for look in textures if look}
         place = {key: index for index, key in enumerate(weights)}
         plain = len(weights)
-        self._texture = mi.UInt([place[id(each.weight)] if each else plain for each in textures])
+        self._texture = mi.UInt([place[id(look.weight)] if look else plain for look in textures])
         self._weights = [self._reader(weight) for weight in weights.values()]
         self._weights.append(lambda _point, _active: self._weight(0.0))
 
@@ -183,8 +183,8 @@ class Textures:
     def weights(self, sight: Sight) -> Weights:
         """Weights (N,) at the points seen by rays: of one spectrum, or of three."""
         texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
-        found = dr.switch(texture, self._weights, sight.point, sight.shaded)
-        return list(found) if self._colors else [found]
+        values = dr.switch(texture, self._weights, sight.point, sight.shaded)
+        return list(values) if self._colors else [values]
 
 
 class SunLight:
@@ -277,7 +277,7 @@ class SkyLight:
     def __init__(
         self, lighting: Lighting, scattering: Scattering, bounces: Bounces, bands_nm: Bands
     ) -> None:
-        skies = [lighting.sky, *(each.radiance for each in lighting.patterns)]
+        skies = [lighting.sky, *(pattern.radiance for pattern in lighting.patterns)]
         self._bands, self._skies, self._bounces = len(bands_nm), len(skies), bounces
         self._patterns = SkyPatterns(lighting.patterns)
         self._bright = BrightDirections(lighting) if lighting.patterns else None

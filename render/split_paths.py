@@ -20,22 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import dr, mi
+from megalopta.render import dr, mi, shading
 from megalopta.render.film import Look, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import Layers, LoadedScene, MeshIndex
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.render.path_tracing import BandPaths
 from megalopta.render.settings import RenderSettings, part_seed
-from megalopta.render.shading import (
-    Bounces,
-    Scattering,
-    Sight,
-    SkyLight,
-    SunLight,
-    Textures,
-    Weights,
-)
 from megalopta.scenes.scene import Scene
 
 _SKY_EVERY, _FOLLOWED_EVERY = 4, 16
@@ -55,7 +46,7 @@ class Part(NamedTuple):
 def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
     """True if a scene's light can be split: of diffuse surfaces in clear air that do not emit."""
     materials = [scene.materials[mesh.material] for mesh in meshes]
-    is_plain = not any(each.emission or each.finish for each in materials)
+    is_plain = not any(look.emission or look.finish for look in materials)
     lit = scene.lighting is not None and bool(meshes)
     return lit and is_plain and not (scene.haze or is_scalar())
 
@@ -80,12 +71,14 @@ class SplitPaths:
         self._layers = layers or Layers(loaded)
         self._bands, self._sampler = settings.bands_nm, settings.sampler
         self._index = MeshIndex(*self._layers.scenes)
-        self._textures = Textures(scene, meshes)
-        scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
-        self._bounces = Bounces(scattering, len(self._bands))
-        self._sky = SkyLight(scene.lighting, scattering, self._bounces, self._bands)
+        self._textures = shading.Textures(scene, meshes)
+        scattering = shading.Scattering(
+            [scene.materials[mesh.material] for mesh in meshes], self._bands
+        )
+        self._bounces = shading.Bounces(scattering, len(self._bands))
+        self._sky = shading.SkyLight(scene.lighting, scattering, self._bounces, self._bands)
         sun = scene.lighting.sun if settings.max_depth > 1 else None
-        self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
+        self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
     # Both are found anew: a scene in a cycle of references would be freed while paths are traced.
@@ -114,13 +107,13 @@ class SplitPaths:
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance and the share of the sky (H, W, B + 1)."""
-        taken = []
+        images = []
         for number, part in enumerate(self.parts):
             samples = {"type": self._sampler, "sample_count": math.ceil(spp / part.every)}
             own_seed = part_seed(seed, "light path", number) if number else seed
-            taken.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
-        radiance = sum(each[..., :-1] for each in taken)
-        return np.concatenate([radiance, taken[0][..., -1:]], axis=-1)
+            images.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
+        radiance = sum(image[..., :-1] for image in images)
+        return np.concatenate([radiance, images[0][..., -1:]], axis=-1)
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky behind the surfaces, and of the sun on them."""
@@ -148,9 +141,9 @@ class SplitPaths:
         light = self._bounces.reflected(sight, through, weights, place, arriving)
         return [*light, sight.sky]
 
-    def _look(self, ray: Any) -> tuple[Sight, Weights]:
+    def _look(self, ray: Any) -> tuple[shading.Sight, shading.Weights]:
         """Surfaces seen along rays, and the weights of their textures."""
         hit = self._layers.ray_intersect_preliminary(ray, coherent=True)
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
-        sight = Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
+        sight = shading.Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))
         return sight, self._textures.weights(sight)

@@ -98,18 +98,18 @@ class SurfaceView:
     def light_left_out(self, pose: Floats, time_s: float) -> Floats:
         """Share of the light of surfaces, by band, that takes too many hits for paths, (B,)."""
         self.move_to(time_s)
-        wanted = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
-        samples = min(wanted, self._settings.samples_per_pixel)
+        per_pixel = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
+        samples = min(per_pixel, self._settings.samples_per_pixel)
         self._check(pose)
         # The other's sampler serves light: the path tracer is compiled for each.
         settings = self._settings.model_copy(update={"sampler": "independent"})
         film, depth = Film(self._camera, settings, samples), self._settings.max_depth
-        short, long = (PathIntegrator(each, self._air) for each in (depth, depth + _MORE_HITS))
+        short, long = (PathIntegrator(hits, self._air) for hits in (depth, depth + _MORE_HITS))
         light = film.expose(short.render, self._loaded, pose, _LONGER_SEED)
-        whole = film.expose(long.measured, self._loaded, pose, _LONGER_SEED)
-        bands, shows_surfaces = light.shape[-1], whole[..., -1] == 0
+        longer = film.expose(long.measured, self._loaded, pose, _LONGER_SEED)
+        bands, shows_surfaces = light.shape[-1], longer[..., -1] == 0
         part, all_of_it = (
-            image[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for image in (light, whole)
+            image[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for image in (light, longer)
         )
         kept = np.divide(part, all_of_it, out=np.ones(bands), where=all_of_it > 0)
         return np.asarray(1 - kept)
@@ -200,10 +200,10 @@ def lines_of_a_pose(
     steps = min(max(math.ceil(abs(end - start) / _STEP_S), _FEWEST_STEPS), _MOST_STEPS)
     moments = np.linspace(start, end, steps + 1)
     farthest = max(_farthest(mesh, camera, pose, moments) for mesh in meshes)
-    whole = _RESERVE * farthest * steps
-    if whole <= SHARED_PX:
+    distance_px = _RESERVE * farthest * steps
+    if distance_px <= SHARED_PX:
         return lines
-    most = math.floor(SHARED_PX / whole * max(lines - 1, 1)) + 1
+    most = math.floor(SHARED_PX / distance_px * max(lines - 1, 1)) + 1
     # The next of 1, 2, 3, 4, 6, 8, 12…: kernels are compiled for each number of rows.
     least = math.ceil(lines / most)
     power = 1 << (least - 1).bit_length()

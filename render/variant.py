@@ -75,14 +75,14 @@ def choose_variant(backend: Backend = "auto") -> Variant:
         )
     if backend == "scalar":
         return Variant("scalar_spectral", "as asked")
-    library, found = llvm_in_use()
+    library, version = llvm_in_use()
     if library:
-        return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {found}")
+        return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {version}")
     if backend == "llvm":
-        raise ValueError(f"render.backend 'llvm': {found}; {_REMEDY}, or use 'scalar'")
+        raise ValueError(f"render.backend 'llvm': {version}; {_REMEDY}, or use 'scalar'")
     return Variant(
         "scalar_spectral",
-        found,
+        version,
         f"LLVM would render long sequences several times as fast: {_REMEDY}",
     )
 
@@ -110,14 +110,14 @@ def llvm_in_use() -> tuple[str, str]:
 
 def find_llvm() -> tuple[str, str]:
     """Find a libLLVM for Dr.Jit: its path and version, or "" and the reason that there is none."""
-    asked = os.environ.get("DRJIT_LIBLLVM_PATH")
+    stated = os.environ.get("DRJIT_LIBLLVM_PATH")
     refusals = []
-    for library in [Path(asked)] if asked else llvm_libraries():
+    for library in [Path(stated)] if stated else llvm_libraries():
         version = llvm_version(library)
         if version and version[0] in TRIED_LLVM:
             return str(library), ".".join(map(str, version))
         refusals.append(f"{library} {_refusal(version)}")
-    if asked:
+    if stated:
         return "", f"DRJIT_LIBLLVM_PATH: {refusals[0]}"
     return "", refusals[0] if refusals else "no libLLVM found"
 

@@ -68,12 +68,7 @@ class Cells:
     """Number of all cells."""
 
     @classmethod
-    def of(
-        cls,
-        meshes: Sequence[MergedMesh],
-        camera: Camera,
-        positions: Floats,
-    ) -> "Cells":
+    def of(cls, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats) -> "Cells":
         """Divide meshes into cells for a camera at positions (T, 3).
 
         Raises ValueError if there are more cells than a table holds.
@@ -138,10 +133,10 @@ class Patches:
         v = dr.select(outside, (2 * index[1] + 1) / n[1] - v, v)
         total = dr.maximum(u + v, 1)
         u, v = u / total, v / total
-        rest, origin = 1 - u - v, of(self.origin)
+        w, origin = 1 - u - v, of(self.origin)
         return mi.Point2f(
-            dr.select(origin == 0, u, dr.select(origin == 1, rest, v)),
-            dr.select(origin == 0, v, dr.select(origin == 1, u, rest)),
+            dr.select(origin == 0, u, dr.select(origin == 1, w, v)),
+            dr.select(origin == 0, v, dr.select(origin == 1, u, w)),
         )
 
 
@@ -247,8 +242,8 @@ def survey(
     """
     pages = Pages(cells)
     seen, places = dr.zeros(mi.UInt, 0), dr.zeros(mi.UInt, 0)
-    for number, each in enumerate(rays):
-        sight = finder.look(loaded, each)
+    for number, view_rays in enumerate(rays):
+        sight = finder.look(loaded, view_rays)
         dr.eval(sight.cell, sight.shaded, sight.place)
         at = pages.of(sight.cell, sight.shaded)
         seen, places = pages.grown(seen, 0), pages.grown(places, 0)

@@ -46,11 +46,7 @@ class Scatter(NamedTuple):
 
 
 def path_tracing_reason(
-    scene: Scene,
-    variant: str,
-    poses: Floats | None,
-    settings: RenderSettings,
-    pixels: int,
+    scene: Scene, variant: str, poses: Floats | None, settings: RenderSettings, pixels: int
 ) -> str:
     """Reason for rendering frames by path tracing; empty if their light is baked.
 
@@ -195,7 +191,7 @@ def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
     total: Any = sum(values[:bands])
     quantities = total, dr.square(total), sum(values[bands:-1]), values[-1]
     dr.eval(quantities)
-    rays = np.array([np.array(each) for each in quantities]).reshape(4, 2, _RAYS // 2, -1)
+    rays = np.array([np.array(quantity) for quantity in quantities]).reshape(4, 2, _RAYS // 2, -1)
     halves = rays.mean(axis=2, dtype=np.float64)
     means = halves.mean(axis=1)
     means[2] = halves[2].prod(axis=0)

@@ -22,17 +22,10 @@ from typing import Any
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.render import RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, mi, path_tracing
 from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
-from megalopta.render.path_tracing import (
-    LightPaths,
-    hashed,
-    keyed_sampler,
-    recurrence,
-    wavelength_groups,
-)
 from megalopta.render.shading import WAVELENGTHS, Scattering, leaving
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -82,9 +75,9 @@ class Lanes:
     def means(self, values: list[Any]) -> Floats:
         """Means (2C, n) over the samples of each half of n values per lane."""
         dr.eval(values)  # otherwise rays would be traced again for each of them
-        sums = [dr.block_sum(each, self.size) for each in values]
+        sums = [dr.block_sum(value, self.size) for value in values]
         dr.eval(sums)
-        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
+        groups = np.stack([np.array(value, np.float64) for value in sums], axis=1)
         totals = np.add.reduceat(groups, self._start, axis=0)
         return np.asarray(totals / self._samples[:, None])
 
@@ -110,8 +103,8 @@ class Gatherer:
         self._cells = cells
         self._bands = settings.bands_nm
         # The segment from camera to cell is the first of the path.
-        self._paths = LightPaths(settings.max_depth - 1)
-        self._sampler = keyed_sampler()
+        self._paths = path_tracing.LightPaths(settings.max_depth - 1)
+        self._sampler = path_tracing.keyed_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
         self._scattered = mi.Float(scattering.of_rays().astype(np.float32).ravel())
@@ -122,7 +115,7 @@ class Gatherer:
         lit = scene.lighting if settings.max_depth > 1 else None
         patterns = lit.patterns if lit else ()
         self._patterns = SkyPatterns(patterns)
-        skies = [lit.sky if lit else flat(0.0), *(each.radiance for each in patterns)]
+        skies = [lit.sky if lit else flat(0.0), *(pattern.radiance for pattern in patterns)]
         self._under_sky = scattering.under(skies)
         self._bright = scattering.brightness(lit.mean_sky() if lit else flat(0.0))
         # Without light from the sky all rays have to be followed.
@@ -168,17 +161,17 @@ class Gatherer:
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, spectra·bands) that leaves meshes (C,) due to light from surfaces."""
         bands, columns = len(self._bands), self.spectra * len(self._bands)
-        key, other = self._keys(leader, lanes)
+        key, draw = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
         rays, through = self._rays(places, lanes, sample, key)
         blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
-        step = (lanes.sample * WAVELENGTHS + other % WAVELENGTHS) // samples
+        step = (lanes.sample * WAVELENGTHS + draw % WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
         leaving: list[Any] = [None] * columns
-        for first, size, wavelengths in wavelength_groups(self._bands, place):
+        for first, size, wavelengths in path_tracing.wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             self._sampler.start(key, sample)
             arriving, _ = self._paths.radiance(self._scene, self._sampler, rays, blocked)
@@ -191,15 +184,15 @@ class Gatherer:
 
     def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
         """Two random numbers per lane, shared within its cluster and its half of the samples."""
-        of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
-        return hashed(of_leader, lanes.half)
+        of_leader, _ = path_tracing.hashed(lanes.of_cluster(leader), self._seed)
+        return path_tracing.hashed(of_leader, lanes.half)
 
     def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> tuple[Any, Any]:
         """Rays of samples, from cells of their clusters in cosine-distributed directions.
 
         Also True for those that leave from the other side, for transmitted light.
         """
-        x, y, a, b, draw = recurrence(sample, key)
+        x, y, a, b, draw = path_tracing.recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
 
         def of(values: UInt32) -> Any:
@@ -217,13 +210,13 @@ class Gatherer:
             hit.prim_uv = place
             return hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
 
-        wanted = patch.barycentric(of, a, b)
+        inside = patch.barycentric(of, a, b)
         seen = patch.barycentric(of, *unpacked(of(places.seen)))
         # If the ground or another object is in between, this point was not seen.
-        ends = [self._above(surface(place), front) for place in (wanted, seen)]
+        ends = [self._above(surface(place), front) for place in (inside, seen)]
         between: Any = mi.Ray3f(ends[0], ends[1] - ends[0])
         between.maxt = 1.0
-        point = surface(dr.select(self._scene.ray_test(between), seen, wanted))
+        point = surface(dr.select(self._scene.ray_test(between), seen, inside))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
         rays, through = leaving(point, front, share, mi.Point2f(x, y))
         return mi.RayDifferential3f(rays), through

@@ -73,12 +73,7 @@ class BakedLightIntegrator:
     reason = ""
 
     def __init__(
-        self,
-        whole: LoadedScene,
-        camera: Camera,
-        settings: RenderSettings,
-        poses: Floats,
-        seed: int,
+        self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
     ) -> None:
         scene, meshes, loaded = whole
         self._bands = settings.bands_nm
@@ -162,18 +157,18 @@ class BakedLightIntegrator:
         differences = choice.compared(
             sensor, seed, image, self._compared, partial(self._off, scene)
         )
-        some = {"type": "independent", "sample_count": math.ceil(spp / _FIXED_EVERY)}
+        draws = {"type": "independent", "sample_count": math.ceil(spp / _FIXED_EVERY)}
         again = pixel_means(
-            sensor, mi.load_dict(some), part_seed(seed, "fixed error"), partial(self._fixed, scene)
+            sensor, mi.load_dict(draws), part_seed(seed, "fixed error"), partial(self._fixed, scene)
         )
         radiance, fixed, sky = np.split(image, [len(self._bands), -1], axis=-1)
         return np.concatenate([radiance, sky, fixed, again, differences], axis=-1)
 
     def _fixed(self, scene: Any, ray: Any, *_: Any) -> list[Any]:
         """A draw of the fixed error of each band along a ray's first hit."""
-        sight, rest, weights = self._surface(scene, ray)
-        dr.eval(sight.cell, rest, weights)
-        cluster, is_baked = self._light.look_up(sight.cell, rest)
+        sight, at_rest, weights = self._surface(scene, ray)
+        dr.eval(sight.cell, at_rest, weights)
+        cluster, is_baked = self._light.look_up(sight.cell, at_rest)
         return self._light.standing(cluster, weights, is_baked)
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
@@ -191,19 +186,19 @@ class BakedLightIntegrator:
         light = self._look(scene, ray, place, sampler)
         paths = self._paths.radiance(scene, ray, place, sampler, light.needs_paths)
         parts = zip(light.emitted, light.baked, paths, strict=True)
-        return [*(sum(each) for each in parts), *light.standing, light.sky]
+        return [*(sum(of_band) for of_band in parts), *light.standing, light.sky]
 
     def _surface(self, scene: Any, ray: Any) -> tuple[CellSight, Any, Weights]:
         """Surfaces seen, True where they are away from moving objects, and textures' weights."""
         sight = self._finder.look(scene, ray)
-        rest = sight.shaded & ~self._moving.holds(sight.point.p)
-        return sight, rest, self._textures.weights(sight)
+        at_rest = sight.shaded & ~self._moving.holds(sight.point.p)
+        return sight, at_rest, self._textures.weights(sight)
 
     def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> Light:
-        sight, rest, weights = self._surface(scene, ray)
+        sight, at_rest, weights = self._surface(scene, ray)
         direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
-            part = replace(sight, shaded=rest)
+            part = replace(sight, shaded=at_rest)
             direct = self._sun.radiance(scene, part, weights, sampler.next_1d())
         point = sight.point
         emitter = point.emitter(scene)
@@ -215,8 +210,8 @@ class BakedLightIntegrator:
         sky = sight.sky
         surface = sight.moving | sight.shaded
         # Otherwise the rays would be traced again for each of them.
-        dr.eval(sight.cell, rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
-        cluster, is_baked = self._light.look_up(sight.cell, rest)
+        dr.eval(sight.cell, at_rest, weights, direct, emitted, sky, surface, ray.o, ray.d)
+        cluster, is_baked = self._light.look_up(sight.cell, at_rest)
         baked = self._light.radiance(cluster, weights, is_baked)
         baked = [a + dr.select(is_baked, b, 0.0) for a, b in zip(baked, direct, strict=True)]
         standing = self._light.standing(cluster, weights, is_baked)

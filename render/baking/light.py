@@ -48,11 +48,7 @@ class Voxels:
     """Voxels of the cells of meshes, for a camera at positions (T, 3)."""
 
     def __init__(
-        self,
-        cells: Cells,
-        meshes: Sequence[MergedMesh],
-        camera: Camera,
-        positions: Floats,
+        self, cells: Cells, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats
     ) -> None:
         self._cells, self._meshes = cells, meshes
         self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
@@ -62,8 +58,8 @@ class Voxels:
         patches = self._cells.patches(cell)
         corners = np.empty((len(cell), 3, 3))
         for index in np.unique(patches.mesh):
-            here, mesh = patches.mesh == index, self._meshes[index]
-            corners[here] = mesh.vertices[mesh.faces[patches.triangle[here]]]
+            of_mesh, mesh = patches.mesh == index, self._meshes[index]
+            corners[of_mesh] = mesh.vertices[mesh.faces[patches.triangle[of_mesh]]]
         rows = np.arange(len(cell))
         a, b, c = (corners[rows, (patches.origin + step) % 3] for step in range(3))
         u, v = (patches.indices + 0.5) / patches.pieces
@@ -139,14 +135,14 @@ def smoothed(
     """
     _, group = np.unique(neighbors, return_inverse=True)
     n = rows.shape[1] // 2
-    light, apart = (rows[:, half].sum(axis=1, dtype=np.float64) for half in np.s_[:n, n:])
+    light, half_difference = (rows[:, half].sum(axis=1, dtype=np.float64) for half in np.s_[:n, n:])
 
     def total(values: Floats) -> Floats:
         return np.asarray(np.bincount(group, values), np.float64)
 
     count, weight = total(np.ones(len(rows))), total(rays.astype(float))
     # For one ray: the difference of halves has the variance of the mean.
-    of_a_ray = total(rays * apart**2) / count
+    of_a_ray = total(rays * half_difference**2) / count
     mean = total(rays * light) / weight
     noise = of_a_ray[group] / rays
     # Weighted by how often pixels show them: visible contrast matters.
@@ -250,8 +246,8 @@ class BakedLight:
             halves = self._gatherer.leaving(
                 leaders, *drawn, shares=self._shares[part], least=LEAST_RAYS // 2
             )
-            apart = (halves[:, 0] - halves[:, 1]) / 2
-            self._rows[part] = np.concatenate([halves.mean(axis=1), apart], axis=1)
+            half_differences = (halves[:, 0] - halves[:, 1]) / 2
+            self._rows[part] = np.concatenate([halves.mean(axis=1), half_differences], axis=1)
         self._is_known[clusters] = True
 
     def smooth(self) -> None:

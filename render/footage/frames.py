@@ -159,7 +159,7 @@ class Footage(ABC):
         planes = 1 if numbers.ndim == 2 else 3
         codes = len(coding.table)
         counts = [cv2.calcHist([numbers], [k], None, [codes], [0, codes]) for k in range(planes)]
-        sums = np.array([each.ravel() @ coding.table.astype(np.float64) for each in counts])
+        sums = np.array([of_plane.ravel() @ coding.table.astype(np.float64) for of_plane in counts])
         return np.array(np.broadcast_to(sums / np.prod(self.shape), 3))
 
     def saturated(self, index: int) -> float:

@@ -21,13 +21,7 @@ from numpy.typing import NDArray
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
-from megalopta.render.footage.frames import (
-    Header,
-    converted,
-    not_square,
-    unused,
-    without_log,
-)
+from megalopta.render.footage import frames
 from megalopta.render.footage.transfer import XYZ_XY
 from megalopta.scenes.spectra.color import Bands
 
@@ -56,7 +50,7 @@ class _Picture(NamedTuple):
     """Channels that are not read"""
 
 
-def exr_header(path: Path) -> Header:
+def exr_header(path: Path) -> frames.Header:
     """Return what an EXR file states. Raises DamagedFileError."""
     picture = _chosen(path, read_headers(path))
     stated, notes = picture.attributes, []
@@ -72,14 +66,14 @@ def exr_header(path: Path) -> Header:
             f"{path} holds several pictures or layers: {', '.join(picture.names)} are read, not "
             f"{quoted(', '.join(picture.others), 400)}"
         )
-    notes += not_square(path, float(stated["pixelAspectRatio"]))
+    notes += frames.not_square(path, float(stated["pixelAspectRatio"]))
     chromaticities, bands_nm = None, None
     if picture.wavelengths_nm:
         bands_nm, units = _bands_nm(path, picture), str(stated.get("emissiveUnits", "no unit"))
         if units != RADIANCE_UNIT:
             notes.append(f"{path} states {units}; its values are taken as {RADIANCE_UNIT}")
     elif "chromaticities" in stated:
-        chromaticities, note = converted(path, np.ravel(stated["chromaticities"]).tolist())
+        chromaticities, note = frames.converted(path, np.ravel(stated["chromaticities"]).tolist())
         notes += note
     white_cd_m2 = stated.get("whiteLuminance")
     if white_cd_m2 is not None and not 0 < white_cd_m2 < np.inf:
@@ -89,8 +83,8 @@ def exr_header(path: Path) -> Header:
         for name, value in stated.items()
         if name not in _SILENT
     }
-    notes += unused(path, {k: value for k, value in plain.items() if _USUAL.get(k) != value})
-    return Header(
+    notes += frames.unused(path, {k: value for k, value in plain.items() if _USUAL.get(k) != value})
+    return frames.Header(
         shape,
         "light",
         chromaticities=chromaticities,
@@ -137,9 +131,9 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
             wavelengths_nm, spectral = zip(*known, strict=True)
             candidates.append((0, part, attributes, spectral, None, wavelengths_nm))
         for layer, channels in layers.items():
-            for rank, wanted in enumerate(("R G B", "Y"), 1):
-                if set(wanted.split()) <= channels.keys():
-                    used = tuple(channels[name] for name in wanted.split())
+            for rank, colors in enumerate(("R G B", "Y"), 1):
+                if set(colors.split()) <= channels.keys():
+                    used = tuple(channels[name] for name in colors.split())
                     candidates.append(
                         (rank + 2 * bool(layer), part, attributes, used, channels.get("A"), ())
                     )
@@ -153,15 +147,15 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
             "S0.<wavelength>nm"
         )
     _, part, attributes, used, alpha, wavelengths_nm = min(candidates, key=lambda c: c[:2])
-    others = [
+    omitted = [
         name
         for number, names in all_names
         for name in names
         if number != part or name not in (*used, alpha)
     ]
     if len(headers) > len(all_names):
-        others.append("deep data")
-    return _Picture(part, attributes, used, alpha, wavelengths_nm, tuple(others))
+        omitted.append("deep data")
+    return _Picture(part, attributes, used, alpha, wavelengths_nm, tuple(omitted))
 
 
 def _bands_nm(path: Path, picture: _Picture) -> Bands:
@@ -213,7 +207,7 @@ def _radiance(path: Path, content: bytes) -> _Radiance:
     return _Radiance((int(size[1]), int(size[2])), divisor.astype("f4"), stated, size.end())
 
 
-def radiance_header(path: Path) -> Header:
+def radiance_header(path: Path) -> frames.Header:
     """Return what a Radiance file states. Raises DamagedFileError."""
     with path.open("rb") as file:
         picture = _radiance(path, file.read(_HEADER_BYTES))
@@ -223,14 +217,14 @@ def radiance_header(path: Path) -> Header:
         raise DamagedFileError(f"{path} is of {quoted(layout)}; save it as 32-bit_rle_rgbe")
     xy = tuple(map(float, stated.pop("PRIMARIES", "").split()))
     xy = XYZ_XY if layout == "32-bit_rle_xyze" else xy
-    chromaticities, note = converted(path, xy) if xy else (None, ())
+    chromaticities, note = frames.converted(path, xy) if xy else (None, ())
     if not (picture.divisor == 1).all():
         factors = ", ".join(f"{value:.4g}" for value in dict.fromkeys(picture.divisor.tolist()))
         notes.append(f"{path} states exposures; its values are divided by {factors}")
-    notes += (*note, *not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
+    notes += (*note, *frames.not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
     stated.pop("SOFTWARE", None)
-    notes += unused(path, stated)
-    return Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))
+    notes += frames.unused(path, stated)
+    return frames.Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 
 
 def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
@@ -242,7 +236,7 @@ def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "plain.hdr"
         file.write_bytes(plain.encode() + content[picture.end :])
-        with without_log():
+        with frames.without_log():
             numbers = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")

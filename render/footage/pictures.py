@@ -21,29 +21,7 @@ from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted,
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
-from megalopta.render.footage import light_files
-from megalopta.render.footage.frames import (
-    TRANSPARENT,
-    Coding,
-    Depth,
-    Footage,
-    Header,
-    Unit,
-    check_size,
-    coding_of,
-    converted,
-    not_square,
-    turned,
-    unused,
-    without_log,
-)
-from megalopta.render.footage.tiff import (
-    STRAIGHT,
-    TURNS,
-    profile_left_out,
-    tiff_header,
-    tiff_numbers,
-)
+from megalopta.render.footage import frames, light_files, tiff
 from megalopta.render.footage.transfer import HDR_NOTES, PRIMARIES, TRANSFERS, to_bt709
 
 KINDS: Mapping[str, str] = {
@@ -63,7 +41,7 @@ _LIGHT_READERS: Mapping[str | None, Callable[[Path], tuple[NDArray[Any], bool]]]
     "EXR": light_files.exr_light,
     "Radiance": light_files.radiance_light,
 }
-_UNITS: Mapping[Depth, tuple[Unit, ...]] = {
+_UNITS: Mapping[frames.Depth, tuple[frames.Unit, ...]] = {
     "8 bits": ("srgb",),
     "16 bits": ("srgb", "linear"),
     "light": ("linear", "cd/m2"),
@@ -80,10 +58,10 @@ _SHORTEST_S = 0.1
 
 
 @dataclass(eq=False, kw_only=True)
-class PictureFiles(Footage):
+class PictureFiles(frames.Footage):
     """Pictures of equal size and kind, one frame each, or the pages of one."""
 
-    depth: Depth
+    depth: frames.Depth
     pages: tuple[int, ...] = (0,)
     """Pages of each file that are frames."""
     _opened: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
@@ -106,7 +84,7 @@ class PictureFiles(Footage):
                 f"{path} has another size than before; do not change it meanwhile"
             )
         if is_transparent:
-            self._note(TRANSPARENT)
+            self._note(frames.TRANSPARENT)
         return self._as_light(numbers, path) if self.depth == "light" else numbers
 
     def _read(self, path: Path, page: int) -> tuple[NDArray[Any], bool]:
@@ -122,37 +100,37 @@ class PictureFiles(Footage):
             image = self._image[1]
             image.seek(page)
             return over_black(ImageOps.exif_transpose(image))
-        numbers, alpha = tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
+        numbers, alpha = tiff.tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
         if not alpha:
             return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
         top = np.iinfo(numbers.dtype).max if numbers.dtype.kind == "u" else 1.0
         share, colors = numbers[..., -1:] / top, numbers[..., :-1]
         is_transparent = bool(share.min() < 1)
-        if is_transparent and alpha == STRAIGHT:
+        if is_transparent and alpha == tiff.STRAIGHT:
             over = colors * share
             colors = (np.rint(over) if self.depth != "light" else over).astype(numbers.dtype)
         return colors[..., 0] if colors.shape[-1] == 1 else colors, is_transparent
 
 
-def open_picture(path: Path, unit: Unit | None) -> PictureFiles:
+def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
     footage = _pictures(path, (path,), unit, header_of(path))
     footage.frame(0)  # reports errors of the file now
     return footage
 
 
-def open_folder(path: Path, unit: Unit | None) -> PictureFiles:
+def open_folder(path: Path, unit: frames.Unit | None) -> PictureFiles:
     """Return the pictures of a folder, in the order of the numbers in their names.
 
     Raises UserError if there are none, or they differ in size or kind.
     """
-    visible = [each for each in path.iterdir() if not each.name.startswith(".") and each.is_file()]
-    files = tuple(sorted((each for each in visible if picture_kind(each)), key=natural_key))
+    visible = [item for item in path.iterdir() if not item.name.startswith(".") and item.is_file()]
+    files = tuple(sorted((item for item in visible if picture_kind(item)), key=natural_key))
     if not files:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
         footage = _pictures(path, files, unit, _common_header(files))
-    omitted = sorted({each.name for each in visible} - {each.name for each in files})
+    omitted = sorted({item.name for item in visible} - {item.name for item in files})
     if omitted:
         left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(omitted))})"
         footage.notes += (left_out,)
@@ -191,7 +169,7 @@ def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
 
 
 def _pictures(
-    path: Path, files: tuple[Path, ...], unit: Unit | None, header: Header
+    path: Path, files: tuple[Path, ...], unit: frames.Unit | None, header: frames.Header
 ) -> PictureFiles:
     coding = coding_stated(path, unit, header)
     return PictureFiles(
@@ -209,7 +187,7 @@ def _pictures(
     )
 
 
-def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
+def coding_stated(path: Path, unit: frames.Unit | None, header: frames.Header) -> frames.Coding:
     """Return how a picture's values become light. Raises UserError for an impossible unit."""
     units = _UNITS[header.depth]
     if unit is not None and unit not in units:
@@ -220,20 +198,20 @@ def coding_stated(path: Path, unit: Unit | None, header: Header) -> Coding:
     if header.bands_nm is not None:
         if unit is not None:
             raise UserError(f"{path} states spectral radiance; omit the unit {unit}")
-        return Coding("spectral radiance", "linear")
+        return frames.Coding("spectral radiance", "linear")
     matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
     if header.depth == "light":
         unit = unit or header.unit or "linear"
-        return Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
+        return frames.Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
     codes = 256 if header.depth == "8 bits" else 65536
     transfer = "linear" if unit == "linear" else header.transfer or "sRGB"
     black, white = (round(limit * (codes - 1)) for limit in header.limits)
-    coding = coding_of(transfer, codes, black, white)
+    coding = frames.coding_of(transfer, codes, black, white)
     return replace(coding, unit=unit or "srgb", matrix=matrix)
 
 
-def _common_header(files: tuple[Path, ...]) -> Header:
-    kinds = {picture_kind(each): each for each in files}
+def _common_header(files: tuple[Path, ...]) -> frames.Header:
+    kinds = {picture_kind(file): file for file in files}
     if len(kinds) > 1:
         first_path, other_path = list(kinds.values())[:2]
         raise UserError(
@@ -257,7 +235,7 @@ def _common_header(files: tuple[Path, ...]) -> Header:
     return first._replace(notes=tuple(notes.values()))
 
 
-def header_of(path: Path) -> Header:
+def header_of(path: Path) -> frames.Header:
     """Return what a file states.
 
     Raises DamagedFileError, also if its pixels do not fit into the budget.
@@ -269,14 +247,14 @@ def header_of(path: Path) -> Header:
         readers = {
             "EXR": light_files.exr_header,
             "Radiance": light_files.radiance_header,
-            "TIFF": tiff_header,
+            "TIFF": tiff.tiff_header,
         }
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
-    check_size(path, header.shape)
+    frames.check_size(path, header.shape)
     return header
 
 
-def pillow_header(path: Path) -> Header:
+def pillow_header(path: Path) -> frames.Header:
     """Return what a file states that Pillow reads. Raises DamagedFileError."""
     with opened_picture(path) as image:
         if image.mode in ("CMYK", "LAB"):
@@ -290,10 +268,10 @@ def pillow_header(path: Path) -> Header:
         exif, info = image.getexif(), image.info
         orientation = exif.get(_ORIENTATION, 1)
         columns, rows = image.size[:: -1 if orientation in (5, 6, 7, 8) else 1]
-        depth: Depth = "16 bits" if is_deep else "8 bits"
-        notes = [*profile_left_out(path, info.get("icc_profile") or b"")]
+        depth: frames.Depth = "16 bits" if is_deep else "8 bits"
+        notes = [*tiff.profile_left_out(path, info.get("icc_profile") or b"")]
         across, down = info.get("dpi") or info.get("aspect") or info.get("jfif_density") or (1, 1)
-        notes += not_square(path, down / across if across and down else 1)
+        notes += frames.not_square(path, down / across if across and down else 1)
         inner = exif.get_ifd(_EXIF)
         stated = {name: inner[tag] for tag, name in _EXIF_TOLD.items() if tag in inner}
         if exif.get_ifd(_GPS):
@@ -302,27 +280,27 @@ def pillow_header(path: Path) -> Header:
             stated["ColorSpace"] = inner[0xA001]
         if image.format == "MPO":
             notes.append(f"{path} holds several pictures; the first is read")
-        header = Header((rows, columns), depth)
+        header = frames.Header((rows, columns), depth)
         if image.format == "PNG":
             header, statements = _png_colors(path, header)
             stated |= statements
         if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
-            notes += not_square(path, (aspect + 15) / 64)
+            notes += frames.not_square(path, (aspect + 15) / 64)
         if getattr(image, "n_frames", 1) > 1 and image.format in ("GIF", "PNG", "WEBP"):
             if is_deep:
                 raise DamagedFileError(f"{path} is an animation of 16 bits; save it with 8 bits")
             header = _animated(path, image, header)
-        return header._replace(notes=(*header.notes, *notes, *unused(path, stated)))
+        return header._replace(notes=(*header.notes, *notes, *frames.unused(path, stated)))
 
 
-def _animated(path: Path, image: Image.Image, header: Header) -> Header:
+def _animated(path: Path, image: Image.Image, header: frames.Header) -> frames.Header:
     """Return a header with the times of the frames of an animation, which are all decoded."""
-    first, frames, size = int(bool(image.info.get("default_image"))), image.n_frames, image.size  # type: ignore[attr-defined]
-    check_count(path, "frames", frames, _MOST_FRAMES)
-    check_count(path, "pixels in its frames", frames * math.prod(size), 10**9)
+    first, count, size = int(bool(image.info.get("default_image"))), image.n_frames, image.size  # type: ignore[attr-defined]
+    check_count(path, "frames", count, _MOST_FRAMES)
+    check_count(path, "pixels in its frames", count * math.prod(size), 10**9)
     lasts_s, notes = list[float](), list(header.notes)
     with working(f"frames of {path}"):
-        for page in range(first, frames):
+        for page in range(first, count):
             image.seek(page)
             image.load()  # for WebP, sets the duration
             if image.size != size:
@@ -336,14 +314,14 @@ def _animated(path: Path, image: Image.Image, header: Header) -> Header:
         )
         lasts_s = [last_s or _SHORTEST_S for last_s in lasts_s]
     return header._replace(
-        pages=tuple(range(first, frames)),
+        pages=tuple(range(first, count)),
         times_s=tuple(np.cumsum([0.0, *lasts_s[:-1]]).tolist()),
         last_s=lasts_s[-1],
         notes=tuple(notes),
     )
 
 
-def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
+def _png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
     """Return a header with a PNG's transfer function and primaries, and statements without effect.
 
     cICP goes before iCCP, sRGB, and gAMA with cHRM, as the standard has it.
@@ -363,7 +341,7 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         limits = (0.0, 1.0) if is_full else (16 / 255, 235 / 255)
         if not is_full and header.depth == "16 bits":
             limits = 4096 / 65535, 60160 / 65535
-        xy, notes = converted(path, PRIMARIES[primaries][1])
+        xy, notes = frames.converted(path, PRIMARIES[primaries][1])
         return header._replace(
             transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=notes
         ), statements
@@ -377,9 +355,9 @@ def _png_colors(path: Path, header: Header) -> tuple[Header, dict[str, str]]:
         header = header._replace(transfer=transfer)
     if b"cHRM" in chunks:
         white_x, white_y, *colors = (
-            each / 100_000 for each in struct.unpack(">8I", chunks[b"cHRM"])
+            number / 100_000 for number in struct.unpack(">8I", chunks[b"cHRM"])
         )
-        xy, notes = converted(path, (*colors, white_x, white_y))
+        xy, notes = frames.converted(path, (*colors, white_x, white_y))
         header = header._replace(chromaticities=xy, notes=notes)
     return header, statements
 
@@ -388,14 +366,14 @@ def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
     # libpng may complain about other parts
     plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
-    with without_log():
+    with frames.without_log():
         numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
     with opened_picture(path) as image:
-        turn = TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
-    numbers = turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
+        turn = tiff.TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
+    numbers = frames.turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
     channels = numbers.shape[-1]
-    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], STRAIGHT * int(
+    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], tiff.STRAIGHT * int(
         channels == 4
     )

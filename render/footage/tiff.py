@@ -17,14 +17,7 @@ from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, check_decoded, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.render.footage.frames import (
-    Depth,
-    Header,
-    not_square,
-    turned,
-    unused,
-    without_log,
-)
+from megalopta.render.footage import frames
 
 _ORIENTATION = 274
 TURNS = {
@@ -51,14 +44,14 @@ _ASSOCIATED, STRAIGHT = 1, 2
 logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we report errors ourselves
 
 
-def tiff_header(path: Path) -> Header:
+def tiff_header(path: Path) -> frames.Header:
     """Return what a TIFF file states. Raises DamagedFileError."""
     with TiffFile(path) as file:
         with suppress(IndexError):
             file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
             check_count(path, "pages", len(file.pages), _MOST_PAGES)
         page: Any = file.pages.first
-        pages = tuple(n for n, each in enumerate(file.pages) if _kind(each) == _kind(page))
+        pages = tuple(n for n, picture in enumerate(file.pages) if _kind(picture) == _kind(page))
         count = len(pages)
         depth, notes = _depth(path, page), []
         if omitted := len(file.pages) - count:
@@ -69,18 +62,19 @@ def tiff_header(path: Path) -> Header:
         x, y = (page.tags.get(name) for name in ("XResolution", "YResolution"))
         if x and y and all(tag.value[0] and tag.value[1] for tag in (x, y)):
             (across, per), (down, per_down) = x.value, y.value
-            notes += not_square(path, down * per / (per_down * across))
+            notes += frames.not_square(path, down * per / (per_down * across))
         alpha = sum(kind in (_ASSOCIATED, STRAIGHT) for kind in page.extrasamples)
         if (alien := page.samplesperpixel - _colors(page) - alpha) > 0:
             notes.append(f"{path} has {alien} further values in a pixel, which are not read")
         if 34675 in page.tags:
             notes += profile_left_out(path, bytes(page.tags[34675].value))
-        notes += unused(path, {tag.name: tag.value for tag in page.tags if tag.name in _TOLD})
+        placed = {tag.name: tag.value for tag in page.tags if tag.name in _TOLD}
+        notes += frames.unused(path, placed)
         times_s, more = _imagej(path, file, count)
         tag = page.tags.get(_ORIENTATION)
         shape = page.imagelength, page.imagewidth
         shape = shape[::-1] if tag and int(tag.value) >= 5 else shape
-        return Header(shape, depth, pages, times_s, notes=(*notes, *more))
+        return frames.Header(shape, depth, pages, times_s, notes=(*notes, *more))
 
 
 def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
@@ -99,7 +93,7 @@ def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
                 raise
             content = np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8)
             flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-            with without_log():
+            with frames.without_log():
                 _, pages = cv2.imdecodemulti(content, flags, range=(number, number + 1))
             numbers = (
                 pages[0] if pages[0].ndim == 2 else pages[0][..., [2, 1, 0, 3][: pages[0].shape[2]]]
@@ -115,7 +109,7 @@ def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
         used = [*range(colors), *([colors + page.extrasamples.index(alpha)] if alpha else [])]
         tag = page.tags.get(_ORIENTATION)
         turn = TURNS.get(int(tag.value) if tag else 1, (False,) * 3)
-        return turned(numbers[..., used], *turn), alpha
+        return frames.turned(numbers[..., used], *turn), alpha
 
 
 def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
@@ -133,7 +127,7 @@ def _kind(page: Any) -> tuple[Any, ...]:
     return page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric
 
 
-def _depth(path: Path, page: Any) -> Depth:
+def _depth(path: Path, page: Any) -> frames.Depth:
     bits, kind, colors = page.bitspersample, np.dtype(page.dtype).kind, page.photometric
     if colors in (
         PHOTOMETRIC.SEPARATED,

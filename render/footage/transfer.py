@@ -21,24 +21,18 @@ _C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
 _A, _B, _C = 0.17883277, 0.28466892, 0.55991073
 
 
-def _bt709(code: Floats) -> Floats:
-    return np.where(code < 0.081, code / 4.5, ((code + 0.099) / 1.099) ** (1 / 0.45))
-
-
 def _pq(code: Floats) -> Floats:
     root = code ** (1 / _M2)
     share = (np.maximum(root - _C1, 0) / (_C2 - _C3 * root)) ** (1 / _M1)
     return np.asarray(share * (_PQ_TOP_CD_M2 / PQ_WHITE_CD_M2))
 
 
-def _hlg(code: Floats) -> Floats:
-    return np.where(code <= 0.5, code**2 / 3, (np.exp((code - _C) / _A) + _B) / 12)
-
-
 _CURVES: Mapping[str, Callable[[Floats], Floats]] = {
     "sRGB": linear_of_srgb,
-    "BT.709": _bt709,
-    "HLG": _hlg,
+    "BT.709": lambda code: np.where(
+        code < 0.081, code / 4.5, ((code + 0.099) / 1.099) ** (1 / 0.45)
+    ),
+    "HLG": lambda code: np.where(code <= 0.5, code**2 / 3, (np.exp((code - _C) / _A) + _B) / 12),
     "PQ": _pq,
     "linear": lambda code: code,
 }

@@ -74,8 +74,8 @@ def fill(
         "interior": medium,
     }
     shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
-    whole = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
-    return Air(whole, medium, haze.extinction_per_m, low, high)
+    filled = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
+    return Air(filled, medium, haze.extinction_per_m, low, high)
 
 
 def _everywhere(value: float) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def bsdf(material: Material) -> dict[str, Any]:
 
 def _as_it_is(finish: Finish) -> dict[str, Any]:
     """Mitsuba surface, or texture of one, of the same parameters."""
-    return {"type": finish.kind, **{name: _part(each) for name, each in finish.parts.items()}}
+    return {"type": finish.kind, **{name: _part(value) for name, value in finish.parts.items()}}
 
 
 def _part(of: Part) -> Any:
@@ -232,13 +232,7 @@ class _Blade(PlugIn):
         return self.drawn(si, sample1, sample2, self.shares(si, active), active)
 
     def eval_pdf_sample(
-        self,
-        context: Any,
-        si: Any,
-        wo: Any,
-        sample1: Any,
-        sample2: Any,
-        active: Any = True,
+        self, context: Any, si: Any, wo: Any, sample1: Any, sample2: Any, active: Any = True
     ) -> Any:
         shares = self.shares(si, active)
         return (

@@ -125,9 +125,9 @@ def leaf_clusters(scene: Scene) -> NDArray[np.uint32]:
     It is 0 for all that is no leaf of a twig, and for the last, the sky.
     """
     parts = [
-        each.mesh.metadata.get("clusters", np.zeros(len(each.mesh.faces)))
+        piece.mesh.metadata.get("clusters", np.zeros(len(piece.mesh.faces)))
         for _, members in _groups(scene)
-        for each in members
+        for piece in members
     ]
     return np.concatenate([*parts, np.zeros(1)]).astype(np.uint32)
 
@@ -144,17 +144,17 @@ def _groups(scene: Scene) -> list[tuple[tuple[bool, str, bool], list[_Member]]]:
 def _merge_group(
     scene: Scene, moves: bool, material: str, smooth: bool, members: list[_Member]
 ) -> MergedMesh:
-    offsets = np.cumsum([0, *(len(each.mesh.vertices) for each in members)]).tolist()
+    offsets = np.cumsum([0, *(len(part.mesh.vertices) for part in members)]).tolist()
     faces = [
-        np.asarray(each.mesh.faces) + offset for each, offset in zip(members, offsets, strict=False)
+        np.asarray(part.mesh.faces) + offset for part, offset in zip(members, offsets, strict=False)
     ]
-    placed = np.concatenate([each.vertices() for each in members])
-    normals = np.concatenate([each.normals() for each in members]) if smooth else None
+    placed = np.concatenate([part.vertices() for part in members])
+    normals = np.concatenate([part.normals() for part in members]) if smooth else None
     look = scene.materials[material]
     glows = look.emission is not None and look.emission.pattern is not None
     patterned = look.finish.is_patterned if look.finish else look.texture is not None or glows
-    uv = np.concatenate([each.uv(material) for each in members]) if patterned else None
-    ids = [np.full(len(each.mesh.faces), each.object_id, np.uint32) for each in members]
+    uv = np.concatenate([part.uv(material) for part in members]) if patterned else None
+    ids = [np.full(len(part.mesh.faces), part.object_id, np.uint32) for part in members]
     merged = MergedMesh(
         material,
         _local(placed, scene.origin_m),
@@ -166,9 +166,9 @@ def _merge_group(
     if not moves:
         return merged
     parts = tuple(
-        MovingPart(slice(*span), each.placement.motion)
-        for span, each in zip(pairwise(offsets), members, strict=True)
-        if each.placement.motion is not None
+        MovingPart(slice(*span), part.placement.motion)
+        for span, part in zip(pairwise(offsets), members, strict=True)
+        if part.placement.motion is not None
     )
     moving = MovingMesh(
         **vars(merged), placed=placed, placed_normals=normals, parts=parts, origin_m=scene.origin_m

@@ -150,7 +150,7 @@ class MeshIndex:
     """Meshes of loaded scenes by shape, one scene after the other, in a vectorized variant."""
 
     def __init__(self, *loaded: Any) -> None:
-        numbers = [np.array(dr.reinterpret_array(mi.UInt, each.shapes_dr())) for each in loaded]
+        numbers = [np.array(dr.reinterpret_array(mi.UInt, scene.shapes_dr())) for scene in loaded]
         registered = np.concatenate(numbers)
         # Entry 0 is for rays without a hit.
         table = np.zeros(1 + int(registered.max(initial=0)), np.uint32)
@@ -185,8 +185,8 @@ class Layers:
             for scene in self.scenes
         ]
         nearest = hits[0]
-        for other in hits[1:]:
-            nearest = dr.select(other.t < nearest.t, other, nearest)
+        for hit in hits[1:]:
+            nearest = dr.select(hit.t < nearest.t, hit, nearest)
         return nearest
 
     def ray_test(self, rays: Any, active: Any = True) -> Any:

@@ -26,8 +26,8 @@ class SkyPatterns:
     """Patterns of a sky, evaluated along directions."""
 
     def __init__(self, patterns: Sequence[SkyPattern]) -> None:
-        self._textures = [mi.load_dict(bitmap(each.pattern)) for each in patterns]
-        self._rows = [len(each.pattern) for each in patterns]
+        self._textures = [mi.load_dict(bitmap(sky.pattern)) for sky in patterns]
+        self._rows = [len(sky.pattern) for sky in patterns]
 
     def toward(self, direction: Any, active: Any) -> list[Any]:
         """Value of each pattern in directions."""
@@ -60,10 +60,10 @@ class BrightDirections:
     """Random directions to where a sky with patterns is bright."""
 
     def __init__(self, lighting: Lighting) -> None:
-        rows = max(len(each.pattern) for each in lighting.patterns)
+        rows = max(len(part.pattern) for part in lighting.patterns)
         chance = np.full((rows, 2 * rows), mean(lighting.sky))
-        for each in lighting.patterns:
-            near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
+        for part in lighting.patterns:
+            near = maximum_filter(part.pattern, 3, mode=("nearest", "wrap")) * mean(part.radiance)
             of_row, of_column = (np.arange(n) * len(near) // rows for n in (rows, 2 * rows))
             chance += near[of_row][:, of_column]
         sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
@@ -108,32 +108,32 @@ class _UnevenSky(PlugIn):
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
         self.directions = BrightDirections(lighting)
         self.even = mi.load_dict(spectrum(lighting.sky))
-        self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
+        self.spectra = [mi.load_dict(spectrum(part.radiance)) for part in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
 
     def toward(self, at: Any, direction: Any, active: Any) -> Any:
         """Radiance from a direction, at the wavelengths of a point."""
         point = _zeros(mi.SurfaceInteraction3f)
         point.wavelengths = at.wavelengths
-        found = self.even.eval(point, active)
+        radiance = self.even.eval(point, active)
         values = self.patterns.toward(direction, active)
         for color, value in zip(self.spectra, values, strict=True):
-            found += color.eval(point, active) * value
-        return dr.select(active, found, 0.0)
+            radiance += color.eval(point, active) * value
+        return dr.select(active, radiance, 0.0)
 
     def eval(self, si: Any, active: Any = True) -> Any:
         return self.toward(si, -si.wi, active)
 
     def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
-        found = _zeros(mi.DirectionSample3f)
-        found.d, found.pdf = self.directions.sample(sample, active)
-        found.p = it.p + _DISTANCE_M * found.d
-        found.n = -found.d
-        found.dist, found.time, found.delta = _DISTANCE_M, it.time, False
-        found.emitter = self if is_scalar() else mi.EmitterPtr(self)
-        active = active & (found.pdf > 0)
-        weight = dr.select(active, dr.rcp(found.pdf), 0.0)
-        return found, self.toward(it, found.d, active) * weight
+        drawn = _zeros(mi.DirectionSample3f)
+        drawn.d, drawn.pdf = self.directions.sample(sample, active)
+        drawn.p = it.p + _DISTANCE_M * drawn.d
+        drawn.n = -drawn.d
+        drawn.dist, drawn.time, drawn.delta = _DISTANCE_M, it.time, False
+        drawn.emitter = self if is_scalar() else mi.EmitterPtr(self)
+        active = active & (drawn.pdf > 0)
+        weight = dr.select(active, dr.rcp(drawn.pdf), 0.0)
+        return drawn, self.toward(it, drawn.d, active) * weight
 
     def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
         return self.directions.density(ds.d, active)

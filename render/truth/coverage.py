@@ -40,25 +40,11 @@ class Probes(NamedTuple):
 
 
 def ray_weights(
-    geometry: Geometry,
-    camera: Camera,
-    eyes: Eyes,
-    surface: Surface,
-    places: Floats,
-    probes: Probes,
+    geometry: Geometry, camera: Camera, eyes: Eyes, surface: Surface, places: Floats, probes: Probes
 ) -> Floats:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
-    Parameters
-    ----------
-    eyes
-        Eyes of the P pixels.
-    surface
-        Surface seen by the P·K rays.
-    places : (P, 2)
-        Image coordinates of the pixels' corners, upper left.
-    probes
-        The K rays of a pixel.
+    There are P eyes, a surface seen by P·K rays, and the pixels' upper left corners (P, 2).
     """
     offsets, alike = probes
     rays = len(offsets)

@@ -42,12 +42,6 @@ class FlowSpread:
         """Pixels (H, W) that are partly occluded."""
         return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
-    @classmethod
-    def of_none(cls, shape: tuple[int, ...]) -> "FlowSpread":
-        """Return the values for a missing frame."""
-        undefined = np.full((*shape, 2), np.nan, np.float32)
-        return cls(undefined, undefined[..., 0], np.zeros(shape, np.float32))
-
 
 @dataclass(frozen=True)
 class Footprint:
@@ -78,7 +72,7 @@ class Footprints:
     def __init__(self, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry, self._camera = geometry, camera
         grid = math.isqrt(rays - 1) + 1
-        i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
+        i, j = (index.ravel() for index in np.meshgrid(np.arange(grid), np.arange(grid)))
         inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
         corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
         offsets = np.concatenate([inside, np.array(corners, dtype=float)])
@@ -98,8 +92,8 @@ class Footprints:
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
         strips = [slice(first, min(first + step, height)) for first in range(0, height, step)]
         parts = [self._of_rows(view, following, previous, object_id, rows) for rows in strips]
-        whole: Footprint = _joined(parts)
-        return whole
+        joined: Footprint = _joined(parts)
+        return joined
 
     def _of_rows(
         self,
@@ -131,11 +125,10 @@ class Footprints:
 
         def flow(other: View | None) -> FlowSpread:
             if other is None:
-                return FlowSpread.of_none(centers.shape)
-            found = correspondence(self._geometry, camera, seen, places_used, other)
-            spread = _spread(
-                found.displacement, found.is_hidden, weights[used], pixel, centers.size
-            )
+                undefined = np.full((*centers.shape, 2), np.nan, np.float32)
+                return FlowSpread(undefined, undefined[..., 0], np.zeros(centers.shape, np.float32))
+            way = correspondence(self._geometry, camera, seen, places_used, other)
+            spread = _spread(way.displacement, way.is_hidden, weights[used], pixel, centers.size)
             shaped = spread.reshape(*centers.shape, 4).astype(np.float32)
             return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
 
@@ -160,10 +153,10 @@ def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int
     shares = weights * known
     x, y = np.where(known[:, None], flow, 0.0).T
     with np.errstate(invalid="ignore"):
-        whole = total(shares)
-        mean_x, mean_y = total(shares * x) / whole, total(shares * y) / whole
+        shown = total(shares)
+        mean_x, mean_y = total(shares * x) / shown, total(shares * y) / shown
         away = np.where(known, (x - mean_x[pixel]) ** 2 + (y - mean_y[pixel]) ** 2, 0.0)
-        spread = np.sqrt(total(shares * away) / whole)
+        spread = np.sqrt(total(shares * away) / shown)
     return np.stack([mean_x, mean_y, spread, total(weights * hidden)], axis=-1)
 
 
@@ -172,5 +165,5 @@ def _joined(parts: Sequence[Any]) -> Any:
     kind = type(parts[0])
     if kind is np.ndarray:
         return np.concatenate(parts)
-    each = ([getattr(part, field.name) for part in parts] for field in fields(kind))
-    return kind(*map(_joined, each))
+    columns = ([getattr(part, field.name) for part in parts] for field in fields(kind))
+    return kind(*map(_joined, columns))

@@ -69,8 +69,8 @@ class Eyes:
 
 def _times(rotation: Floats, vectors: Floats) -> Floats:
     # Not matmul, which wakes all of BLAS's threads for products of three numbers.
-    each = "ij,nj->ni" if rotation.ndim == 2 else "nij,nj->ni"
-    return np.asarray(np.einsum(each, rotation, vectors))
+    subscripts = "ij,nj->ni" if rotation.ndim == 2 else "nij,nj->ni"
+    return np.asarray(np.einsum(subscripts, rotation, vectors))
 
 
 Ways = Callable[[Eyes], Floats]
@@ -136,8 +136,8 @@ class Rolling:
                 break
         eyes = self._eyes(place, camera)
         lost = (step >= _TOLERANCE_PX)[:, None, None]
-        found = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
-        return found, self._eyes(np.floor(place) + 0.5, camera)
+        turned = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
+        return turned, self._eyes(np.floor(place) + 0.5, camera)
 
     def _eyes(self, place: Floats, camera: Camera) -> Eyes:
         size = camera.shape[1 - self.shutter.across]
@@ -287,9 +287,9 @@ class Geometry:
     def normal(self, surface: Surface) -> Floats:
         """Geometric unit normals (N, 3), toward the rays' origins; NaN for the sky."""
         normal, hit = np.full(surface.points.shape, np.nan), ~surface.is_sky
-        found = self._perpendicular(surface.triangle[hit], of_rays(surface.time_s, hit))
-        size = np.sqrt(np.maximum(_dot(found, found), 1e-300))
-        normal[hit] = found * (-np.sign(_dot(found, surface.directions[hit])) / size)[:, None]
+        cross = self._perpendicular(surface.triangle[hit], of_rays(surface.time_s, hit))
+        size = np.sqrt(np.maximum(_dot(cross, cross), 1e-300))
+        normal[hit] = cross * (-np.sign(_dot(cross, surface.directions[hit])) / size)[:, None]
         return normal
 
     def faces(self, surface: Surface, way: Floats, time_s: Times) -> Mask:
@@ -452,10 +452,10 @@ def correspondence(
         return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)
 
     seen, shown = other.seeing(camera, way, len(image))
-    there = way(seen)
-    displacement = camera.displacement(seen.to_camera(there), image)
-    there = there if shown is seen else way(shown)
+    ways = way(seen)
+    displacement = camera.displacement(seen.to_camera(ways), image)
+    ways = ways if shown is seen else way(shown)
     distance = np.where(surface.is_sky, np.inf, 1.0)
-    hidden = geometry.is_hidden(shown.origin, there, distance, shown.time_s)
-    hidden |= ~geometry.faces(surface, there, shown.time_s)
+    hidden = geometry.is_hidden(shown.origin, ways, distance, shown.time_s)
+    hidden |= ~geometry.faces(surface, ways, shown.time_s)
     return Correspondence(displacement, hidden)

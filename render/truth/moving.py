@@ -121,14 +121,14 @@ class MovingTriangles:
                 moved = self._carried(rows, first, clusters, time)
                 shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
                 corners, number = moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
-                some = bundle.rays
-                far = distance[some]
-                found = _meet(
-                    bundle.places, directions[some], bundle.axes, bundle.sides,
+                members = bundle.rays
+                far = distance[members]
+                met = _meet(
+                    bundle.places, directions[members], bundle.axes, bundle.sides,
                     corners - start, far,
                 )  # fmt: skip
-                hit = found >= 0
-                distance[some], triangle[some[hit]] = far, number[found[hit]]
+                hit = met >= 0
+                distance[members], triangle[members[hit]] = far, number[met[hit]]
         return distance, triangle
 
     def _carried(self, rows: Ints, first: Ints, clusters: Ints, time_s: float) -> Floats:
@@ -137,8 +137,8 @@ class MovingTriangles:
         motion = self._motion_of[clusters]
         starts = np.flatnonzero(np.diff(motion, prepend=-1))
         for start, end in pairwise([*starts, len(motion)]):
-            some = slice(first[start], first[end])
-            moved[some] = self._motions[motion[start]].carry(moved[some], time_s)
+            members = slice(first[start], first[end])
+            moved[members] = self._motions[motion[start]].carry(moved[members], time_s)
         local: Floats = (moved - self._origin_m).astype(np.float32).astype(np.float64)
         return local
 

@@ -16,6 +16,7 @@ from megalopta.scenes.spectra.spectrum import flat
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="needs a vectorized variant"
 )
+INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 GRAY = Material(flat(0.5))
 EVEN = Lighting(flat(1e-9))
 

@@ -88,9 +88,7 @@ def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypat
     ("values", "reason"),
     [
         (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
-        (np.full((8, 16, 3), np.nan), "not finite"),
         (np.full((8, 16, 3), -1.0), "values below 0, the lowest -1, more than 1% of its"),
-        (np.random.default_rng(0).random((16, 32, 3)) - 0.1, "more than 1% of its light"),
         (np.zeros((8, 16, 3)), "black above the horizon"),
     ],
 )

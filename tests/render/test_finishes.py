@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.render import (
-    RenderSettings,
-    SceneRenderer,
-    activate,
-    choose_variant,
-    mi,
-)
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 
 from .conftest import plainly, vectorized
@@ -155,15 +149,6 @@ def blocks(radiance):
     return found.reshape(SEEDS, 4, 6, 4, 8, -1).mean(axis=(2, 4))
 
 
-def deviations(ours, theirs):
-    """Differences of means of blocks and of whole pictures in standard errors, and the latter."""
-    found = []
-    for one, other in ((ours, theirs), (ours.mean((1, 2)), theirs.mean((1, 2)))):
-        error = np.sqrt((one.var(axis=0, ddof=1) + other.var(axis=0, ddof=1)) / SEEDS)
-        found.append((one.mean(axis=0) - other.mean(axis=0)) / error)
-    return *found, error
-
-
 @vectorized
 @pytest.mark.slow
 def test_metal_glass_and_gloss_are_as_bright_as_in_plain_mitsuba(room):
@@ -176,9 +161,10 @@ def test_metal_glass_and_gloss_are_as_bright_as_in_plain_mitsuba(room):
     theirs = blocks(lambda seed: plain(seed + 100))
     # With 22 degrees of freedom, one of 48 exceeds 10 with a probability of 6e-8, and one of 3
     # exceeds 8 with 2e-7; errors of the whole picture are below half a percent.
-    of_blocks, of_all, error = deviations(ours, theirs)
-    assert np.abs(of_blocks).max() < 10
-    assert np.abs(of_all).max() < 8
+    pictures = ours.mean((1, 2)), theirs.mean((1, 2))
+    for (a, b), most in (((ours, theirs), 10), (pictures, 8)):
+        error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / SEEDS)
+        assert np.abs((a.mean(axis=0) - b.mean(axis=0)) / error).max() < most
     assert (error < 0.005 * ours.mean(axis=(0, 1, 2))).all()
 
 

@@ -5,7 +5,7 @@ once in two million times.
 """
 
 import math
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,15 +113,6 @@ def test_nothing_is_seen_where_droplets_and_surfaces_scatter_all_of_an_even_ligh
         image = rendering.radiance(POSES[0], 1)
     # 16 000 paths or more in each band: 0.2 % (σ).
     assert image.mean(axis=(0, 1), dtype=np.float64) == pytest.approx(LEVEL, rel=0.012)
-
-
-def assert_equal(ours, theirs):
-    for field in fields(ours):
-        pair = getattr(ours, field.name), getattr(theirs, field.name)
-        if is_dataclass(pair[0]):
-            assert_equal(*pair)
-        else:
-            np.testing.assert_array_equal(*pair)
 
 
 def test_meter_reads_the_requested_light_above_the_haze_and_what_is_left_of_it_below():

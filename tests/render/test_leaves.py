@@ -12,9 +12,8 @@ from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from .conftest import band_means, down, scene_of, square, surface_error, vectorized
+from .conftest import INTEGRATORS, band_means, down, scene_of, square, surface_error, vectorized
 
-INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((400.0, 500.0), (500.0, 600.0), (600.0, 700.0))
 GREEN = Spectrum((400.0, 550.0, 700.0), (0.05, 0.3, 0.1)), Spectrum((400.0, 700.0), (0.0, 0.5))
 LIGHT = Spectrum((400.0, 700.0), (1e-9, 3e-9))

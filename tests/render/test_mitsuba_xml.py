@@ -153,34 +153,38 @@ def test_shapes_and_pictures_are_where_plain_mitsuba_has_them(xml):
 
 
 ROOM = """<scene version="3.0.0">
-  <integrator type="path"/>
-  <bsdf type="twosided" id="wall">
-    <bsdf type="diffuse"><spectrum name="reflectance" value="400:0.3, 720:0.7"/></bsdf>
-  </bsdf>
-  <bsdf type="diffuse" id="black"><spectrum name="reflectance" value="0"/></bsdf>
-  <shape type="cube"><transform name="to_world"><scale value="2"/></transform><ref id="wall"/></shape>
-  <shape type="rectangle" id="lamp">
+  <shape type="cube"><transform name="to_world"><scale value="2"/></transform>{wall}</shape>
+  <shape type="rectangle">
     <transform name="to_world">
       <scale value="0.5"/><rotate x="1" angle="180"/><translate z="1.9"/>
     </transform>
-    <ref id="black"/>
-    <emitter type="area"><rgb name="radiance" value="3"/></emitter>
+    {lamp}<emitter type="area"><spectrum name="radiance" value="3"/></emitter>
   </shape>
 </scene>"""
+DIFFUSE = """<bsdf type="twosided">
+  <bsdf type="diffuse"><spectrum name="reflectance" value="{}"/></bsdf>
+</bsdf>"""
+
+
+def room(path, wall, lamp):
+    """Write a room with a lamp of some reflectance."""
+    path.write_text(ROOM.format(wall=DIFFUSE.format(wall), lamp=DIFFUSE.format(lamp)))
+    description = Meshes(files=({"file": str(path), "up": "z"},), lights="file")
+    assert description.is_self_luminous
+    return description
 
 
 def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
-    path = tmp_path / "room.xml"
-    path.write_text(ROOM)
+    description = room(tmp_path / "room.xml", "400:0.3, 720:0.7", 0)
     inside = Trajectory(frames=2, position_m=(-1.5, 0, 0), look_at_m=(0, 0.1, 0))
     camera = PerspectiveCamera(width=24, height=18, fov_deg=80)
     settings = RenderSettings(bands_nm=BANDS, samples_per_pixel=64, max_depth=8)
-    description = Meshes(files=({"file": str(path), "up": "z"},), lights="file")
-    assert description.is_self_luminous
     renderer = SceneRenderer(build_scene(description, Light(), camera, inside), camera, settings)
-    ours = renderer.radiance(inside.poses()[0], seed=1).astype(np.float64)
+    pose = inside.poses()[0]
+    ours = renderer.radiance(pose, seed=1).astype(np.float64)
     mi.set_variant("scalar_spectral")
-    plain = np.array(plainly(mi.load_file(str(path)), camera, inside.poses()[0], settings)(2))
+    scene = mi.load_file(str(tmp_path / "room.xml"))
+    plain = np.array(plainly(scene, camera, pose, settings)(2))
     # Errors of pixels are independent, of some 5 % at 64 samples; with 432 pixels and two
     # renderings, five deviations of the mean are below 2 %.
     np.testing.assert_allclose(ours.mean((0, 1)), plain.mean((0, 1), dtype=float), rtol=0.02)
@@ -189,24 +193,13 @@ def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
 @pytest.mark.slow
 def test_a_closed_white_room_has_the_light_of_long_paths(tmp_path):
     """The default depth against 500 hits; at 16 it lacks 3 %."""
-    path = tmp_path / "room.xml"
-    box = (
-        '<shape type="cube"><transform name="to_world"><scale value="2"/></transform>WHITE</shape>'
-    )
-    lamp = (
-        '<shape type="rectangle"><transform name="to_world"><scale value="0.5"/>'
-        '<rotate x="1" angle="180"/><translate z="1.9"/></transform>WHITE'
-        '<emitter type="area"><spectrum name="radiance" value="3"/></emitter></shape>'
-    )
-    white = '<bsdf type="diffuse"><spectrum name="reflectance" value="0.8"/></bsdf>'
-    path.write_text(f'<scene version="3.0.0">{(box + lamp).replace("WHITE", white)}</scene>')
-    files = f"scene: {{kind: meshes, files: {{file: {path}, up: z}}, lights: file}}"
+    description = room(tmp_path / "room.xml", 0.8, 0.8)
+    files = f"scene: {{kind: meshes, files: {{file: {tmp_path}/room.xml, up: z}}, lights: file}}"
     settings = parse(files, "test").render.model_copy(
         update={"bands_nm": BANDS[:1], "samples_per_pixel": 256}
     )
     inside = Trajectory(frames=1, position_m=(-1.5, 0, 0), look_at_m=(0, 0.1, -0.3))
     camera = PerspectiveCamera(width=32, height=24, fov_deg=60)
-    description = Meshes(files=({"file": str(path), "up": "z"},), lights="file")
     scene = build_scene(description, Light(), camera, inside)
 
     def mean(depth):

@@ -58,14 +58,11 @@ def test_scatter_of_passes_gives_the_known_noise(count, averaged):
     np.testing.assert_allclose(passes(count).mean, exact, rtol=1e-6)
 
 
-def test_passes_stop_at_the_first_that_meets_the_target():
+def test_passes_stop_at_the_first_that_meets_the_target_or_at_the_cap_but_not_before_the_second():
     sigma = SIGMA / MEAN.sum()
     image, noise = render_until(gaussian_pass, measured_pass, sigma / np.sqrt(5.5), 100)
     assert noise.passes == 6  # σ/√5 is 5 % above the target, σ/√6 4 % below; known to 0.6 %
     np.testing.assert_array_equal(image, passes(6).mean)
-
-
-def test_passes_stop_at_the_cap_and_never_before_the_second():
     assert render_until(gaussian_pass, measured_pass, 1e-6, 3)[1].passes == 3
     assert render_until(gaussian_pass, measured_pass, 0.9, 3)[1].passes == 2
 
@@ -138,24 +135,19 @@ def test_median_of_blocks_is_known_though_two_passes_rarely_meet_most_of_the_noi
     assert two.noise(1).median_relative == pytest.approx(np.median(of_blocks) / 10, rel=0.2)
 
 
-def test_an_error_that_stands_is_part_of_the_whole_and_told_apart():
-    flicker, sky = passes(2), np.zeros((200, 200), np.float32)
-    apart = 0.5 * (gaussian_pass(11) - MEAN).astype(np.float32)
-    noise = flicker.noise(1, under(sky, standing=seen_twice(apart)))
-    sigma = SIGMA / MEAN.sum()
-    assert noise.surface.standing == pytest.approx(0.5 * sigma, rel=0.03)
-    assert noise.surface.rms == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
-    assert noise.surface.median == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
-
-
-def test_the_error_of_the_clusters_that_samples_meet_is_not_that_of_the_pixel():
+@pytest.mark.parametrize("of_clusters", [0, 1])
+def test_an_error_that_stands_is_part_of_the_whole_and_told_apart(of_clusters):
     flicker, sky = passes(2), np.zeros((200, 200), np.float32)
     apart = 0.5 * (gaussian_pass(11) - MEAN)
-    # Each set of samples meets clusters of its own, with twice as large an error.
-    met = np.stack([apart + gaussian_pass(number) - MEAN for number in (12, 13)], axis=2)
-    found = flicker.noise(1, under(sky, standing=met.astype(np.float32))).surface
+    # Each set of samples meets clusters of its own, with twice as large an error: not the pixel's.
+    draws = [apart + of_clusters * (gaussian_pass(number) - MEAN) for number in (12, 13)]
+    standing = np.stack(draws, axis=2).astype(np.float32)
+    surface, sigma = flicker.noise(1, under(sky, standing=standing)).surface, SIGMA / MEAN.sum()
     # 40 000 products of a relative deviation of some 5: 2.5 % of the square; five σ of the root
-    assert found.standing == pytest.approx(0.5 * SIGMA / MEAN.sum(), rel=0.07)
+    assert surface.standing == pytest.approx(0.5 * sigma, rel=0.07 if of_clusters else 0.03)
+    assert surface.rms == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
+    if not of_clusters:
+        assert surface.median == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
 
 
 def test_what_stands_is_the_distance_from_paths_without_their_scatter():

@@ -8,13 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.scenes import (
-    Light,
-    Meshes,
-    PerspectiveCamera,
-    Trajectory,
-    build_scene,
-)
+from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_color
@@ -165,9 +159,7 @@ def test_truth_of_an_own_scene_is_that_of_an_independent_ray_caster(yard):
     assert_depth_and_flow(truth, distance, seen, lambda _: points)
 
 
-PLACE, TURN = np.array([-2.0, 0.2, 1.0]), (20.0, -30.0, 60.0)
-
-
+PLACE = np.array([-2.0, 0.2, 1.0])
 KEYS_S = np.array([0.0, 0.05, 0.3], np.float32)
 ANGLES_DEG = np.array([0.0, 20.0, 160.0])
 SLIDES = np.array([[0, 0, 0], [0, 0.5, 0], [1, 0.5, 0]], np.float32)

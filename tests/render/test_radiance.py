@@ -51,11 +51,7 @@ def test_diffuse_plane_under_uniform_sky_returns_reflectance_times_irradiance_ov
 @pytest.mark.parametrize(("integrator", "width"), [("path", 160), ("baked", 72)])
 @pytest.mark.parametrize(
     "light",
-    [
-        Light(level="airglow"),
-        Light(level="quarter_moon"),
-        Light(level="daylight", cloud_cover=0.5),
-    ],
+    [Light(level="airglow"), Light(level="quarter_moon"), Light(level="daylight", cloud_cover=0.5)],
     ids=lambda light: light.level,
 )
 def test_diffuse_plane_returns_reflectance_times_irradiance_of_all_lights_over_pi(
@@ -145,9 +141,6 @@ def test_share_is_the_rest_of_a_geometric_series(max_depth):
     expected = kept ** (max_depth - 1)
     found = of_walls(max_depth).light_left_out(DOWN)
     np.testing.assert_allclose(found, expected, rtol=0.12, atol=1e-3)
-
-
-# Elements of 10 nm over V(λ).
 
 
 def survey(lighting, place, *things):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,13 +11,9 @@ import trimesh
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.cells import views
-from megalopta.render.baking.choice import (
-    Scatter,
-    cost_reason,
-    path_tracing_reason,
-)
+from megalopta.render.baking.choice import Scatter, cost_reason, path_tracing_reason
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
@@ -41,10 +38,7 @@ def renderer_of(scene, poses, seed=0, camera=CAMERA, **settings):
 @vectorized
 @pytest.mark.parametrize(
     ("light", "share"),
-    [
-        (Lighting(SKY), 1.0),
-        (Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY)), math.cos(1.0) / math.pi),
-    ],
+    [(Lighting(SKY), 1.0), (Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY)), math.cos(1.0) / math.pi)],
     ids=["sky", "sun"],
 )
 def test_plane_shows_the_band_mean_of_reflectance_times_irradiance_over_pi(light, share, ground):
@@ -63,10 +57,7 @@ def test_what_lies_below_the_ground_sends_no_light_up():
     wall = quad(np.array([[0, -1, -0.37], [0, 1, -0.37], [0, 1, 0.03], [0, -1, 0.03]], float))
     black, white = Material(flat(0)), Material(flat(0.5))
     scene = scene_of(
-        Lighting(flat(1e-9)),
-        (square(0, 20), black),
-        (square(0.8, 20), black),
-        (wall, white),
+        Lighting(flat(1e-9)), (square(0, 20), black), (square(0.8, 20), black), (wall, white)
     )
     poses = Trajectory(frames=2, position_m=(-6, 0.2, 0.6), look_at_m=(0, 0, 0)).poses()
     common = {"samples_per_pixel": 1024, "bands_nm": BANDS[:1], "max_depth": 2}
@@ -138,10 +129,7 @@ def compared(tracer, light, seeds, time=0.0):
 @vectorized
 @pytest.mark.parametrize(
     "sun",
-    [
-        pytest.param(None, id="sky"),
-        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun"),
-    ],
+    [pytest.param(None, id="sky"), pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun")],
 )
 def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     scene = thicket(Lighting(SKY, sun))
@@ -182,31 +170,27 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
     assert frames[0].tobytes() != other.tobytes()
 
 
-TRACED_25 = RenderSettings(samples_per_pixel=25)
-
-
 def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
+    settings = RenderSettings(samples_per_pixel=25)
+
     def reason(scene, variant="llvm_ad_spectral", frames=400, integrator="auto", pixels=80**2):
-        settings = RenderSettings(integrator=integrator, samples_per_pixel=25)
-        return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), settings, pixels)
+        chosen = settings.model_copy(update={"integrator": integrator})
+        return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), chosen, pixels)
 
     still = scene_of(Lighting(SKY), ground)
     assert reason(still) == ""
     assert reason(still, frames=4, integrator="baked") == ""
     assert reason(still, integrator="path") == "as asked"
-    assert (
-        reason(still, frames=4)
-        == "100 samples per pixel in all frames, of 6400 pixels, are too few for baking to pay"
+    assert "100 samples per pixel in all frames, of 6400 pixels, are too few" in reason(
+        still, frames=4
     )
     # 10,000 samples of each: the look alone would take longer
     assert "too few" in reason(still, pixels=24**2)
     # 25 samples and baked light have an error of 10.2 %, for which paths would take 2384 samples:
     # 1.7 r + 0.7 · 25 = 1.5 · 2384 for each pixel.
-    scatter = Scatter(0.5, 5.0)
-    assert cost_reason(2093, 1, scatter, TRACED_25) == ""
-    too_many = cost_reason(2095, 1, scatter, TRACED_25)
-    assert too_many.startswith("baking would take 100% of the work of path tracing")
-    assert "to the same error of 10.2%" in too_many
+    cost = partial(cost_reason, pixels=1, scatter=Scatter(0.5, 5.0), settings=settings)
+    assert cost(2093) == ""
+    assert "100% of the work of path tracing to the same error of 10.2%" in cost(2095)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
@@ -255,16 +239,3 @@ def test_a_moving_box_leaves_the_rest_baked():
     assert least_standing(tracer, light, part.sky == 0, 0.4) < 1.25 * 0.05
     # The box itself is there, and its paths are traced.
     assert 0 < np.mean((part.standing == 0).all(axis=(2, 3)) & (part.sky == 0)) < 0.5
-
-
-@pytest.mark.slow
-@vectorized
-@pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
-def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
-    wall = square(1.0, 50.0)
-    wall.visual = trimesh.visual.TextureVisuals(uv=wall.vertices[:, :2])
-    material = Material(flat(0.5), None, Emission(3e-6, pattern))
-    scene = scene_of(None, (wall, material))
-    above, below = (renderer_of(scene, poses).radiance(poses[0], 1) for poses in (DOWN, UP))
-    np.testing.assert_allclose(above, 3e-6 * (1 if pattern is None else 0.5), 1e-5)
-    assert below.max() == 0

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.render import activate, choose_variant, dr, mi
 from megalopta.render.baking import cells as cells_module
-from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, Pages, survey, views
+from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, survey, views
 from megalopta.render.baking.choice import pilot
 from megalopta.render.baking.gathering import Scattering
 from megalopta.render.baking.light import smoothed
@@ -75,36 +75,17 @@ def test_normals_that_turn_cut_a_face_further():
 
 
 @vectorized
-@pytest.mark.parametrize("frames", [7])
-def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
+def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence():
     activate(choose_variant())
     floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
     loaded = load_scene(THING, [floor])
-    down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
+    down = Trajectory(frames=7, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
     rays = views(CAMERA, down.poses(), VIEWS, 0)
     cell, seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, rays)
     assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert (np.diff(cell) > 0).all()
     assert cell[-1] < cells.count // 2  # not the back
-
-
-@vectorized
-def test_pages_hold_what_a_table_of_all_cells_holds():
-    activate(choose_variant())
-    rng, pages = np.random.default_rng(0), Pages(10**6)
-    table, few = np.zeros(10**6, np.uint32), dr.zeros(mi.UInt, 0)
-    for value in range(1, 6):
-        cell = np.unique(rng.integers(0, 10**6, 300) // value).astype(np.uint32)
-        table[cell] = value
-        place = pages.of(mi.UInt(cell), mi.Bool(True))
-        few = pages.grown(few, 0)
-        dr.scatter(few, mi.UInt(value), place)
-    held = np.flatnonzero(np.array(few))
-    found = np.zeros_like(table)
-    found[pages.cells(held)] = np.array(few)[held]
-    assert (found == table).all()
-    assert pages.places < 10**5
 
 
 BANDS = ((400.0, 500.0), (700.0, 900.0))

@@ -1,7 +1,10 @@
+import struct
+import zlib
 from fractions import Fraction
 
 import av
 import numpy as np
+import OpenEXR
 import pytest
 
 from megalopta.core.errors import UserError
@@ -69,9 +72,20 @@ def assert_mean_of_frame(footage, rtol=1e-12):
     np.testing.assert_allclose(footage.mean(0), footage.frame(0).mean((0, 1), dtype=float), rtol)
 
 
-def refused(path):
+def exr(path, channels, **stated):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **stated}
+    OpenEXR.File(header, channels).write(str(path))
+    return path
+
+
+def chunk(name, data):
+    """A part of a PNG."""
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def refused(path, unit=None):
     with pytest.raises(UserError) as refusal:
-        open_footage(path)
+        open_footage(path, unit)
     message = str(refusal.value)
     assert str(path) in message and "\n" not in message
     return message

@@ -14,6 +14,8 @@ from megalopta.core.errors import UserError
 from megalopta.render import SUFFIXES, is_footage, open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
+from .conftest import refused
+
 
 def test_what_is_footage(tmp_path):
     Image.fromarray(np.zeros((4, 4), np.uint8)).save(tmp_path / "a.PNG")
@@ -22,23 +24,15 @@ def test_what_is_footage(tmp_path):
     assert is_footage(tmp_path) and is_footage(tmp_path / "a.PNG")
     assert not is_footage(tmp_path / "empty") and not is_footage(tmp_path / "notes.txt")
 
-
-def test_an_unknown_suffix_is_answered_with_what_is_read(tmp_path):
-    (tmp_path / "notes.txt").write_text("x")
-    with pytest.raises(UserError) as refusal:
-        open_footage(tmp_path / "notes.txt")
-    assert all(suffix in str(refusal.value) for suffix in SUFFIXES)
+    assert all(suffix in refused(tmp_path / "notes.txt") for suffix in SUFFIXES)
 
 
 def test_what_is_not_there_or_no_regular_file_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"none\.mp4: no such file or folder"):
-        open_footage(tmp_path / "none.mp4")
     os.mkfifo(tmp_path / "pipe.mp4")
-    with pytest.raises(UserError, match="not a regular file"):
-        open_footage(tmp_path / "pipe.mp4")
     (tmp_path / "null.png").symlink_to("/dev/null")
-    with pytest.raises(UserError, match="not a regular file"):
-        open_footage(tmp_path / "null.png")
+    assert "no such file or folder" in refused(tmp_path / "none.mp4")
+    for name in ("pipe.mp4", "null.png"):
+        assert "not a regular file" in refused(tmp_path / name)
 
 
 def saved(path, values, name="a.npy"):
@@ -98,26 +92,20 @@ def test_coded_floats_lie_between_0_and_1(tmp_path):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        (np.zeros((5, 4, 6, 4)), "has the shape (5, 4, 6, 4)"),
         (np.zeros((4, 6, 4)), "has the shape (4, 6, 4)"),
         (np.zeros((0, 4, 6)), "has the shape (0, 4, 6)"),
-        (np.zeros(5), "has the shape (5,)"),
         (np.zeros((4, 6), np.int64), "holds int64"),
-        (np.zeros((4, 6), complex), "holds complex128"),
         (np.array([[{}]]), "is not a complete array of numbers"),
     ],
 )
 def test_other_arrays_are_refused(tmp_path, values, said):
-    with pytest.raises(UserError) as refusal:
-        open_footage(saved(tmp_path, values), "linear")
-    assert said in str(refusal.value) and "a.npy" in str(refusal.value)
+    assert said in refused(saved(tmp_path, values), "linear")
 
 
 def test_an_array_that_ends_early_is_refused(tmp_path):
     path = saved(tmp_path, np.zeros((40, 60)))
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(UserError, match="complete array"):
-        open_footage(path, "linear")
+    assert "complete array" in refused(path, "linear")
 
 
 LEVELS = np.array([0, 60, 120, 180], np.uint8)
@@ -184,8 +172,7 @@ def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):
 def test_an_animation_that_is_cut_off_is_refused(tmp_path):
     path = write(tmp_path / "a.png")
     path.write_bytes(path.read_bytes()[:-60])
-    with pytest.raises(UserError, match="cannot be read as a picture"):
-        open_footage(path)
+    assert "cannot be read as a picture" in refused(path)
 
 
 @pytest.mark.parametrize("suffix", ["gif", "png", "webp"])

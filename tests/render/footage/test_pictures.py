@@ -5,28 +5,19 @@ import zlib
 
 import cv2
 import numpy as np
-import OpenEXR
 import pytest
 import tifffile
 from PIL import Image
 
-from megalopta.core.errors import UserError
 from megalopta.render import open_footage
 from megalopta.scenes.spectra.color import decode_srgb
 
-from .conftest import assert_mean_of_frame
+from .conftest import assert_mean_of_frame, chunk, exr, refused
 
 
 def light_of(path, unit=None):
     with open_footage(path, unit) as footage:
         return footage.frame(0)
-
-
-def refused(path, unit=None):
-    with pytest.raises(UserError) as refusal:
-        open_footage(path, unit)
-    assert "\n" not in str(refusal.value)
-    return str(refusal.value)
 
 
 @pytest.fixture
@@ -98,20 +89,11 @@ def test_transparency_stands_before_black(tmp_path, codes):
             assert footage.notes == ("transparent parts are shown over black",)
 
 
-def write_exr(path, **planes):
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        **planes.pop("header", {}),
-    }
-    OpenEXR.File(header, planes).write(str(path))
-
-
 def test_light_of_exr_and_radiance_and_float_tiff(tmp_path):
     light = np.random.default_rng(5).gamma(1, 2, (12, 20, 3)).astype(np.float32)
     red, green, blue = np.moveaxis(light, 2, 0).copy()
-    write_exr(tmp_path / "a.exr", R=red, G=green, B=blue)
-    write_exr(tmp_path / "gray.exr", Y=red.astype(np.float16))
+    exr(tmp_path / "a.exr", {"R": red, "G": green, "B": blue})
+    exr(tmp_path / "gray.exr", {"Y": red.astype(np.float16)})
     cv2.imwrite(str(tmp_path / "a.hdr"), light[..., ::-1])
     tifffile.imwrite(tmp_path / "a.tif", light, photometric="rgb")
     for name, tolerance in (("a.exr", 0), ("a.hdr", 0.05), ("a.tif", 0)):
@@ -127,31 +109,13 @@ def test_light_of_exr_and_radiance_and_float_tiff(tmp_path):
 def test_light_below_zero(tmp_path):
     values = np.ones((10, 10), np.float32)
     values[0, 0] = -0.1
-    write_exr(tmp_path / "a.exr", Y=values)
+    exr(tmp_path / "a.exr", {"Y": values})
     with open_footage(tmp_path / "a.exr") as footage:
         assert footage.frame(0).min() == 0 and "slightly below 0" in footage.notes[0]
     values[:5] = -1
-    write_exr(tmp_path / "bad.exr", Y=values)
-    assert "instead of differences" in refused(tmp_path / "bad.exr")
-    write_exr(tmp_path / "nan.exr", Y=np.full((4, 4), np.nan, np.float32))
-    assert "not finite" in refused(tmp_path / "nan.exr")
-
-
-def claimed(columns, rows):
-    """A PNG that claims a size."""
-
-    def chunk(name, data):
-        return (
-            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        )
-
-    head = struct.pack(">IIBBBBB", columns, rows, 16, 0, 0, 0, 0)
-    return (
-        b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", head)
-        + chunk(b"IDAT", zlib.compress(bytes(100)))
-        + chunk(b"IEND", b"")
-    )
+    assert "instead of differences" in refused(exr(tmp_path / "bad.exr", {"Y": values}))
+    values[:] = np.nan
+    assert "not finite" in refused(exr(tmp_path / "nan.exr", {"Y": values}))
 
 
 def test_what_is_no_picture_is_refused(tmp_path, codes, capfd):
@@ -161,20 +125,21 @@ def test_what_is_no_picture_is_refused(tmp_path, codes, capfd):
     )
     Image.fromarray(codes).save(tmp_path / "a.jpg")
     cv2.imwrite(str(tmp_path / "a.hdr"), np.random.default_rng(0).random((64, 64, 3), np.float32))
+    head = struct.pack(">IIBBBBB", 2**30, 2**30, 16, 0, 0, 0, 0)
+    huge = chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(100))) + chunk(b"IEND", b"")
     for name, content, said in (
         ("cut.png", deep.read_bytes()[:3000], "cannot be read as a picture"),
         ("cut.jpg", (tmp_path / "a.jpg").read_bytes()[:-200], "cannot be read as a picture"),
         ("cut.hdr", (tmp_path / "a.hdr").read_bytes()[:900], "cannot be read as a picture"),
         ("cut.tif", b"II*\0\xff\xff\xff\x0fhello", "cannot be read as a picture"),
         ("text.png", b"hello", "cannot be read as a picture"),
-        ("huge.png", claimed(2**30, 2**30), "claims"),
+        ("huge.png", b"\x89PNG\r\n\x1a\n" + huge, "claims"),
         ("huge.hdr", b"#?RADIANCE\n\n-Y 999999999 +X 999999999\n", "takes 3e+10 GB"),
         ("deep.ppm", b"P6 2 2 65535\n" + bytes(24), "more than 8 bits"),
         ("empty.png", b"", "is empty"),
     ):
         (tmp_path / name).write_bytes(content)
-        message = refused(tmp_path / name)
-        assert said in message and name in message
+        assert said in refused(tmp_path / name)
     assert capfd.readouterr() == ("", "")
 
 
@@ -190,13 +155,8 @@ def test_pictures_of_a_folder_follow_the_numbers_in_their_names(tmp_path):
     (folder / "notes.txt").write_text("x")
     (folder / ".hidden.png").write_text("x")
     with open_footage(folder) as footage:
-        assert [each.name for each in footage.files] == [
-            "f1.png",
-            "f2.png",
-            "f9.png",
-            "f10.png",
-            "f100.png",
-        ]
+        names = [path.name for path in footage.files]
+        assert names == ["f1.png", "f2.png", "f9.png", "f10.png", "f100.png"]
         np.testing.assert_array_equal(
             [footage.frame(k)[0, 0, 0] for k in range(5)],
             decode_srgb(np.arange(0, 50, 10, dtype=np.uint8)).astype(np.float32),

@@ -20,11 +20,9 @@ def pq(code):
 
 
 TRANSFERS = {
-    1: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
-    2: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
+    **dict.fromkeys((1, 2, 6), ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45))),
     4: ("gamma 2.2", lambda v: v**2.2),
     5: ("gamma 2.8", lambda v: v**2.8),
-    6: ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45)),
     8: ("linear", lambda v: v),
     13: ("sRGB", lambda v: ((v + 0.055) / 1.055) ** 2.4),
     16: ("PQ", pq),
@@ -53,8 +51,12 @@ def test_light_of_a_gray_of_10_bits_by_closed_form(film, number):
     ("code", "range_", "expected"),
     [(126, 1, 110 / 219), (126, 2, 126 / 255), (235, 1, 1.0), (16, 1, 0.0), (250, 1, 1.0)],
 )
-def test_range_of_8_bits(film, code, range_, expected):
-    path = film([gray(code)], colors=BT709 | {"color_trc": 8, "color_range": range_})
+@pytest.mark.parametrize("format", ["yuv420p", "gray"])
+def test_range_of_8_bits(film, code, range_, expected, format):
+    kind = ("film.mp4", "libx264") if format == "yuv420p" else ("gray.mkv", "ffv1")
+    planes = gray(code) if format == "yuv420p" else gray(code)[:1]
+    colors = BT709 | {"color_trc": 8, "color_range": range_}
+    path = film([planes], *kind, format, colors=colors)
     with open_footage(path) as footage:
         np.testing.assert_allclose(footage.frame(0), expected, atol=0.5 / 255)
         assert footage.saturated(0) == (expected == 1)
@@ -214,15 +216,3 @@ def test_a_damaged_frame_is_refused_when_it_is_asked_for(film, tmp_path):
     with open_footage(path) as footage, pytest.raises(UserError, match="cannot be decoded"):
         for k in range(len(footage)):
             footage.frame(k)
-
-
-def test_a_film_of_gray_keeps_its_range(film):
-    path = film(
-        [(np.full((48, 64), 126),)],
-        "gray.mkv",
-        "ffv1",
-        "gray",
-        colors={"color_range": 1, "color_trc": 8},
-    )
-    with open_footage(path) as footage:
-        np.testing.assert_allclose(footage.frame(0), 110 / 219, atol=1e-6)

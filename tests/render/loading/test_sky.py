@@ -20,9 +20,8 @@ from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Lighting, SkyPattern, pattern_directions
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from ..conftest import quad, scene_of, square, vectorized
+from ..conftest import INTEGRATORS, quad, scene_of, square
 
-INTEGRATORS = ["path", pytest.param("baked", marks=[vectorized, pytest.mark.slow])]
 BANDS = ((500.0, 600.0), (1400.0, 1500.0))
 ROWS = 90
 RED, BLUE = Spectrum((500.0, 1500.0), (1e-9, 3e-9)), Spectrum((500.0, 1500.0), (4e-9, 2e-9))
@@ -128,40 +127,34 @@ def loaded(material):
 
 
 def directions(count):
-    found = RNG.normal(size=(3, count))
-    return found / np.linalg.norm(found, axis=0)
+    toward = RNG.normal(size=(3, count))
+    return toward / np.linalg.norm(toward, axis=0)
 
 
-def interactions(scene, origins, variant):
-    """What rays from directions (3, n) on both sides meet in the middle of the surface."""
-    if variant.startswith("scalar"):
+def scattered(scene, origins, leaving, is_scalar):
+    """Value (n, 4) and density (n,) of light that meets the middle of a surface, and leaves it."""
+    surface, context = scene.shapes()[0].bsdf(), mi.BSDFContext()
+
+    def of(ray, to):
+        point = scene.ray_intersect(ray)
+        return [np.array(value) for value in surface.eval_pdf(context, point, point.to_local(to))]
+
+    if is_scalar:
         rays = [mi.Ray3f(o.tolist(), (-o).tolist(), 0.0, WAVELENGTHS) for o in origins.T]
-        return [scene.ray_intersect(ray) for ray in rays]
+        pairs = zip(rays, leaving.T.tolist(), strict=True)
+        values, density = zip(*(of(*pair) for pair in pairs), strict=True)
+        return np.array(values), np.array(density)
     wavelengths = mi.Spectrum(*WAVELENGTHS)
-    return scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), mi.Vector3f(-origins), 0, wavelengths))
-
-
-def each(variant, function, points, *arguments):
-    """Values (n, ...) of a function of interactions, whole or one at a time."""
-    if not variant.startswith("scalar"):
-        kinds = {1: mi.Float, 2: mi.Point2f, 3: mi.Vector3f}
-        given = [kinds[len(a) if a.ndim > 1 else 1](a.astype(np.float32)) for a in arguments]
-        found = function(points, *given)
-        return [np.moveaxis(np.array(value), -1, 0) for value in found]
-    rows = zip(points, *(a.T.tolist() for a in arguments), strict=True)
-    found = [function(*row) for row in rows]
-    return [np.array([np.array(value) for value in column]) for column in zip(*found, strict=True)]
+    rays = mi.Ray3f(mi.Point3f(origins), mi.Vector3f(-origins), 0, wavelengths)
+    values, density = of(rays, mi.Vector3f(leaving))
+    return values.T, density
 
 
 @pytest.mark.parametrize("name", LEAVES)
 def test_light_leaves_both_sides_of_a_surface_by_lamberts_law(name, variant):
     scene, expected = loaded(LEAVES[name]), shares(LEAVES[name])
-    surface, context = scene.shapes()[0].bsdf(), mi.BSDFContext()
     arriving, leaving = directions(COUNT), directions(COUNT)
-    points = interactions(scene, arriving, variant)
-    values, density = each(
-        variant, lambda si, to: surface.eval_pdf(context, si, si.to_local(to)), points, leaving
-    )
+    values, density = scattered(scene, arriving, leaving, variant.startswith("scalar"))
     same = arriving[2] * leaving[2] > 0
     law = np.where(same[:, None], *expected[:, None]) * np.abs(leaving[2] / np.pi)[:, None]
     np.testing.assert_allclose(values, law, rtol=1e-5, atol=1e-8)

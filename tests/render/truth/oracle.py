@@ -79,9 +79,11 @@ def sphere_hit(center, radius):
 
 def box_hit(half, center, turn, position, directions):
     """First hit on a box by the slab method, in the box's axes; infinite for none."""
-    start, along = turn.inv().apply(position - center), directions @ turn.as_matrix()
+    start = turn.inv().apply(position - center)
+    along = turn.inv().apply(directions.reshape(-1, 3)).reshape(directions.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides = (np.array([-half, half])[:, None, None] - start) / along
+        sides = np.stack([-half - start, half - start])
+        sides = sides.reshape(2, *[1] * (directions.ndim - start.ndim), *start.shape) / along
     near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
     return np.where((near <= far) & (near > 0), near, np.inf)
 

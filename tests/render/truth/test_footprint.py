@@ -40,18 +40,9 @@ def edge_of(height, slope):
     def at(column, row):
         return [5, -(column - CAMERA.width / 2) * 5 / focal, -(row - CAMERA.height / 2) * 5 / focal]
 
-    left, right = -50.0, CAMERA.width + 50.0
-    lower = 4000.0
-    return quad(
-        np.array(
-            [
-                at(left, height + slope * left),
-                at(right, height + slope * right),
-                at(right, lower),
-                at(left, lower),
-            ]
-        )
-    )
+    left, right, lower = -50.0, CAMERA.width + 50.0, 4000.0
+    upper = at(left, height + slope * left), at(right, height + slope * right)
+    return quad(np.array([*upper, at(right, lower), at(left, lower)]))
 
 
 @pytest.mark.parametrize("rays", [16, 64])

@@ -44,6 +44,7 @@ def ground_hit(position, directions, height=0.0):
     return np.where(distance < 480, distance, np.inf)
 
 
+HALF = np.array([0.6, 0.4, 0.8])
 SPIN = {"spin_deg_s": 90.0, "spin_axis": (1.0, 2.0, -0.5)}
 VELOCITY = np.array([-1.5, 2.0, 0.8])
 AXIS = np.array(SPIN["spin_axis"]) / np.linalg.norm(SPIN["spin_axis"])
@@ -53,6 +54,11 @@ def spin_at(time):
     return Rotation.from_rotvec(np.radians(90.0) * time * AXIS)
 
 
+def moving_box(center, velocity):
+    box = trimesh.creation.box(2 * HALF).apply_translation(center)
+    return box, RigidMotion(tuple(center), Drift(velocity_m_s=tuple(velocity), **SPIN))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
 def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
@@ -60,11 +66,8 @@ def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
     ground = square(half_width=500).apply_translation(offset)
     ball, box_center = np.array([7.0, 3.6, 1.0]) + offset, np.array([5.5, 0.6, 1.2]) + offset
     cap = sphere_cap(ball, 1.0, oracle.rays(1)[0])
-    half = np.array([0.6, 0.4, 0.8])
-    box = trimesh.creation.box(2 * half)
-    box.apply_translation(box_center)
-    motion = RigidMotion(tuple(box_center), Drift(velocity_m_s=tuple(VELOCITY), **SPIN))
-    renderer = renderer_on(path, (ground, None), (cap, None), (box, motion))
+    moving = moving_box(box_center, VELOCITY)
+    renderer = renderer_on(path, (ground, None), (cap, None), moving)
     truth = renderer.truth(path.poses(), 1, TIMES)
 
     position, directions = oracle.rays(1)
@@ -73,7 +76,7 @@ def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
         [
             ground_hit(position, directions, offset[2]),
             np.nan_to_num(sphere_hit(ball, 1.0)(position, directions), nan=np.inf),
-            box_hit(half, center, spin_at(TIMES[1]), position, directions),
+            box_hit(HALF, center, spin_at(TIMES[1]), position, directions),
         ]
     )
     seen = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0) + 1, 0)
@@ -99,17 +102,15 @@ def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
 def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
     path, oracle = path_at(offset), Pinhole(CAMERA, path_at(offset))
     ground = square(half_width=500).apply_translation(offset)
-    center, half = np.array([5.5, 0.6, 1.2]) + offset, np.array([0.6, 0.4, 0.8])
-    box = trimesh.creation.box(2 * half)
-    box.apply_translation(center)
-    motion = RigidMotion(tuple(center), Drift(velocity_m_s=tuple(3 * VELOCITY), **SPIN))
-    truth = renderer_on(path, (ground, None), (box, motion)).truth(path.poses(), 1, TIMES)
+    center = np.array([5.5, 0.6, 1.2]) + offset
+    moving = moving_box(center, 3 * VELOCITY)
+    truth = renderer_on(path, (ground, None), moving).truth(path.poses(), 1, TIMES)
     position, directions = oracle.rays(1)
     points = at(position, ground_hit(position, directions, offset[2]), directions)
     for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
         seat, _ = eye(path, other)
         then = center + 3 * VELOCITY * TIMES[other]
-        hit = box_hit(half, then, spin_at(TIMES[other]), seat, points - seat)
+        hit = box_hit(HALF, then, spin_at(TIMES[other]), seat, points - seat)
         on_ground = truth.object_id == 1
         assert (hit < 1)[on_ground].sum() > 100
         assert ((hit < 1) == flags)[on_ground].all()

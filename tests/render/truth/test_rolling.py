@@ -16,7 +16,7 @@ from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.spectra.spectrum import flat
 
 from ..conftest import renderer_of, square
-from .oracle import BOTH, eyes
+from .oracle import BOTH, box_hit, eyes
 
 CAMERA = PerspectiveCamera(width=64, height=48, fov_deg=70)
 FOCAL = 32 / np.tan(np.radians(35))
@@ -36,11 +36,7 @@ def box_at(times):
 
 def to_box(times, starts, ways):
     """Where ways (n, 3) first meet the box as it is at their times, in units of them."""
-    center, turn = box_at(times)
-    start, along = turn.inv().apply(starts - center), turn.inv().apply(ways)
-    sides = (np.array([-HALF, HALF])[:, None] - start) / along
-    near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
-    return np.where((near <= far) & (near > 0), near, np.inf)
+    return box_hit(HALF, *box_at(times), starts, ways)
 
 
 def image_of(points, times):
