@@ -15,7 +15,7 @@ from megalopta.report.style import BLACK, BLUE, VERMILION
 from megalopta.report.text import number, with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
-from megalopta.sensor.compare.two_sample import SEGMENT, Difference, segment_spectra
+from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
@@ -197,11 +197,6 @@ def _curves(captured: Levels, simulated: Levels) -> Iterator[Markup]:
         "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
         "noise; a higher one has a larger step or more crosstalk.",
     )
-    yield captioned(
-        _spectrum_chart(captured[-1], simulated[-1]),
-        "Temporal spectrum of the last recording. Flat: independent frames; power at low "
-        "frequencies: drift; a peak: hum or flicker.",
-    )
     dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
     if dark:
         yield captioned(
@@ -247,18 +242,6 @@ def _dark_chart(captured: Level, simulated: Level) -> Markup:
         axes.plot(_thinned(np.sort(rates, axis=None)), _thinned(shares), **look)
     axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="cumulative share of pixels")
     return style.with_legend(figure, "dark", "Distribution of dark counts over the pixels")
-
-
-@style.in_style
-def _spectrum_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw the temporal spectrum of the readings, mean over pixels."""
-    figure, axes = style.new_axes(*style.CHART_PT)
-    for level, line in zip((captured, simulated), _STYLES, strict=True):
-        power = segment_spectra(level.readings).mean(axis=0)[1:]
-        cycles = np.arange(1, power.size + 1) / SEGMENT
-        axes.plot(cycles, power, **line | {"marker": ""})
-    axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
-    return style.with_legend(figure, "spectrum", "Temporal spectrum, captured and simulated")
 
 
 @style.in_style

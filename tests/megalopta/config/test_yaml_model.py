@@ -2,10 +2,8 @@
 
 import pytest
 
-from megalopta.config import yaml_model
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
-from megalopta.core.validation import checked
 
 
 @pytest.mark.parametrize(
@@ -19,15 +17,6 @@ from megalopta.core.validation import checked
 def test_a_boolean_is_no_number(text, place):
     with pytest.raises(UserError, match=f"{place}: .*give a"):
         parse(text, "my.yaml")
-
-
-def test_values_of_file_and_command_line_are_validated_once(monkeypatch):
-    calls = []
-    monkeypatch.setattr(yaml_model, "checked", lambda *given: calls.append(1) or checked(*given))
-    load(
-        "demo", {"scene.trees": "300", "sensors.0.exposure_s": "0.01", "light_levels": "starlight"}
-    )
-    assert len(calls) == 1
 
 
 def test_text_of_a_number_is_one():
