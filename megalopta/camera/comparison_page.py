@@ -15,7 +15,7 @@ from megalopta.report.style import BLACK, BLUE, VERMILION
 from megalopta.report.text import number, with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
-from megalopta.sensor.compare.two_sample import SEGMENT, Difference, segment_spectra
+from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
@@ -77,7 +77,8 @@ class Page(NamedTuple):
 
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
-    found, explained, order = compared.found, compared.found.explained, compared.found.arrangement
+    comparison = compared.found
+    explained, order = comparison.explained, comparison.arrangement
     if not explained.alone:
         explanation = "Frames are not independent, or no pixel is left: none is tested."
     elif not explained.is_different:
@@ -90,27 +91,27 @@ def levels_page(name: str, compared: Compared) -> Page:
     faults = Section(
         "Faults",
         f"{_FAULTS} The image is {order.name}: rank correlation of the two patterns "
-        f"{order.correlation:.3f}. Found: {'; '.join(map(str, found.faults)) or 'none'}.",
+        f"{order.correlation:.3f}. Found: {'; '.join(map(str, comparison.faults)) or 'none'}.",
     )
     device = _differences(
         "The device",
         "Parameters that explain the rest, each fitted together with those that differ. "
         f"{explanation} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
-        f"raise a false alarm. “Equivalent”: a difference below {100 * found.margin:g} % (two "
+        f"raise a false alarm. “Equivalent”: a difference below {100 * comparison.margin:g} % (two "
         "one-sided tests at 95 %).",
-        found,
+        comparison,
     )
     lights = [
         "Dark" if level.is_dark else f"{number(level.light_hz)} photons/s per pixel"
         for level in compared.captured
     ]
     title = f"{name}: captured and simulated"
-    return Page(title, found.sentence, [faults, device, *_pixels(compared, lights)])
+    return Page(title, comparison.sentence, [faults, device, *_pixels(compared, lights)])
 
 
 def scene_page(name: str, compared: Compared) -> Page:
     """Return the differences of a captured from a simulated scene, with pictures."""
-    found = compared.found
+    comparison = compared.found
     in_time = captioned(
         _time_chart(compared.captured[0], compared.simulated[0]),
         "Coincident curves saw the same frames of the scene; a horizontal shift is a difference "
@@ -120,11 +121,11 @@ def scene_page(name: str, compared: Compared) -> Page:
         "The scene",
         f"Frames are aligned in time by correlation ({compared.correlation:.2f}), "
         "and the matching frames are simulated. Quantities are compared in blocks of frames; "
-        f"differences below {100 * found.margin:g} % are ignored.",
-        found,
+        f"differences below {100 * comparison.margin:g} % are ignored.",
+        comparison,
     )
     sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
-    return Page(f"{name}: captured and simulated", found.sentence, sections)
+    return Page(f"{name}: captured and simulated", comparison.sentence, sections)
 
 
 def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
@@ -172,16 +173,16 @@ def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
 
 def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
     """Yield sections on the differences of pixels, level by level, titled by their lights."""
-    captured, simulated, found = compared.captured, compared.simulated, compared.found
+    captured, simulated, comparison = compared.captured, compared.simulated, compared.found
     yield Section("Distributions", charts=tuple(_curves(captured, simulated)))
     counted = tuple(
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
-        for name, test in found.tests.items()
+        for name, test in comparison.tests.items()
     )
-    text = f"{_TESTS} Alarms: {'; '.join(found.alarms) or 'none'}."
+    text = f"{_TESTS} Alarms: {'; '.join(comparison.alarms) or 'none'}."
     yield Section("Pixels", text, ("quantity", "tested", "differ"), counted)
     for at, (one, other) in enumerate(zip(captured, simulated, strict=True)):
-        means, variances = (found.tests[name] for name in ("mean", "variance"))
+        means, variances = (comparison.tests[name] for name in ("mean", "variance"))
         maps = [each.readings.mean(axis=0) for each in (one, other)]
         yield Section(
             f"{lights[at]}, {with_error(one.exposure_s, 0, 's')}",
@@ -196,11 +197,6 @@ def _curves(captured: Levels, simulated: Levels) -> Iterator[Markup]:
         _transfer_chart(captured, simulated),
         "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
         "noise; a higher one has a larger step or more crosstalk.",
-    )
-    yield captioned(
-        _spectrum_chart(captured[-1], simulated[-1]),
-        "Temporal spectrum of the last recording. Flat: independent frames; power at low "
-        "frequencies: drift; a peak: hum or flicker.",
     )
     dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
     if dark:
@@ -247,18 +243,6 @@ def _dark_chart(captured: Level, simulated: Level) -> Markup:
         axes.plot(_thinned(np.sort(rates, axis=None)), _thinned(shares), **look)
     axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="cumulative share of pixels")
     return style.with_legend(figure, "dark", "Distribution of dark counts over the pixels")
-
-
-@style.in_style
-def _spectrum_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw the temporal spectrum of the readings, mean over pixels."""
-    figure, axes = style.new_axes(*style.CHART_PT)
-    for level, line in zip((captured, simulated), _STYLES, strict=True):
-        power = segment_spectra(level.readings).mean(axis=0)[1:]
-        cycles = np.arange(1, power.size + 1) / SEGMENT
-        axes.plot(cycles, power, **line | {"marker": ""})
-    axes.set(xlabel="cycles per frame", ylabel="power (counts²)", ylim=(0, None))
-    return style.with_legend(figure, "spectrum", "Temporal spectrum, captured and simulated")
 
 
 @style.in_style

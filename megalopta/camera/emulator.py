@@ -202,8 +202,8 @@ class EmulatedCamera:
 class EmulatedPort:
     """A pseudo-terminal with an emulated camera behind it.
 
-    `link` is a symbolic link to the terminal; `plugged_in` is called with its path, `sent` with the
-    bytes that leave the camera. The camera's clock runs `clock_rate` times as fast as the host's.
+    `link` is a symbolic link to the terminal; `plugged_in` is called with its path. The camera's
+    clock runs `clock_rate` times as fast as the host's.
     """
 
     def __init__(
@@ -211,14 +211,12 @@ class EmulatedPort:
         camera: EmulatedCamera,
         link: Path | None = None,
         plugged_in: Callable[[str], None] = lambda path: None,
-        sent: Callable[[bytes], None] = lambda data: None,
         clock_rate: float = 1.0,
     ) -> None:
         if link is not None and link.exists() and not link.is_symlink():
             raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
         self._camera, self._link, self._clock_rate = camera, link, clock_rate
-        self._plugged_in, self._sent = plugged_in, sent
-        self._waiting = bytearray()
+        self._plugged_in, self._waiting = plugged_in, bytearray()
         self.dropped = 0
         """Packets that did not fit into the buffer."""
 
@@ -249,9 +247,7 @@ class EmulatedPort:
                         now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
                         self._post(self._camera.answer(command, now_us))
                 if can_write:
-                    count = os.write(end, self._waiting)
-                    self._sent(bytes(self._waiting[:count]))
-                    del self._waiting[:count]
+                    del self._waiting[: os.write(end, self._waiting)]
         finally:
             if self._link is not None:
                 self._link.unlink(missing_ok=True)

@@ -26,24 +26,13 @@ class FlowSettings(Record, frozen=True):
     """Count saturated pixels, and blocks of which a tenth or more is saturated, in the errors
     (score), or not (leave_out). Record and report give the share of saturated readings."""
 
-    mixed: Literal["score", "leave_out", "weigh"] = "score"
-    """Pixels that see several objects, in a block's true velocity. score: all pixels count alike,
-    with the flow of their centers. leave_out: only pixels of least_purity or more. weigh: pixels
-    count in proportion to their purity. Blocks with less than half of their pixels left have no
-    true velocity. Record and report always give the errors with and without mixed pixels."""
-
     least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
-    """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed."""
+    """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed.
+    The record gives the errors with and without mixed pixels."""
 
     def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
         """1 where pixels of a purity are not mixed, else 0."""
         return np.asarray(purity >= self.least_purity, np.float64)
-
-    def weights(self, purity: NDArray[np.floating]) -> NDArray[np.floating] | None:
-        """Weight of pixels by their purity, 0 to 1; None: equal weights."""
-        if self.mixed == "leave_out":
-            return self.is_pure(purity)
-        return purity if self.mixed == "weigh" else None
 
 
 class MeasuringSettings(SensingSettings, frozen=True):

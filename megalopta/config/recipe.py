@@ -290,9 +290,9 @@ def _check(kind: str, limits: Any, path: str) -> None:
         raise ValueError(f"{path}: {kind} {limits!r}: give a list")
     if kind == "one_of":
         return
-    wanted = int if kind == "integer" else (int, float)
+    types = int if kind == "integer" else (int, float)
     if len(limits) != 2 or not all(
-        isinstance(each, wanted) and not isinstance(each, bool) and math.isfinite(each)
+        isinstance(each, types) and not isinstance(each, bool) and math.isfinite(each)
         for each in limits
     ):
         numbers = "whole numbers" if kind == "integer" else "numbers"

@@ -82,7 +82,7 @@ class FlowRecord(_Record, frozen=True):
     """Errors of methods that give velocities"""
 
     truth_by_mixture: MixtureErrors | None = None
-    """Both, regardless of the configured treatment of mixed pixels"""
+    """Errors with mixed pixels, as in `truth`, and without them"""
 
     truth_splits: SplitErrors | None = None
 

@@ -48,14 +48,14 @@ def write_labels(
     dataset: Dataset, index: int, truth: "Truth", leaf_clusters: NDArray[np.uint32] | None
 ) -> None:
     """Write the label maps of a frame that follow from its truth, and its leaf clusters (H, W)."""
-    wanted = dataset.configuration.labels
-    if "classes" in wanted:
+    labels = dataset.configuration.labels
+    if "classes" in labels:
         write_codes(dataset.frame("training/classes", index), truth.kind_id.astype(np.uint16))
-    if "instances" in wanted:
+    if "instances" in labels:
         write_codes(dataset.frame("training/instances", index), _in_colors(truth.object_id))
     if leaf_clusters is not None:
         write_codes(dataset.frame("training/clusters", index), _in_colors(leaf_clusters))
-    if "normals" in wanted:
+    if "normals" in labels:
         share = np.rint((truth.normal.astype(np.float64) + 1) / 2 * _LARGEST)
         share = np.where(np.isnan(share), 0, share)
         write_codes(dataset.frame("training/normals", index), share.astype(np.uint16))

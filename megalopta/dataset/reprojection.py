@@ -7,7 +7,7 @@ pose. Moving points are taken from their stored place along their motion.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,11 +106,6 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
         return {int(number): _motion_from(each) for number, each in motions.items()}
 
 
-class _Seen(NamedTuple):
-    truth: Truth
-    view: View
-
-
 class TruthReader:
     """Ground truth of the frames of one sequence, with a cache."""
 
@@ -120,7 +115,7 @@ class TruthReader:
 
     def frame(self, index: int) -> Truth:
         """Truth of a frame. Raises UserError."""
-        return self._frame(index).truth
+        return self._frame(index)[0]
 
     def flow(self, first: int, second: int) -> NDArray[np.float32]:
         """Flow (H, W, 2), px, from one frame to another."""
@@ -134,9 +129,8 @@ class TruthReader:
     def flow_to(self, other: "TruthReader", first: int, second: int) -> NDArray[np.float32]:
         """Flow (H, W, 2), px, from a frame to a frame of another camera of the rig."""
         self._check(first, second)
-        truth, view = self._frame(first)
-        flow = rederived_flow(truth, view, other._frame(second).view, self._motions)
-        return flow.astype(np.float32)
+        (truth, view), (_, target) = self._frame(first), other._frame(second)
+        return rederived_flow(truth, view, target, self._motions).astype(np.float32)
 
     def occlusion(self, first: int, second: int) -> NDArray[np.bool_]:
         """Mask (H, W) of a frame's pixels that are hidden in another, or out of its view."""
@@ -156,15 +150,16 @@ class TruthReader:
 
     def _flow_and_depth(self, first: int, second: int) -> tuple[Float64, Float64]:
         """Flow to another frame, and the depth (H, W) of its points there."""
-        (truth, view), (_, other) = self._frame(first), self._frame(second)
-        points = carried_points(truth, view, other.time_s, self._motions)
+        (truth, view), (_, target) = self._frame(first), self._frame(second)
+        points = carried_points(truth, view, target.time_s, self._motions)
         is_sky = np.isinf(truth.depth)
-        return view.way_to(other, points, is_sky), np.where(is_sky, np.inf, other.depth_of(points))
+        depth = np.where(is_sky, np.inf, target.depth_of(points))
+        return view.way_to(target, points, is_sky), depth
 
-    def _read(self, index: int) -> _Seen:
+    def _read(self, index: int) -> tuple[Truth, View]:
         truth = read_truth_frame(self._dataset, index)
         header = read_attributes(self._dataset.exposed_truth(index))
-        return _Seen(truth, View.of(self._dataset.configuration.camera, header))
+        return truth, View.of(self._dataset.configuration.camera, header)
 
     def _check(self, *frames: int) -> None:
         count = self._dataset.configuration.trajectory.frames

@@ -60,16 +60,16 @@ class LazyFrames:
 
     def __getitem__(self, index: Index | tuple[Any, ...]) -> NDArray[Any]:
         """Read frames; further indices apply to the frames read."""
-        first, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
+        first, further = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
         if isinstance(first, slice):
-            return self._frames(list(range(*first.indices(len(self)))))[(slice(None), *rest)]
+            return self._frames(list(range(*first.indices(len(self)))))[(slice(None), *further)]
         if isinstance(first, list | np.ndarray):
             chosen = np.arange(len(self))[np.asarray(first)].tolist()
-            return self._frames(chosen)[(slice(None), *rest)]
+            return self._frames(chosen)[(slice(None), *further)]
         number = operator.index(first)
         if not -len(self) <= number < len(self):
             raise IndexError(f"frame {number} of {len(self)}")
-        return np.asarray(self._frames([number % len(self)])[(0, *rest)])
+        return np.asarray(self._frames([number % len(self)])[(0, *further)])
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Read the whole array."""
@@ -429,14 +429,14 @@ class Sequence:
 
         return TruthReader(self.dataset)
 
-    def _exposure(self, wanted: str | None) -> str:
-        there = self.exposures
-        if not there:
+    def _exposure(self, name: str | None) -> str:
+        names = self.exposures
+        if not names:
             again = shell_command("sense", self.dataset.root)
             raise UserError(f"{self.name}: no counts yet; run: {again}")
-        name = there[0] if wanted is None else wanted
-        if name not in there:
-            raise UserError(f"{self.name}: no exposure {name!r}; there are {', '.join(there)}")
+        name = names[0] if name is None else name
+        if name not in names:
+            raise UserError(f"{self.name}: no exposure {name!r}; there are {', '.join(names)}")
         return name
 
     def _open(self, name: str) -> "OpenedCounts":

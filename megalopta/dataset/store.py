@@ -175,8 +175,8 @@ class Dataset:
         """Names of the stored exposures, such as "spadcam-starlight"."""
         if self.record and self.record.exposures:
             return tuple(exposure.name for exposure in self.record.exposures)
-        wanted = self.configuration.exposures
-        return tuple(exposure_name(*pair) for pair in wanted if self.counts(*pair).exists())
+        pairs = self.configuration.exposures
+        return tuple(exposure_name(*pair) for pair in pairs if self.counts(*pair).exists())
 
     def counts(self, sensor: ImageSensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""

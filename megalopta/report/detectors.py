@@ -59,17 +59,12 @@ _ERRORS = Markup(
 _TRUTH = (
     "Mean endpoint error of blocks, share of outliers (blocks with an error over 25 %), and median "
     "relative error: noise-free → on {} → on corrected readings if there are any. {} of the pixels "
-    "shown are mixed: the object at their center fills less than {}. {}."
+    "shown are mixed: the object at their center fills less than {}. They count like all others."
 )
 _STAND_IN = (
     "The true motion of pictures is unknown. The flow by DIS between the pictures without photon "
     "noise stands in for it, which favors DIS. "
 )
-_MIXED = {
-    "score": "They count like all others",
-    "weigh": "Pixels are weighted by purity",
-    "leave_out": "They are excluded",
-}
 _NEEDED = Markup(
     "How many photons per frame does a detector need to repeat its noise-free response within "
     "25 %, or 2 bits? The sequence is scaled to each number of photons and drawn {} times; "
@@ -148,7 +143,6 @@ def detector_section(report: Report) -> Section:
             units,
             percent(float(np.mean(shares)) if shares else 0.0),
             percent(settings.least_purity),
-            _MIXED[settings.mixed],
         )
         text = text if report.has_truth else _STAND_IN + text
         title = html.heading(f"Against the {report.motion_name}")

@@ -75,9 +75,9 @@ class Panel:
 
     def film(self, frames: Iterable[int], title: str = "") -> Markup:
         """Return frames as a film of a page; by default its title is the panel's name."""
-        what = f"{self.name}, {self.sensor}, {self.level}" if title else self.name
+        alt = f"{self.name}, {self.sensor}, {self.level}" if title else self.name
         pictures = [self.picture(frame) for frame in frames]
-        return images.film(pictures, title or self.name, f"{what}: {self.caption}", self.legend)
+        return images.film(pictures, title or self.name, f"{alt}: {self.caption}", self.legend)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,10 +122,10 @@ def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -
     total, rows, columns = readings.shape[:3]
     frames = range(0, total - treatment.summed + 1, treatment.summed)
     step = math.ceil(max(rows, columns) / LONGEST_SIDE_PX)
-    what = "binary frames" if readings.is_binary else "frames"
+    frame_kind = "binary frames" if readings.is_binary else "frames"
     return View(
         title=path.resolve().name,
-        summary=f"{total} {what} of {columns} × {rows} pixels.",
+        summary=f"{total} {frame_kind} of {columns} × {rows} pixels.",
         shape=(rows, columns),
         frames=frames,
         step=step,
@@ -196,8 +196,10 @@ class SequencePanels:
         stages = finished(dataset)
         for stage in STAGES:
             if stage not in stages and has_output(dataset, stage):
-                what = f"{dataset.root}: stage {stage!r}"
-                say(f"{what} is not finished with this configuration, and not shown")
+                say(
+                    f"{dataset.root}: stage {stage!r} is not finished with this configuration, and "
+                    "not shown"
+                )
         return stages
 
     @cached_property

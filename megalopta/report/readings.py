@@ -191,11 +191,11 @@ def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
     check_decoded(path, shape, _BYTES_EACH)
     stated = kind or cast(FrameKind, first.source)
-    whole = read_frames(path, stated).counts if first.source == "tiff" else None
+    stack = read_frames(path, stated).counts if first.source == "tiff" else None
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        found = read_frames(path, stated, frames=part).counts if whole is None else whole[part]
-        return found, np.zeros(found.shape, np.bool_)
+        counts = read_frames(path, stated, frames=part).counts if stack is None else stack[part]
+        return counts, np.zeros(counts.shape, np.bool_)
 
     times_s = None
     if first.exposure_s is not None:

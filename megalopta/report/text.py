@@ -50,8 +50,8 @@ def short(value: float) -> str:
     """Format a round number without trailing digits: 1k, 10M, 0.01."""
     text = number(value)
     digits = text.rstrip("kMGT")
-    whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
-    return whole + text[len(digits) :]
+    shortened = digits.rstrip("0").rstrip(".") if "." in digits else digits
+    return shortened + text[len(digits) :]
 
 
 def percent(fraction: float | None) -> str:

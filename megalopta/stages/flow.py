@@ -142,10 +142,10 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
         motion = read_motion(dataset, index)
         flow, hidden = motion.flow[np.newaxis], motion.hidden[np.newaxis]
         purity = motion.purity[np.newaxis]
-        ways = settings.flow.weights(purity), None, settings.flow.is_pure(purity)
+        ways = None, settings.flow.is_pure(purity)
         for grid, truths in parts.items():
-            chosen, every, pure = (block_flow(flow, grid, hidden, weights=way) for way in ways)
-            truths.append(BlockTruth(chosen, every, pure, block_share(hidden, grid)))
+            every, pure = (block_flow(flow, grid, hidden, weights=way) for way in ways)
+            truths.append(BlockTruth(every, pure, block_share(hidden, grid)))
     joined = {}
     for grid, truths in parts.items():
         columns = zip(*(vars(truth).values() for truth in truths), strict=True)

@@ -41,9 +41,8 @@ class BlockTruth:
     """True velocities (T − 1, rows, columns, 2) of a detector's blocks, and their hidden share."""
 
     velocities: Floats
-    """Velocities with mixed pixels as configured."""
-    of_all_pixels: Floats
     without_mixed: Floats
+    """Velocities of blocks without their mixed pixels"""
     hidden: Floats
     """(T − 1, rows, columns): hidden share of each block."""
 
@@ -132,9 +131,8 @@ class SequenceMeasurement:
 
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]
-        known, every, pure = (
-            np.where(left_out, np.nan, each)
-            for each in (truth.velocities, truth.of_all_pixels, truth.without_mixed)
+        known, pure = (
+            np.where(left_out, np.nan, each) for each in (truth.velocities, truth.without_mixed)
         )
         velocities = {name: np.concatenate(each) for name, each in self._velocities.items()}
         ideal, counts = (
@@ -146,7 +144,7 @@ class SequenceMeasurement:
 
         return {
             "truth": errors(known),
-            "truth_by_mixture": {"all": errors(every), "without_mixed": errors(pure)},
+            "truth_by_mixture": {"all": errors(known), "without_mixed": errors(pure)},
             "truth_splits": {
                 name: {"ideal": ideal[name].to_dict(), "counts": counts[name].to_dict()}
                 for name in ideal

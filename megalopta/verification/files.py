@@ -68,22 +68,22 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     """Return everything that is modified, missing, or unknown."""
     plan, names, known = tree.plan, tree.names(), set[Path]()
     chosen = names[:: max(1, len(names) // truths)][:truths] if plan and truths else []
-    found: list[FileFault] = []
+    all_faults: list[FileFault] = []
     with progress("Checking sequences", len(names), "sequence") as advance:
         for name in names:
             try:
                 dataset = tree.opened(name)
             except UserError as problem:
-                found.append(FileFault(tree.record_path(name), "is damaged", str(problem)))
+                all_faults.append(FileFault(tree.record_path(name), "is damaged", str(problem)))
             else:
                 known |= {tree.root / path for path in dataset.former.files}
                 known.add(dataset.result("timings.json"))
                 faults = list(_file_faults(dataset, plan))
-                found += faults if faults or name not in chosen else _truth_faults(dataset)
+                all_faults += faults if faults or name not in chosen else _truth_faults(dataset)
             advance()
     if plan:
-        found += _plan_faults(tree, plan, names)
-    found += [
+        all_faults += _plan_faults(tree, plan, names)
+    all_faults += [
         FileFault(path, "is of a sequence that is not finished", f"run: {tree.make_again}")
         for path in sorted((tree.root / "sequences").glob("*.begun"))
     ]
@@ -91,8 +91,8 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     for top in tree.root.iterdir():
         if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
             for path in sorted(set(files.files_in([top])) - known):
-                found.append(FileFault(path, _STRANGE, "move it elsewhere"))
-    return found
+                all_faults.append(FileFault(path, _STRANGE, "move it elsewhere"))
+    return all_faults
 
 
 def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
@@ -124,9 +124,9 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
         store = whole_of(path, dataset.root)
         if path.name.startswith(".z") or (path.name == METADATA and path.parent == store):
             counts = open_store(store).arrays.get("counts")
-            wanted = (dataset.configuration.trajectory.frames, *size)
-            if counts is not None and counts.shape != wanted:
-                return f"has counts of shape {tuple(counts.shape)} instead of {wanted}"
+            shape = (dataset.configuration.trajectory.frames, *size)
+            if counts is not None and counts.shape != shape:
+                return f"has counts of shape {tuple(counts.shape)} instead of {shape}"
     except Exception as problem:  # a forged file can raise any exception
         return f"cannot be read ({problem or type(problem).__name__})"
     return None
@@ -158,17 +158,17 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
     except UserError as problem:
         yield FileFault(root / "splits", "are unreliable", str(problem))
         return
-    wanted: dict[str, list[str]] = {split: [] for split in (*plan.splits, *lists)}
+    members_of: dict[str, list[str]] = {split: [] for split in (*plan.splits, *lists)}
     for name in names:
         with suppress(UserError):  # of a record that is told above
             record = tree.record(name)
             for split in index.splits_of(record, plan):
-                wanted.setdefault(split, []).append(name)
+                members_of.setdefault(split, []).append(name)
                 for link in index.split_links(root, split, record):
                     if not link.is_symlink():
                         yield FileFault(link, "is missing", again)
                         break
-    for split, members in wanted.items():
+    for split, members in members_of.items():
         if list(lists.get(split, [])) != members:
             path = root / "splits" / f"{split}.txt"
             yield FileFault(path, "is missing or differs from the records", again)

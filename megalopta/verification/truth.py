@@ -92,11 +92,11 @@ def check_truth(dataset: Dataset) -> list[Residual]:
         for (truth, view, image), (next_truth, next_view, next_image) in pairwise(
             _frame(dataset, index) for index in range(frames)
         ):
-            there = rederived_flow(truth, view, next_view, motions)
-            back = rederived_flow(next_truth, next_view, view, motions)
+            forward = rederived_flow(truth, view, next_view, motions)
+            backward = rederived_flow(next_truth, next_view, view, motions)
             for way, seen, stored, again in (
-                ("forward", truth, truth.flow_forward, there),
-                ("backward", next_truth, next_truth.flow_backward, back),
+                ("forward", truth, truth.flow_forward, forward),
+                ("backward", next_truth, next_truth.flow_backward, backward),
             ):
                 is_moving = np.isin(seen.object_id, list(motions))
                 groups = {

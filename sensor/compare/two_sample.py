@@ -30,8 +30,6 @@ from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.level import Level
 
 BLOCKS = 20
-SEGMENT = 32
-"""Frames per segment of a spectrum."""
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
 _FEWEST = 12.0
@@ -267,14 +265,3 @@ def scene_differences(
     if light.std() <= 1e-6 * light.mean():
         return (bright,)
     return bright, compared("contrast", "counts per photon detected", slope, 0.0)
-
-
-def segment_spectra(counts: NDArray[np.floating]) -> Floats:
-    """Return the power over frequency of segments of frames, (segments, SEGMENT/2 + 1).
-
-    Mean over the pixels.
-    """
-    segments = len(counts) // SEGMENT
-    pieces = np.asarray(counts[: segments * SEGMENT], np.float64).reshape(segments, SEGMENT, -1)
-    transform = np.fft.rfft(pieces - pieces.mean(axis=1, keepdims=True), axis=1)
-    return np.asarray(np.square(np.abs(transform)).mean(axis=-1) / SEGMENT)

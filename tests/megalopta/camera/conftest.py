@@ -9,7 +9,6 @@ import threading
 import tty
 from contextlib import contextmanager, suppress
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,20 +26,19 @@ FILM = flat((5e6,))
 
 @contextmanager
 def emulating(link, clock_rate=1.0, **camera):
-    """Run a camera; `sent` holds its bytes."""
-    sent, stop = bytearray(), threading.Event()
+    """Run a camera; yield a function that finds its port."""
+    stop = threading.Event()
     given = {"sensor": SENSOR, "film": FILM} | camera
     port = EmulatedPort(
         EmulatedCamera(**given),
         link,
-        sent=sent.extend,
         clock_rate=clock_rate,
     )
     thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
     thread.start()
     try:
         wait_for(link.exists)
-        yield SimpleNamespace(sent=sent, find=lambda: str(link))
+        yield lambda: str(link)
     finally:
         stop.set()
         thread.join(10)

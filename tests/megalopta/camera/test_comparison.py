@@ -11,7 +11,7 @@ from megalopta.camera.motion_bench import (
     cut_passages,
     record,
 )
-from megalopta.camera.sources import Source, read_recorded
+from megalopta.camera.sources import Source
 from megalopta.config.model import load
 from megalopta.sensor import expose_rate, load_sensor, preset
 from megalopta.sensor.calibrate.level import Level
@@ -50,14 +50,6 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
     assert words in sentence
     assert "aligned in time" in page.read_text("utf-8")
-
-
-def test_a_range_of_frames_is_one_light(tmp_path):
-    counts = np.arange(60)[:, None, None] * np.ones((1, 4, 4), np.uint16)
-    np.save(tmp_path / "steps.npy", counts.astype(np.uint16))
-    source = Source(path=tmp_path / "steps.npy", exposure_s=0.5, frames=(10, 30))
-    recorded = read_recorded(source)
-    np.testing.assert_array_equal(recorded.counts, counts[10:30])
 
 
 RNG = np.random.default_rng(0)

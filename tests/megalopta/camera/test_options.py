@@ -1,7 +1,5 @@
 """Every option of every verb of `megalopta spadcam`, given what cannot be."""
 
-import os
-
 import pytest
 
 from megalopta.cli.main import program
@@ -38,11 +36,3 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
         lines = said_of(refused("spadcam", verb, *NEEDED[verb], *words))
         assert len(lines) == 1 and lines[0].startswith("megalopta: "), (words, lines)
     assert not list(tmp_path.rglob("*.yaml"))
-
-
-def test_a_camera_that_cannot_be_is_not_emulated(tmp_path, monkeypatch, refused):
-    monkeypatch.chdir(tmp_path)
-    given = ("--stimulus", "flat", "--photons", "1", "2", "--link", "cam")
-    (line,) = said_of(refused("spadcam", "emulate", *given))
-    assert "--photons: several values; give one for flat, or" in line
-    assert not os.path.lexists("cam")

@@ -34,13 +34,12 @@ def test_plans_and_configurations_are_told_apart(tmp_path):
 
 
 def test_overrides_reach_nested_fields_and_list_items():
-    changed = load(
-        "demo",
-        {"scene.trees": "120", "sensors.0.exposure_s": "0.05", "light_levels": "[starlight, 0.5]"},
-    )
+    overrides = {"sensors.0.exposure_s": "0.05", "light_levels": "[starlight, 0.5]"}
+    changed = load("demo", overrides | {"scene.trees": "120", "methods": "BM"})
     assert changed.scene.trees == 120
     assert changed.sensors[0].exposure_s == 0.05
     assert changed.light_levels == ("starlight", 0.5)
+    assert changed.methods == ("BM",)
 
 
 def test_an_override_reaches_into_what_is_absent():
@@ -52,13 +51,6 @@ def test_an_override_reaches_into_what_is_absent():
     )
     assert trail.scene.haze == Haze(visibility_m=99)
     assert trail.scene.path_width_m > 0
-
-
-def test_a_single_value_for_a_list_makes_a_list_of_one():
-    changed = load("demo", {"light_levels": "starlight", "sensors": "ideal", "methods": "BM"})
-    assert changed.light_levels == ("starlight",)
-    assert [sensor.name for sensor in changed.sensors] == ["ideal"]
-    assert changed.methods == ("BM",)
 
 
 def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
@@ -119,7 +111,6 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("objects: [{shape: box, sise_m: [1, 1, 1]}]", r"objects\.0\.sise_m: unknown key; did you mean 'size_m'"),
         ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
         ("shutter: {exposure_s: 9}", r"shutter\.exposure_s 9 is longer than a frame"),
-        ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
         ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
         ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
         ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'opencv', 'equirectangular'"),
@@ -127,16 +118,10 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light has no haze; use 'auto' or 'path'"),
         ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("scene: {trees: 5}", "missing key 'kind'; add it, one of forest, grating"),
-        ("light_levels: [noon]", "'noon' is unknown: use one of daylight"),
-        ("light_levels: [starlight, starlight]", "duplicate level"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
-        ("methods: [BM, BM]", "methods: BM is named twice"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("sensors: []", "sensors: empty; give at least one"),
         ("name: ../up", "cannot name a folder"),
-        (f"sensors: [{{preset: ideal, name: {'x' * 300}}}]", "at most 100 characters"),
-        ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
-        ("- a", "not a mapping"),
         ("", "empty; give at least one key"),
         ("a: !!python/object/apply:os.system [ls]", "not valid YAML"),
     ],

@@ -1,13 +1,9 @@
 """YAML as users write it, the mistakes in it, and settings as the help lists them."""
 
-import numpy as np
 import pytest
 
-from megalopta.config import yaml_model
-from megalopta.config.measuring import FlowSettings
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
-from megalopta.core.validation import checked
 
 
 @pytest.mark.parametrize(
@@ -23,15 +19,6 @@ def test_a_boolean_is_no_number(text, place):
         parse(text, "my.yaml")
 
 
-def test_values_of_file_and_command_line_are_validated_once(monkeypatch):
-    calls = []
-    monkeypatch.setattr(yaml_model, "checked", lambda *given: calls.append(1) or checked(*given))
-    load(
-        "demo", {"scene.trees": "300", "sensors.0.exposure_s": "0.01", "light_levels": "starlight"}
-    )
-    assert len(calls) == 1
-
-
 def test_text_of_a_number_is_one():
     assert parse("camera: {fov_deg: 6e1}", "my.yaml").camera.fov_deg == 60
 
@@ -40,15 +27,3 @@ def test_text_of_a_number_is_one():
 def test_a_path_that_leads_nowhere_is_refused(path):
     with pytest.raises(UserError, match=f"--{path}: "):
         load("grating", {path: "1"})
-
-
-PURITY = np.array([0.0, 0.4, 0.75, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("mixed", "weights"),
-    [("score", None), ("leave_out", [0, 0, 1, 1]), ("weigh", PURITY.tolist())],
-)
-def test_pixels_count_as_the_setting_says(mixed, weights):
-    found = FlowSettings(mixed=mixed).weights(PURITY)
-    assert found is None if weights is None else found.tolist() == weights

@@ -120,8 +120,3 @@ def test_a_torch_loader_gives_batches(opened):
     batches = list(loader)
     assert sum(len(batch["frame"]) for batch in batches) == 6
     assert batches[0]["flow"].shape == (2, 2, 24, 32)
-
-
-def test_no_dataset_is_told(tmp_path):
-    with pytest.raises(UserError, match="no dataset here"):
-        megalopta.open_dataset(tmp_path)
