@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.config.model import load, parse
-from megalopta.report.page import write_report
+from megalopta.config.model import load
 from megalopta.stages.run import run_all
-from megalopta.stages.sense import STAGE, open_exposure
+from megalopta.stages.sense import open_exposure
 
 from ..small import small
 
@@ -39,16 +38,3 @@ def test_store_holds_electrons_that_say_so(night):
     assert group["counts"].dtype == np.float32
     assert group.attrs["sensor"]["kind"] == "ctia"
     assert open_exposure(night, settings.sensors[0], "airglow").sensor == settings.sensors[0]
-
-
-def test_report_speaks_of_electrons(night):
-    text = write_report(night).read_text("utf-8")
-    assert "From light to electrons" in text
-    assert "Dark electrons" in text and "Expected electrons" in text
-    assert "bias of the diodes floating gate" in text
-    assert "it is invisible" in text
-
-
-def test_a_band_outside_the_diodes_curve_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
-        STAGE.check(parse("sensors: [ctia_ingaas]", "x"))
