@@ -76,11 +76,6 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def holds_files(path: Path) -> bool:
-    """True for a file, and for a folder with anything in it."""
-    return any(path.iterdir()) if path.is_dir() else path.exists()
-
-
 def sweep(folder: Path) -> None:
     """Remove temporary files of killed writers from a folder and all folders below it."""
     for path in [path for path in folder.rglob(".part-*") if is_temporary(path)]:

@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +48,12 @@ _COUNTED = 10_000
 _COMPARED = 50
 """Finished sequences that are compared with the plan and with the software."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
-READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
-"""Readers of the files that are written in other layouts, too, by folder"""
-_Layout: TypeAlias = tuple[FlowFile, str, str, Callable[[Path, Any], None]]
-_LAYOUTS: tuple[_Layout, ...] = (
-    ("kitti_png", _FLOW, "training/flow_kitti", write_kitti_png),
-    ("flo5", _FLOW, "training/flow_flo5", write_flo5),
-    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", write_kitti_disparity),
+_LAYOUTS: tuple[tuple[FlowFile, str, str, Callable[[Path], Any], Callable[..., None]], ...] = (
+    ("kitti_png", _FLOW, "training/flow_kitti", read_flo, write_kitti_png),
+    ("flo5", _FLOW, "training/flow_flo5", read_flo, write_flo5),
+    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", read_disparity, write_kitti_disparity),
 )
-"""Files in other layouts: folder of the source, folder and writer"""
+"""Files in other layouts: folder of the source, folder, reader and writer"""
 
 
 def make(
@@ -207,16 +204,10 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
     settings = dataset.configuration
     frames = settings.trajectory.frames
     counts = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
-    for source, count in counts.items():
-        writers = [
-            (to, write) for kind, of, to, write in _LAYOUTS if of == source and kind in kinds
-        ]
-        for index in range(count):
-            places = [(dataset.frame(folder, index), write) for folder, write in writers]
-            missing = [(path, write) for path, write in places if not path.exists()]
-            values = READERS[source](dataset.frame(source, index)) if missing else None
-            for path, write in missing:
-                write(path, values)
+    for kind, source, folder, read, write in _LAYOUTS:
+        for index in range(counts[source] if kind in kinds else 0):
+            if not (path := dataset.frame(folder, index)).exists():
+                write(path, read(dataset.frame(source, index)))
 
 
 _FRAMES_LOOKED_AT = 8

@@ -25,7 +25,7 @@ from megalopta.core import bounded, files
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.folders import locked
 from megalopta.core.freshness import digest
-from megalopta.core.progress import numbered_stage, say, step
+from megalopta.core.progress import say, step
 from megalopta.dataset.picture_light import PictureLight
 from megalopta.dataset.record import SequenceRecord, StageRecord, read_record, stored_settings
 from megalopta.dataset.store import Dataset, Tree, file_difference, hashes_of, whole_of
@@ -47,18 +47,12 @@ def run_stage(
     return run_stages(Path(root), configuration, (name,), redo)
 
 
-def run_all(
-    root: str | Path, configuration: Configuration, redo: bool = False, later: int = 0
-) -> Dataset:
-    """Run every stage, after checking that the configuration suits all of them.
-
-    Lines of progress count as many stages more as follow `later`.
-    """
+def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
+    """Run every stage, after checking that the configuration suits all of them."""
     for name in STAGES:
         check_stage(name, configuration, Path(root))
-    for number, name in enumerate(STAGES, 1):
-        with numbered_stage(number, len(STAGES) + later):
-            dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
+    for name in STAGES:
+        dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
     return dataset
 
 
@@ -267,7 +261,8 @@ def forget(dataset: Dataset, stages: Collection[str]) -> None:
 
 def has_output(dataset: Dataset, stage: str) -> bool:
     """True if any output of a stage exists, finished or not."""
-    return any(map(files.holds_files, STAGES[stage].outputs(dataset)))
+    paths = STAGES[stage].outputs(dataset)
+    return any(any(path.iterdir()) if path.is_dir() else path.exists() for path in paths)
 
 
 def entry(dataset: Dataset, stage: str) -> StageRecord | None:
