@@ -191,8 +191,8 @@ def quoted(value: object, at_most: int = QUOTED) -> str:
 def printable(text: str) -> str:
     """Return untrusted text for a terminal, a file or a page: one line, no control codes."""
     return "".join(
-        each if each.isprintable() else each.encode("unicode_escape").decode("ascii")
-        for each in text
+        character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+        for character in text
     )
 
 
@@ -321,7 +321,7 @@ def zipped_arrays(
     check_file(path)
     arrays = {}
     with zipfile.ZipFile(path) as file:
-        members = {each.filename.removesuffix(".npy"): each for each in file.infolist()}
+        members = {member.filename.removesuffix(".npy"): member for member in file.infolist()}
         for name in members if names is None else names:
             if members[name].compress_type != zipfile.ZIP_STORED:
                 raise ValueError(f"{name} is compressed")

@@ -64,7 +64,7 @@ def write_csv(
         lines.writerow(head)
         for row in rows:
             lines.writerow(
-                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
+                f"{value:.{digits}g}" if isinstance(value, int | float) else value for value in row
             )
 
 

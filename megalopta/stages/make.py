@@ -82,11 +82,11 @@ def make(
     with locked(tree.root):
         tree.sweep()
         tree.write_header(plan=plan_of_all.model_dump(mode="json"))
-        there = set(tree.names()) - {
+        finished = set(tree.names()) - {
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
         asked = range(plan.sequences) if only is None else only
-        todo = [index for index in asked if sequence_name(index) not in there]
+        todo = [index for index in asked if sequence_name(index) not in finished]
         if todo:
             _check_same_machinery(tree)
         try:
@@ -330,13 +330,13 @@ def _measure(
     made = Tree(root).opened(sequence_name(index))
     values = made.configuration.model_dump(mode="json")
     settings = validated(Configuration, values, str(root), overrides)
-    wanted = replace(made, configuration=settings)
+    dataset = replace(made, configuration=settings)
     with silent():
-        work = foresee(wanted, (stage,), redo)
+        work = foresee(dataset, (stage,), redo)
         if is_checked:
             check_stage(stage, settings, root)
         else:
-            run(wanted, work)
+            run(dataset, work)
 
 
 class Exposing(Record, frozen=True):
@@ -416,8 +416,8 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
                 files.remove(path)
         expose(wanted)
         listed, sensed = record.files, record.stages["sense"]
-        there = files.files_in(folders)
-        added = [path for path in there if str(path.relative_to(root)) not in listed]
+        products = files.files_in(folders)
+        added = [path for path in products if str(path.relative_to(root)) not in listed]
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
         measured = exposure_statistics(replace(wanted, record=None))
