@@ -16,13 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.config.drawing import (
-    check_plan,
-    configuration_of,
-    repeated,
-    sequence_name,
-    split_of,
-)
+from megalopta.config import drawing
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import FlowFile, Plan
 from megalopta.config.yaml_model import validated
@@ -72,11 +66,11 @@ def make(
     made, if sequences failed.
     """
     tree = Tree(root.absolute())
-    for configuration in check_plan(plan):
+    for configuration in drawing.check_plan(plan):
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
@@ -86,7 +80,7 @@ def make(
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
         asked = range(plan.sequences) if only is None else only
-        todo = [index for index in asked if sequence_name(index) not in finished]
+        todo = [index for index in asked if drawing.sequence_name(index) not in finished]
         if todo:
             _check_same_machinery(tree)
         try:
@@ -124,7 +118,7 @@ def _run(
     with closing(run_jobs(title, job, indices, workers, scheduler)) as outcomes:
         for outcome in outcomes:
             if outcome.problem:
-                name = f"sequence {sequence_name(outcome.index)}"
+                name = f"sequence {drawing.sequence_name(outcome.index)}"
                 if outcome.ends_all:
                     raise UserError(f"{name}: {outcome.problem}")
                 failures[outcome.index] = outcome.problem
@@ -132,8 +126,8 @@ def _run(
     if failures:
         first = min(failures)
         raise UserError(
-            f"{len(failures)} of {len(indices)} sequences failed, such as {sequence_name(first)}: "
-            f"{failures[first]}; the same command tries them again"
+            f"{len(failures)} of {len(indices)} sequences failed, such as "
+            f"{drawing.sequence_name(first)}: {failures[first]}; the same command tries them again"
         )
 
 
@@ -154,7 +148,7 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
             "(only the number of sequences may grow)"
         )
     for record in map(tree.record, _some(tree)):
-        drawn = configuration_of(plan, record.index).model_dump(mode="json")
+        drawn = drawing.configuration_of(plan, record.index).model_dump(mode="json")
         if changes := differences_text(record.configuration, drawn):
             raise UserError(
                 f"{root}: this plan or version of the program gives another sequence "
@@ -183,13 +177,13 @@ def _some(tree: Tree) -> list[str]:
 
 def _make(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or its missing output. Raises UserError and OSError."""
-    settings = configuration_of(plan, index)
+    settings = drawing.configuration_of(plan, index)
 
     def more(made: Dataset) -> Mapping[str, Any]:
         write_flow_files(made, plan.flow_files)
         return {
             "index": index,
-            "split": split_of(plan, index),
+            "split": drawing.split_of(plan, index),
             "statistics": sequence_statistics(made),
             "poses": tuple(map(tuple, settings.trajectory.poses().reshape(-1, 16).tolist())),
         }
@@ -327,7 +321,7 @@ def _on_all(
 def _measure(
     root: Path, overrides: Mapping[str, str], stage: str, redo: bool, index: int, is_checked: bool
 ) -> None:
-    made = Tree(root).opened(sequence_name(index))
+    made = Tree(root).opened(drawing.sequence_name(index))
     values = made.configuration.model_dump(mode="json")
     settings = validated(Configuration, values, str(root), overrides)
     dataset = replace(made, configuration=settings)
@@ -379,13 +373,13 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
 
     Files of a run that was killed lie beside the listed ones, and are removed.
     """
-    made = Tree(root).opened(sequence_name(index))
+    made = Tree(root).opened(drawing.sequence_name(index))
     record = made.former
     values = {
         **made.configuration.model_dump(mode="json"),
         **exposing.model_dump(mode="json", exclude={"repeats"}),
     }
-    settings = repeated(validated(Configuration, values, "sense"), exposing.repeats)
+    settings = drawing.repeated(validated(Configuration, values, "sense"), exposing.repeats)
     wanted = replace(made, configuration=settings)
     missing = []
     for sensor, level in settings.exposures:
