@@ -407,6 +407,7 @@ def open_store(path: Path) -> Store:
     links lead out of it, or a chunk takes too much memory.
     """
     import zarr
+    from zarr.storage import LocalStore
 
     from megalopta.core.folders import check_enclosed
 
@@ -422,7 +423,7 @@ def open_store(path: Path) -> Store:
             raise ValueError(f"{quoted(name)!r} is no array of this store")
         _check_array(path / name, described)
     with zarr.config.set(_bounded_codecs()):
-        group = zarr.open_group(_read_only(path), mode="r", zarr_format=3)
+        group = zarr.open_group(LocalStore(path, read_only=True), mode="r", zarr_format=3)
         arrays = {name: group[name] for name in inside}
     return Store(dict(group.attrs), arrays)  # type: ignore[arg-type]
 
@@ -430,19 +431,14 @@ def open_store(path: Path) -> Store:
 def open_array(path: Path) -> "zarr.Array[Any]":
     """Open a store that is one array; raises as `open_store`."""
     import zarr
+    from zarr.storage import LocalStore
 
     from megalopta.core.folders import check_enclosed
 
     check_enclosed(path)
     _check_array(path, _metadata(path, "array"))
     with zarr.config.set(_bounded_codecs()):
-        return zarr.open_array(_read_only(path), mode="r", zarr_format=3)
-
-
-def _read_only(path: Path) -> Any:
-    from zarr.storage import LocalStore
-
-    return LocalStore(path, read_only=True)
+        return zarr.open_array(LocalStore(path, read_only=True), mode="r", zarr_format=3)
 
 
 def _metadata(path: Path, kind: str) -> dict[str, Any]:
