@@ -3,12 +3,16 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 from numba import njit
 from numba.core.caching import FunctionCache
 
 
+@overload
+def compiled(function: Callable[..., Any], /) -> Any: ...
+@overload
+def compiled(*, fastmath: set[str] = ..., inline: str = ...) -> Callable[..., Any]: ...
 def compiled(function: Callable[..., Any] | None = None, /, **how: Any) -> Any:
     """Return the function, compiled by numba on its first call and cached on disk.
 

@@ -14,8 +14,8 @@ from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from functools import cache, partial
-from typing import NamedTuple
 
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem
@@ -29,7 +29,8 @@ Job = Callable[[int], object]
 _one_at_a_time = threading.Lock()
 
 
-class Outcome(NamedTuple):
+@dataclass(frozen=True)
+class Outcome:
     """Outcome of a job: why it failed, and if all others would fail alike, as on a full disk."""
 
     index: int
