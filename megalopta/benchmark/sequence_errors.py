@@ -38,7 +38,6 @@ _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
 _STREAM = "1 × 1 px, 1 frame"
 """Name of the photon draws on single pixels and frames, a part of their seed"""
-_NO_LIMIT = 2**62
 
 Rows: TypeAlias = Iterator[tuple[Any, ...]]
 """Rows of `table.samples`"""
@@ -151,7 +150,7 @@ class Photons:
     def velocities(self, method: BlockDetector, flux: float, repeat: int) -> Floats:
         """Return velocities (pairs, rows, columns, 2) of all blocks in one draw, px per frame."""
         key = digest(self._light_hash, benchmarked.identity(method), repr((flux, repeat)))
-        store = ArrayStore(self._folder, key, _NO_LIMIT)
+        store = ArrayStore(self._folder, key)
         if (kept := store.read(["velocities"])) is None:
             means = self.means(flux)
             stream = self._sequence, _STREAM, str(flux), str(repeat)

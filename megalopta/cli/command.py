@@ -147,7 +147,7 @@ def switch(name: str, text: str, **how: Any) -> Option:
 
 def chosen(options: argparse.Namespace, kind: type[Chosen]) -> Chosen:
     """Return the dataclass whose fields are options that were given."""
-    values = {each.name: getattr(options, each.name, None) for each in fields(kind)}
+    values = {field.name: getattr(options, field.name, None) for field in fields(kind)}
     record: Chosen = kind(**{name: value for name, value in values.items() if value is not None})
     return record
 

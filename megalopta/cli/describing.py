@@ -66,7 +66,7 @@ def _describe(model: type[BaseModel], models: dict[str, Any]) -> None:
         fields[name] = {
             "meaning": field.description or "",
             "default": None if default is PydanticUndefined else to_jsonable_python(default),
-            "types": [_described(each, models) for each in types],
+            "types": [_described(kind, models) for kind in types],
             "choices": [*map(str, _choices(types)), *_REGISTRIES.get(name, ())],
         }
 
@@ -78,7 +78,7 @@ def _described(kind: Any, models: dict[str, Any]) -> Any:
         return {"model": kind.__name__}
     if get_origin(kind) in (tuple, dict):
         name, part = ("list", 0) if get_origin(kind) is tuple else ("map", 1)
-        return {name: [_described(each, models) for each in plain_types(get_args(kind)[part])]}
+        return {name: [_described(inner, models) for inner in plain_types(get_args(kind)[part])]}
     return "any" if kind is Any else "switch" if kind is bool else "value"
 
 

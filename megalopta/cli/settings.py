@@ -56,9 +56,9 @@ class VerbSettings:
         having = [name for name in self.models if steps[0] in models[name]]
         types: list[Any] = [{"model": name} for name in having[:1] or self.models]
         for depth, step in enumerate(steps):
-            inner = [each for outer in types for each in _inside(outer, step)]
+            inner = [kind for outer in types for kind in _inside(outer, step)]
             if not inner:
-                known = {name for each in _models(types) for name in models[each]}
+                known = {name for kind in _models(types) for name in models[kind]}
                 near = get_close_matches(step, sorted(known), n=1, cutoff=0.5)
                 remedy = f"the keys are {', '.join(sorted(known))}"
                 remedy = f"did you mean {near[0]!r}?" if near else remedy
@@ -66,7 +66,7 @@ class VerbSettings:
                 place = ".".join(steps[: depth + 1])
                 raise UserError(f"command line: {place}: unknown key; {remedy}")
             types = inner
-        if "any" in types or any("list" in each for each in types if isinstance(each, dict)):
+        if "any" in types or any("list" in kind for kind in types if isinstance(kind, dict)):
             return "all"
         return "switch" if types == ["switch"] else "one"
 
@@ -86,9 +86,9 @@ class VerbSettings:
         first, *others = self.models
         fields = description()["stages"].get(self.stage, description()["models"][first])
         listed = list(settings_of(first, {name: values.get(name, ...) for name in fields}))
-        for other in others:
-            more = {name: ... for name in description()["models"][other] if name not in fields}
-            listed += settings_of(other, more)
+        for model in others:
+            more = {name: ... for name in description()["models"][model] if name not in fields}
+            listed += settings_of(model, more)
         shown = [setting for setting in listed if setting[0] in often] or listed
         lines = [
             "settings (also keys of the YAML file; values are YAML), with "
@@ -98,7 +98,7 @@ class VerbSettings:
             meaning = " ".join(field["meaning"].split())
             if often:
                 meaning = f"{meaning.split('. ')[0].rstrip('.')}."
-            if missing := [each for each in field.get("choices", ()) if each not in meaning]:
+            if missing := [choice for choice in field.get("choices", ()) if choice not in meaning]:
                 meaning += f" {'Also' if len(missing) < len(field['choices']) else 'One of'}: "
                 meaning += f"{', '.join(missing)}."
             text = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
@@ -150,7 +150,7 @@ def settings_of(model: str, values: Mapping[str, Any], prefix: str = "") -> Iter
 
 
 def _models(types: Collection[Any]) -> list[str]:
-    return [str(each["model"]) for each in types if isinstance(each, dict) and "model" in each]
+    return [str(kind["model"]) for kind in types if isinstance(kind, dict) and "model" in kind]
 
 
 def _inside(outer: Any, step: str) -> list[Any]:

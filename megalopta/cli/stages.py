@@ -23,7 +23,7 @@ from megalopta.cli.command import (
 from megalopta.cli.settings import VerbSettings
 from megalopta.config import built_in_names
 from megalopta.core.errors import UserError, shell_command
-from megalopta.core.progress import numbered_stage, say, step
+from megalopta.core.progress import say, step
 
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
@@ -113,15 +113,14 @@ def _demo(options: Namespace) -> Path:
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
-    from megalopta.stages.registry import STAGES
     from megalopta.stages.run import run_all
 
-    dataset = run_all(options.out, asked, options.redo, later=2)
+    dataset = run_all(options.out, asked, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        with numbered_stage(len(STAGES) + 1, len(STAGES) + 2), step("ranking"):
+        with step("ranking"):
             run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    with numbered_stage(len(STAGES) + 2, len(STAGES) + 2), step("writing the report"):
+    with step("writing the report"):
         return write_report(dataset)
 
 

@@ -5,6 +5,7 @@ damaged ones are computed again. Every folder may import this module.
 """
 
 import contextlib
+import math
 import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -26,7 +27,7 @@ class ArrayStore:
     the least recently used arrays are removed.
     """
 
-    def __init__(self, folder: Path | None, key: str, most_bytes: int) -> None:
+    def __init__(self, folder: Path | None, key: str, most_bytes: float = math.inf) -> None:
         self._path = folder / f"{key}.npz" if folder else None
         self._most_bytes = most_bytes
 

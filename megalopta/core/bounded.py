@@ -191,8 +191,8 @@ def quoted(value: object, at_most: int = QUOTED) -> str:
 def printable(text: str) -> str:
     """Return untrusted text for a terminal, a file or a page: one line, no control codes."""
     return "".join(
-        each if each.isprintable() else each.encode("unicode_escape").decode("ascii")
-        for each in text
+        character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+        for character in text
     )
 
 
@@ -321,7 +321,7 @@ def zipped_arrays(
     check_file(path)
     arrays = {}
     with zipfile.ZipFile(path) as file:
-        members = {each.filename.removesuffix(".npy"): each for each in file.infolist()}
+        members = {member.filename.removesuffix(".npy"): member for member in file.infolist()}
         for name in members if names is None else names:
             if members[name].compress_type != zipfile.ZIP_STORED:
                 raise ValueError(f"{name} is compressed")
@@ -407,6 +407,7 @@ def open_store(path: Path) -> Store:
     links lead out of it, or a chunk takes too much memory.
     """
     import zarr
+    from zarr.storage import LocalStore
 
     from megalopta.core.folders import check_enclosed
 
@@ -422,7 +423,7 @@ def open_store(path: Path) -> Store:
             raise ValueError(f"{quoted(name)!r} is no array of this store")
         _check_array(path / name, described)
     with zarr.config.set(_bounded_codecs()):
-        group = zarr.open_group(_read_only(path), mode="r", zarr_format=3)
+        group = zarr.open_group(LocalStore(path, read_only=True), mode="r", zarr_format=3)
         arrays = {name: group[name] for name in inside}
     return Store(dict(group.attrs), arrays)  # type: ignore[arg-type]
 
@@ -430,19 +431,14 @@ def open_store(path: Path) -> Store:
 def open_array(path: Path) -> "zarr.Array[Any]":
     """Open a store that is one array; raises as `open_store`."""
     import zarr
+    from zarr.storage import LocalStore
 
     from megalopta.core.folders import check_enclosed
 
     check_enclosed(path)
     _check_array(path, _metadata(path, "array"))
     with zarr.config.set(_bounded_codecs()):
-        return zarr.open_array(_read_only(path), mode="r", zarr_format=3)
-
-
-def _read_only(path: Path) -> Any:
-    from zarr.storage import LocalStore
-
-    return LocalStore(path, read_only=True)
+        return zarr.open_array(LocalStore(path, read_only=True), mode="r", zarr_format=3)
 
 
 def _metadata(path: Path, kind: str) -> dict[str, Any]:

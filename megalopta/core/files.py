@@ -64,7 +64,7 @@ def write_csv(
         lines.writerow(head)
         for row in rows:
             lines.writerow(
-                f"{each:.{digits}g}" if isinstance(each, int | float) else each for each in row
+                f"{value:.{digits}g}" if isinstance(value, int | float) else value for value in row
             )
 
 
@@ -74,11 +74,6 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
-
-
-def holds_files(path: Path) -> bool:
-    """True for a file, and for a folder with anything in it."""
-    return any(path.iterdir()) if path.is_dir() else path.exists()
 
 
 def sweep(folder: Path) -> None:

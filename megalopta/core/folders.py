@@ -16,7 +16,6 @@ from datetime import datetime
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-from platformdirs import user_cache_path
 
 from megalopta.core.bounded import TEXT_BYTES
 from megalopta.core.errors import UserError
@@ -27,14 +26,6 @@ _METADATA = "zarr.json"
 """Metadata that Zarr reads at once, whatever its size."""
 _PATIENCE_S = 0.2
 """Time to wait in silence before a message."""
-
-
-def cache_folder(chosen: Path | None = None) -> Path:
-    """Folder for expensive results that may be deleted at any time.
-
-    The chosen folder, else `megalopta` in the system's cache folder, on Linux ~/.cache.
-    """
-    return chosen or user_cache_path("megalopta", appauthor=False)
 
 
 def ensure_directory(path: Path) -> Path:

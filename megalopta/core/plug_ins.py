@@ -10,27 +10,19 @@ A broken plug-in is reported in one sentence and skipped.
 
 from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from megalopta.core.progress import say
 
-
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
+Named = TypeVar("Named", bound=Any)
 
 
-AnyNamed = TypeVar("AnyNamed", bound=_Named)
-
-
-def plug_ins(
-    group: str, made: Callable[[Any], AnyNamed], taken: Iterable[str]
-) -> dict[str, AnyNamed]:
+def plug_ins(group: str, made: Callable[[Any], Named], taken: Iterable[str]) -> dict[str, Named]:
     """Return the objects at the entry points of a group, such as "megalopta.detectors", by name.
 
     `made` converts an object, or refuses it with an error; names in `taken` are refused.
     """
-    named: dict[str, AnyNamed] = {}
+    named: dict[str, Named] = {}
     for entry in sorted(
         entry_points(group=group), key=lambda plug_in: (plug_in.name, plug_in.value)
     ):

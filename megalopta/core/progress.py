@@ -1,4 +1,4 @@
-"""Progress of long work: stage, share done, time left, current step.
+"""Progress of long work: share done, time left, current step.
 
 A terminal shows it on its last line, with a bar. Elsewhere it is a line every ten seconds, also
 while a single step takes longer, so that a log shows that work continues, and which step.
@@ -24,7 +24,6 @@ _speakers: list[object] = []
 _silences: list[object] = []
 _steps: list[str] = []
 _shares: list[Callable[[], str]] = []
-_stages: list[str] = []
 
 
 @contextmanager
@@ -53,13 +52,6 @@ def silent() -> Iterator[None]:
 def step(name: str) -> Iterator[None]:
     """Name the work inside, for lines of progress."""
     with _held(_steps, name):
-        yield
-
-
-@contextmanager
-def numbered_stage(number: int, total: int) -> Iterator[None]:
-    """Begin lines of progress of the work inside with its number, if there are several stages."""
-    with _held(_stages, f"stage {number} of {total} · " if total > 1 else ""):
         yield
 
 
@@ -139,8 +131,7 @@ def speaking(
                 continue
             # another thread may remove the last of these
             now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
-            stage = "".join(_stages[-1:])
-            line = f"{stage}{state()}; {now}".removesuffix("; ")
+            line = f"{state()}; {now}".removesuffix("; ")
             if not is_terminal:
                 print(line, file=sys.stderr, flush=True)
             elif now or share() is not None:

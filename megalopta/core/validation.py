@@ -101,8 +101,8 @@ def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]
     """
     types, steps = [model], list[str]()
     for step in map(str, location):
-        inner = [found for each in types for found in inner_types(each, step)]
-        tagged = [] if inner else [each for each in types if step == _tag(each)]
+        inner = [inside for outer in types for inside in inner_types(outer, step)]
+        tagged = [] if inner else [outer for outer in types if step == _tag(outer)]
         steps += [] if tagged else [step]
         types = inner or tagged or types
     return steps, types

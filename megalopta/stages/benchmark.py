@@ -33,8 +33,6 @@ from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
-_MOST_BYTES = 2**62
-"""Size limit of the intermediate results: none"""
 
 
 def benchmark(dataset: Dataset) -> None:
@@ -44,7 +42,12 @@ def benchmark(dataset: Dataset) -> None:
     path = parts / "light.zarr"
     if not path.exists():
         with files.atomic_write(path) as temporary:
-            write_photons(dataset, temporary)
+            shape = _shape(settings)  # photons per second of the ideal sensor, without noise
+            chunk = frames_at_once(settings), *shape[1:]
+            store = zarr.create_array(temporary, shape=shape, chunks=chunk, dtype=np.float64)
+            for first, radiance in read_radiance_frames(dataset):
+                photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
+                store[first : first + len(photons)] = photons
     with undamaged(path, "remove it"):
         light = cast("Clip", open_array(path))
         if light.shape != _shape(settings):
@@ -76,23 +79,12 @@ def benchmark(dataset: Dataset) -> None:
 
 def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Floats]:
     """Return the sums of every method, from the cache or computed."""
-    store = ArrayStore(folder, name, _MOST_BYTES)
+    store = ArrayStore(folder, name)
     if (kept := store.read()) is not None:
         return [kept[str(index)] for index in range(len(kept))]
     sums = work()
     store.write({str(index): each for index, each in enumerate(sums)})
     return sums
-
-
-def write_photons(dataset: Dataset, path: Path) -> None:
-    """Write photons per second and pixel (T, H, W) of the ideal sensor: light without noise."""
-    settings = dataset.configuration
-    shape = _shape(settings)
-    chunk = frames_at_once(settings), *shape[1:]
-    light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
-    for first, radiance in read_radiance_frames(dataset):
-        photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
-        light[first : first + len(photons)] = photons
 
 
 @cache

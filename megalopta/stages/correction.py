@@ -70,10 +70,10 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
     with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
         settings = dataset.configuration
         device = settled(sensor) if settings.free_running else sensor
-        shape, wanted = settings.camera.shape, settings.calibration
+        shape, flats = settings.camera.shape, settings.calibration
         with refused_as(f"sense: {sensor.name} cannot be calibrated"):
             calibration = simulated_calibration(
-                device, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
+                device, shape, frames=flats.frames, seed=settings.seed, hot_times=flats.hot_times
             )
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:

@@ -85,12 +85,12 @@ def measured(settings: Configuration, plan: Plan | None) -> tuple[float, NDArray
     strip = camera.with_rows(min(max(int(rows), _FEWEST_ROWS), camera.height))
     integrator = "path" if shading.integrator == "auto" else shading.integrator
     changes = {"camera": strip, "render": shading.model_copy(update={"integrator": integrator})}
-    whole = settings.model_copy(update=changes)
-    path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, 2)})
+    narrow = settings.model_copy(update=changes)
+    path = narrow.trajectory.model_copy(update={"frames": min(narrow.trajectory.frames, 2)})
     with TemporaryDirectory(prefix="megalopta-probe-") as folder, silent():
-        dataset = Dataset(Path(folder), whole.model_copy(update={"trajectory": path}))
+        dataset = Dataset(Path(folder), narrow.model_copy(update={"trajectory": path}))
         start = time.perf_counter()
-        writer = FrameWriter(dataset, whole)
+        writer = FrameWriter(dataset, narrow)
         writer.write(0)
         first = time.perf_counter()
         writer.write(path.frames - 1)

@@ -63,9 +63,9 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
                 opened = open_exposure(dataset, sensor, level)
                 corrected = open_corrected(dataset, sensor, level)
                 errors = _measure_exposure(settings, opened, corrected, truths, group, advance)
-                named = ({"sensor": sensor.name, "level": level, **each} for each in errors)
+                named = ({"sensor": sensor.name, "level": level, **record} for record in errors)
                 checked = map(FlowRecord.model_validate, named)
-                records = [each.model_dump(mode="json", exclude_unset=True) for each in checked]
+                records = [record.model_dump(mode="json", exclude_unset=True) for record in checked]
                 group.attrs.update(format_attribute())
                 group.attrs.update({"model": _model(), "records": records})
 
@@ -135,7 +135,11 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     settings = dataset.configuration
     shape = settings.camera.height, settings.camera.width
     detectors = [METHODS[name] for name in settings.methods]
-    grids = {each.name: each.grid(shape) for each in detectors if isinstance(each, BlockDetector)}
+    grids = {
+        detector.name: detector.grid(shape)
+        for detector in detectors
+        if isinstance(detector, BlockDetector)
+    }
     parts: dict[BlockGrid, list[BlockTruth]] = {grid: [] for grid in grids.values()}
     pairs = settings.trajectory.frames - 1
     for index in range(pairs) if parts else ():

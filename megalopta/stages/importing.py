@@ -15,14 +15,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress, say, step
-from megalopta.dataset.picture_light import (
-    Brightness,
-    PictureFrames,
-    PictureLight,
-    photons_per_lux,
-    picture_folder,
-    picture_times,
-)
+from megalopta.dataset import picture_light
 from megalopta.dataset.store import Dataset
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
@@ -72,7 +65,7 @@ class PictureOptions:
 
 def pictures_configuration(
     footage: Footage, asked: PictureOptions, overrides: Mapping[str, str]
-) -> tuple[Configuration, PictureLight]:
+) -> tuple[Configuration, picture_light.PictureLight]:
     """Return the configuration of a dataset of pictures, and their light, which is measured once.
 
     Settings that are given override those of the file. Raises UserError.
@@ -98,7 +91,7 @@ def pictures_configuration(
     settings = settings.model_copy(update={"sensors": tuple(sensors)})
     with refused_as("render"):
         _check_shape(settings, footage)
-    frames = PictureFrames(footage, settings)
+    frames = picture_light.PictureFrames(footage, settings)
     brightness = _measured(frames)
     scene, light, bands_nm = _scene(settings), settings.light, settings.render.bands_nm
     lux_per_luminance = math.pi / scene.reflectance
@@ -111,7 +104,8 @@ def pictures_configuration(
         levels = list(asked.lux) or [light.resolved().illuminance_lux]
         if asked.photons:
             per_lux = [
-                photons_per_lux(of_unit, light, bands_nm, sensor, mean) for sensor in sensors
+                picture_light.photons_per_lux(of_unit, light, bands_nm, sensor, mean)
+                for sensor in sensors
             ]
             for sensor, photons in zip(sensors[1:], per_lux[1:], strict=True):
                 share = f"{photons / per_lux[0]:.3g} on one of {sensor.name}"
@@ -124,7 +118,7 @@ def pictures_configuration(
             illuminance_of(level)
     light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
     settings = settings.model_copy(update={"light": light, **light_levels})
-    return settings, PictureLight(frames, brightness, of_unit)
+    return settings, picture_light.PictureLight(frames, brightness, of_unit)
 
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
@@ -154,7 +148,9 @@ def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
 def timing_of(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Frames and their rate: as in the file, unless something else is asked for."""
     count = len(footage)
-    times_s = picture_times(footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ)
+    times_s = picture_light.picture_times(
+        footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ
+    )
     end_s = float(times_s[-1])
     rate_hz = asked.frame_rate_hz or (shortest((count - 1) / end_s) if end_s else _USUAL_HZ)
     last_s = footage.last_s or 1 / rate_hz
@@ -172,7 +168,7 @@ def _scene(settings: Configuration) -> Pictures:
     return cast(Pictures, settings.scene)
 
 
-def _measured(frames: PictureFrames) -> Brightness:
+def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
     """Average over pictures, each so many times as it is shown, and say which are not.
 
     Raises UserError for black.
@@ -195,7 +191,7 @@ def _measured(frames: PictureFrames) -> Brightness:
     mean, luminance = mean / total, float(mean @ shares) / total
     if not luminance > 0:
         raise UserError(f"{footage.path} is black; give pictures with visible light in them")
-    return Brightness(tuple(mean.tolist()), saturated / total, luminance)
+    return picture_light.Brightness(tuple(mean.tolist()), saturated / total, luminance)
 
 
 def import_pictures(dataset: Dataset) -> None:
@@ -205,12 +201,12 @@ def import_pictures(dataset: Dataset) -> None:
         _import(dataset, dataset.light.frames.footage, dataset.light.brightness)
         return
     with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
-        _import(dataset, footage, _measured(PictureFrames(footage, settings)))
+        _import(dataset, footage, _measured(picture_light.PictureFrames(footage, settings)))
 
 
-def _import(dataset: Dataset, footage: Footage, brightness: Brightness) -> None:
+def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Brightness) -> None:
     settings, scene = dataset.configuration, _scene(dataset.configuration)
-    folder, camera = picture_folder(dataset), settings.camera
+    folder, camera = picture_light.picture_folder(dataset), settings.camera
     if not folder.exists():
         with (
             refused_as("scene.file"),

@@ -10,38 +10,32 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
+from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.progress import progress
 from megalopta.dataset.record import MADE
 from megalopta.stages.registry import STAGES
 from megalopta.stages.versions import versions
 
-if TYPE_CHECKING:
-    from distributed import Client
-
 Job = Callable[[int], object]
 
 _one_at_a_time = threading.Lock()
-_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a job."""
+    """Outcome of a job: why it failed, and if all others would fail alike, as on a full disk."""
 
     index: int
     problem: str | None = None
-    """Reason of failure"""
     ends_all: bool = False
-    """True if all others would fail alike, such as on a full disk"""
 
 
 def run_jobs(
@@ -58,12 +52,11 @@ def run_jobs(
     workers see the same files. Without both, jobs run in this process. Raises UserError if the
     cluster does not answer.
     """
+    outcomes = (attempt(job, index) for index in indices)
     if scheduler is not None:
         outcomes = _by_cluster(job, indices, scheduler)
     elif workers is not None:
         outcomes = _by_workers(job, indices, workers)
-    else:
-        outcomes = (attempt(job, index) for index in indices)
     with progress(title, len(indices), "sequence") as advance, closing(outcomes):
         for outcome in outcomes:
             yield outcome
@@ -71,18 +64,17 @@ def run_jobs(
 
 
 def attempt(
-    job: Job, index: int, threads: int | None = None, wanted: Mapping[str, str] | None = None
+    job: Job, index: int, threads: int = 0, needed: Iterable[tuple[str, str]] = ()
 ) -> Outcome:
     """Run a job and return its outcome; errors are reported, not raised.
 
-    It runs with a number of threads, and in the `wanted` environment only: another might give other
+    It runs with a number of threads, and in the `needed` environment only: another might give other
     output.
     """
-    there = environment() if wanted else {}
-    if names := [name for name in wanted or {} if there.get(name) != (wanted or {})[name]]:
-        has, asked = (", ".join(f"{n} {e.get(n)}" for n in names) for e in (there, wanted or {}))
-        what = f"a worker has {has}, this program {asked}; install the same there"
-        return Outcome(index, what, ends_all=True)
+    for name, version in needed:
+        if (present := environment().get(name)) != version:
+            problem = f"a worker has {name} {present}, this program {name} {version}"
+            return Outcome(index, f"{problem}; install the same there", ends_all=True)
     with _one_at_a_time:  # one renderer per process
         try:
             if threads:
@@ -90,19 +82,16 @@ def attempt(
 
                 dr.set_thread_count(threads)
             job(index)
-        except UserError as problem:
-            return Outcome(index, str(problem))
-        except Exception as problem:
-            refused = machine_problem(problem) if isinstance(problem, OSError) else None
-            return Outcome(index, refused or _brief(problem), ends_all=refused is not None)
+        except UserError as error:
+            return Outcome(index, str(error))
+        except Exception as error:
+            refused = machine_problem(error) if isinstance(error, OSError) else None
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            fault = (
+                f"{type(error).__name__}: {sentence(str(error))} at {last.filename}:{last.lineno}"
+            )
+            return Outcome(index, refused or fault, ends_all=refused is not None)
     return Outcome(index)
-
-
-def _brief(problem: BaseException) -> str:
-    """Return an error and its place, in one line."""
-    last = traceback.extract_tb(problem.__traceback__)[-1:]
-    place = f" at {last[0].filename}:{last[0].lineno}" if last else ""
-    return f"{type(problem).__name__}: {' '.join(str(problem).split())[:500]}{place}"
 
 
 def threads_of(workers: int) -> int:
@@ -144,7 +133,7 @@ def _begin() -> None:
     """Prepare a worker: it ends with its parent, by nothing else, and prints nothing."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     if sys.platform == "linux":  # at once, even while a compiler holds the GIL
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     threading.Thread(target=_end_with_parent, daemon=True).start()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # libraries may print
     for stream in (sys.stdout, sys.stderr):
@@ -157,16 +146,24 @@ def _end_with_parent() -> None:
     os._exit(0)
 
 
-def _by_cluster(
-    job: Job, indices: Collection[int], scheduler: str
-) -> Generator[Outcome, None, None]:
-    with connected(scheduler) as client:
-        work, cluster = partial(attempt, job, wanted=environment()), client.get_executor(pure=False)
+def _by_cluster(job: Job, indices: Collection[int], address: str) -> Generator[Outcome, None, None]:
+    from distributed import Client  # slow to load
+
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError, TypeError, RuntimeError) as problem:
+        raise UserError(
+            f"--scheduler {address}: no Dask scheduler answers there ({problem}); start one "
+            "with: dask scheduler, and for tls: name certificates as docs/how-to/cluster.md says"
+        ) from None
+    with client:
+        work = partial(attempt, job, needed=tuple(environment().items()))
+        cluster = client.get_executor(pure=False)
         futures = {cluster.submit(work, index): index for index in indices}
         for future in as_completed(futures):
-            if problem := future.exception():  # of the cluster, not of the job
-                what = f"its workers died or cannot run it ({_brief(problem)})"
-                yield Outcome(futures[future], what)
+            if error := future.exception():  # of the cluster, not of the job
+                fault = f"{type(error).__name__}: {sentence(str(error))}"
+                yield Outcome(futures[future], f"its workers died or cannot run it ({fault})")
             else:
                 yield future.result()
 
@@ -179,19 +176,3 @@ def environment() -> Mapping[str, str]:
 
     variant, llvm = choose_variant().name, llvm_in_use()[1]
     return {**versions(), "models": models, "variant": variant, "LLVM": llvm}
-
-
-@contextmanager
-def connected(scheduler: str) -> Iterator["Client"]:
-    """Yield a client of a cluster. Raises UserError if there is none at the address."""
-    from distributed import Client  # slow to load
-
-    try:
-        client = Client(scheduler, timeout=10)
-    except (OSError, ValueError, TypeError, RuntimeError) as problem:
-        raise UserError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); start one "
-            "with: dask scheduler, and for tls: name certificates as docs/how-to/cluster.md says"
-        ) from None
-    with client:
-        yield client

@@ -73,7 +73,7 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
         if "color_npy" in settings.products:
             disk += exposures * 12
         if "histograms_npy" in settings.products:
-            bins = [each.tcspc.bins for each in settings.sensors if isinstance(each, Sensor)]
+            bins = [sensor.tcspc.bins for sensor in settings.sensors if isinstance(sensor, Sensor)]
             disk += 4 * len(settings.light_levels) * sum(bins)
             memory += 40 * pixels * max(bins, default=0)
     elif stage == "flow":

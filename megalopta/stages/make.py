@@ -10,19 +10,13 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.config.drawing import (
-    check_plan,
-    configuration_of,
-    repeated,
-    sequence_name,
-    split_of,
-)
+from megalopta.config import drawing
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import FlowFile, Plan
 from megalopta.config.yaml_model import validated
@@ -48,15 +42,12 @@ _COUNTED = 10_000
 _COMPARED = 50
 """Finished sequences that are compared with the plan and with the software."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
-READERS: dict[str, Callable[[Path], Any]] = {_FLOW: read_flo, _DISPARITY: read_disparity}
-"""Readers of the files that are written in other layouts, too, by folder"""
-_Layout: TypeAlias = tuple[FlowFile, str, str, Callable[[Path, Any], None]]
-_LAYOUTS: tuple[_Layout, ...] = (
-    ("kitti_png", _FLOW, "training/flow_kitti", write_kitti_png),
-    ("flo5", _FLOW, "training/flow_flo5", write_flo5),
-    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", write_kitti_disparity),
+_LAYOUTS: tuple[tuple[FlowFile, str, str, Callable[[Path], Any], Callable[..., None]], ...] = (
+    ("kitti_png", _FLOW, "training/flow_kitti", read_flo, write_kitti_png),
+    ("flo5", _FLOW, "training/flow_flo5", read_flo, write_flo5),
+    ("kitti_png", _DISPARITY, f"{_DISPARITY}_kitti", read_disparity, write_kitti_disparity),
 )
-"""Files in other layouts: folder of the source, folder and writer"""
+"""Files in other layouts: folder of the source, folder, reader and writer"""
 
 
 def make(
@@ -75,21 +66,21 @@ def make(
     made, if sequences failed.
     """
     tree = Tree(root.absolute())
-    for configuration in check_plan(plan):
+    for configuration in drawing.check_plan(plan):
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    filled = {split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
         tree.sweep()
         tree.write_header(plan=plan_of_all.model_dump(mode="json"))
-        there = set(tree.names()) - {
+        finished = set(tree.names()) - {
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
         asked = range(plan.sequences) if only is None else only
-        todo = [index for index in asked if sequence_name(index) not in there]
+        todo = [index for index in asked if drawing.sequence_name(index) not in finished]
         if todo:
             _check_same_machinery(tree)
         try:
@@ -127,7 +118,7 @@ def _run(
     with closing(run_jobs(title, job, indices, workers, scheduler)) as outcomes:
         for outcome in outcomes:
             if outcome.problem:
-                name = f"sequence {sequence_name(outcome.index)}"
+                name = f"sequence {drawing.sequence_name(outcome.index)}"
                 if outcome.ends_all:
                     raise UserError(f"{name}: {outcome.problem}")
                 failures[outcome.index] = outcome.problem
@@ -135,8 +126,8 @@ def _run(
     if failures:
         first = min(failures)
         raise UserError(
-            f"{len(failures)} of {len(indices)} sequences failed, such as {sequence_name(first)}: "
-            f"{failures[first]}; the same command tries them again"
+            f"{len(failures)} of {len(indices)} sequences failed, such as "
+            f"{drawing.sequence_name(first)}: {failures[first]}; the same command tries them again"
         )
 
 
@@ -157,7 +148,7 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
             "(only the number of sequences may grow)"
         )
     for record in map(tree.record, _some(tree)):
-        drawn = configuration_of(plan, record.index).model_dump(mode="json")
+        drawn = drawing.configuration_of(plan, record.index).model_dump(mode="json")
         if changes := differences_text(record.configuration, drawn):
             raise UserError(
                 f"{root}: this plan or version of the program gives another sequence "
@@ -186,13 +177,13 @@ def _some(tree: Tree) -> list[str]:
 
 def _make(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or its missing output. Raises UserError and OSError."""
-    settings = configuration_of(plan, index)
+    settings = drawing.configuration_of(plan, index)
 
     def more(made: Dataset) -> Mapping[str, Any]:
         write_flow_files(made, plan.flow_files)
         return {
             "index": index,
-            "split": split_of(plan, index),
+            "split": drawing.split_of(plan, index),
             "statistics": sequence_statistics(made),
             "poses": tuple(map(tuple, settings.trajectory.poses().reshape(-1, 16).tolist())),
         }
@@ -207,16 +198,10 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
     settings = dataset.configuration
     frames = settings.trajectory.frames
     counts = {_FLOW: frames - 1, _DISPARITY: frames if settings.stereo_with else 0}
-    for source, count in counts.items():
-        writers = [
-            (to, write) for kind, of, to, write in _LAYOUTS if of == source and kind in kinds
-        ]
-        for index in range(count):
-            places = [(dataset.frame(folder, index), write) for folder, write in writers]
-            missing = [(path, write) for path, write in places if not path.exists()]
-            values = READERS[source](dataset.frame(source, index)) if missing else None
-            for path, write in missing:
-                write(path, values)
+    for kind, source, folder, read, write in _LAYOUTS:
+        for index in range(counts[source] if kind in kinds else 0):
+            if not (path := dataset.frame(folder, index)).exists():
+                write(path, read(dataset.frame(source, index)))
 
 
 _FRAMES_LOOKED_AT = 8
@@ -336,16 +321,16 @@ def _on_all(
 def _measure(
     root: Path, overrides: Mapping[str, str], stage: str, redo: bool, index: int, is_checked: bool
 ) -> None:
-    made = Tree(root).opened(sequence_name(index))
+    made = Tree(root).opened(drawing.sequence_name(index))
     values = made.configuration.model_dump(mode="json")
     settings = validated(Configuration, values, str(root), overrides)
-    wanted = replace(made, configuration=settings)
+    dataset = replace(made, configuration=settings)
     with silent():
-        work = foresee(wanted, (stage,), redo)
+        work = foresee(dataset, (stage,), redo)
         if is_checked:
             check_stage(stage, settings, root)
         else:
-            run(wanted, work)
+            run(dataset, work)
 
 
 class Exposing(Record, frozen=True):
@@ -388,13 +373,13 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
 
     Files of a run that was killed lie beside the listed ones, and are removed.
     """
-    made = Tree(root).opened(sequence_name(index))
+    made = Tree(root).opened(drawing.sequence_name(index))
     record = made.former
     values = {
         **made.configuration.model_dump(mode="json"),
         **exposing.model_dump(mode="json", exclude={"repeats"}),
     }
-    settings = repeated(validated(Configuration, values, "sense"), exposing.repeats)
+    settings = drawing.repeated(validated(Configuration, values, "sense"), exposing.repeats)
     wanted = replace(made, configuration=settings)
     missing = []
     for sensor, level in settings.exposures:
@@ -425,8 +410,8 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
                 files.remove(path)
         expose(wanted)
         listed, sensed = record.files, record.stages["sense"]
-        there = files.files_in(folders)
-        added = [path for path in there if str(path.relative_to(root)) not in listed]
+        products = files.files_in(folders)
+        added = [path for path in products if str(path.relative_to(root)) not in listed]
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
         measured = exposure_statistics(replace(wanted, record=None))

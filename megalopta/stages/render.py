@@ -151,6 +151,15 @@ class FrameWriter:
         """
         middle = len(self._poses) // 2
         left_out = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
+        metered = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
+        illuminance = None  # of a self-luminous scene
+        if survey := self._renderer.light_survey(self._poses[metered, :3, 3]):
+            illuminance = {
+                "requested_lux": self._settings.light.resolved().illuminance_lux,
+                "unshaded_lux": survey.unshaded.lux,
+                "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
+                "ground": [asdict(point) for point in survey.ground],
+            }
         return {
             "objects": self.objects,
             "triangles": self.triangles,
@@ -159,7 +168,7 @@ class FrameWriter:
             "kinds": list(self._kinds),
             "notes": list(self._notes),
             "motions": self._motions,
-            "illuminance": self._illuminance(),
+            "illuminance": illuminance,
             "light_left_out": None if left_out is None else left_out.tolist(),
             "monte_carlo": noise_record(self._dataset, self._renderer.samples_per_pixel),
         }
@@ -209,8 +218,8 @@ class FrameWriter:
             albedo = renderer.albedo(pose, time)
             write_radiance(dataset.frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
         if (baseline_m := settings.baseline_m) is not None:  # of a rig's other camera
-            there = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
-            both = np.concatenate([self._poses[index : index + 1], there])
+            right = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
+            both = np.concatenate([self._poses[index : index + 1], right])
             flow = renderer.flow(both, 0, 1, [time, time])
             sintel.write_disparity(dataset, index, flow, baseline_m)
         if not settings.shutter.is_instant:
@@ -218,17 +227,17 @@ class FrameWriter:
 
     def write_sequence_labels(self) -> None:
         """Write names of classes and tracks of points, which belong to all frames."""
-        dataset, wanted = self._dataset, self._settings.tracks
+        dataset, asked = self._dataset, self._settings.tracks
         if "classes" in self._settings.labels:
             labels.write_class_names(dataset, self._kinds)
-        if wanted:
-            image = wanted.points(self._settings.camera)
+        if asked:
+            image = asked.points(self._settings.camera)
             with step("following points"):
                 tracks = [
                     self._renderer.tracks(self._poses, frame, image, self._times_s)
-                    for frame in wanted.frames
+                    for frame in asked.frames
                 ]
-            labels.write_tracks(dataset.tracks, wanted, tracks)
+            labels.write_tracks(dataset.tracks, asked, tracks)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""
@@ -253,19 +262,6 @@ class FrameWriter:
                 truth = renderer.shutter_truth(path, shutter, index)
             file = dataset.exposed_truth(index)
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
-
-    def _illuminance(self) -> dict[str, Any] | None:
-        """Measured lux in the open and below the camera's path; None for a self-luminous scene."""
-        frames = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
-        survey = self._renderer.light_survey(self._poses[frames, :3, 3])
-        if survey is None:
-            return None
-        return {
-            "requested_lux": self._settings.light.resolved().illuminance_lux,
-            "unshaded_lux": survey.unshaded.lux,
-            "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
-            "ground": [asdict(point) for point in survey.ground],
-        }
 
     def _until_good(
         self,

@@ -25,19 +25,13 @@ from megalopta.core import bounded, files
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.folders import locked
 from megalopta.core.freshness import digest
-from megalopta.core.progress import numbered_stage, say, step
+from megalopta.core.progress import say, step
 from megalopta.dataset.picture_light import PictureLight
 from megalopta.dataset.record import SequenceRecord, StageRecord, read_record, stored_settings
 from megalopta.dataset.store import Dataset, Tree, file_difference, hashes_of, whole_of
+from megalopta.stages import registry
 from megalopta.stages.limits import refuse_absurd
-from megalopta.stages.registry import (
-    STAGES,
-    differences_text,
-    provenance,
-    provenance_changes,
-    stage_configuration,
-    with_dependents,
-)
+from megalopta.stages.registry import STAGES
 
 
 def run_stage(
@@ -47,18 +41,12 @@ def run_stage(
     return run_stages(Path(root), configuration, (name,), redo)
 
 
-def run_all(
-    root: str | Path, configuration: Configuration, redo: bool = False, later: int = 0
-) -> Dataset:
-    """Run every stage, after checking that the configuration suits all of them.
-
-    Lines of progress count as many stages more as follow `later`.
-    """
+def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
+    """Run every stage, after checking that the configuration suits all of them."""
     for name in STAGES:
         check_stage(name, configuration, Path(root))
-    for number, name in enumerate(STAGES, 1):
-        with numbered_stage(number, len(STAGES) + later):
-            dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
+    for name in STAGES:
+        dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
     return dataset
 
 
@@ -141,14 +129,14 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
     for name in stages:
         now = StageRecord(
             settings=stage_hash(settings, name),
-            made_with=provenance(name, settings),
+            made_with=registry.provenance(name, settings),
             version=__version__,
         )
         if name not in known:
             if (before := begun.stages.get(name)) != now:
                 if before and not (redo or STAGES[name].is_derived) and has_output(dataset, name):
                     change = _differences(begun, dataset.begun_path, settings, [name])
-                    change = change or provenance_changes(before.made_with, now.made_with)
+                    change = change or registry.provenance_changes(before.made_with, now.made_with)
                     raise UserError(
                         f"{root}: its {name!r} output is incomplete and of other settings or "
                         f"software ({change}); continue with those, or add --redo to replace it"
@@ -157,7 +145,7 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
         elif redo:
             gone.add(name)
         else:
-            change = provenance_changes(known[name].made_with, now.made_with)
+            change = registry.provenance_changes(known[name].made_with, now.made_with)
             if not damaged(dataset, name) and not change.startswith("model: "):
                 say(f"{name}: {root} already has it")
                 continue
@@ -170,7 +158,7 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
                 say(f"{name}: made by another version of the program; recomputing")
                 gone.add(name)
         todo[name] = now
-    removed = with_dependents(gone)
+    removed = registry.with_dependents(gone)
     needs = {need for name in stages for need in STAGES[name].needs}.difference(stages)
     for need in (name for name in STAGES if name in needs):
         if need in removed:
@@ -189,7 +177,9 @@ def _differences(
     if not stages:
         return ""
     old = stored_settings(record, path)
-    return differences_text(*(stage_configuration(each, *stages) for each in (old, settings)))
+    return registry.differences_text(
+        *(registry.stage_configuration(each, *stages) for each in (old, settings))
+    )
 
 
 More = Callable[[Dataset], Mapping[str, Any]]
@@ -267,7 +257,8 @@ def forget(dataset: Dataset, stages: Collection[str]) -> None:
 
 def has_output(dataset: Dataset, stage: str) -> bool:
     """True if any output of a stage exists, finished or not."""
-    return any(map(files.holds_files, STAGES[stage].outputs(dataset)))
+    paths = STAGES[stage].outputs(dataset)
+    return any(any(path.iterdir()) if path.is_dir() else path.exists() for path in paths)
 
 
 def entry(dataset: Dataset, stage: str) -> StageRecord | None:
@@ -331,4 +322,4 @@ def timings(dataset: Dataset) -> dict[str, float]:
 
 def stage_hash(configuration: Configuration, stage: str) -> str:
     """Hash of every setting that a stage's output depends on."""
-    return digest(json.dumps(stage_configuration(configuration, stage), sort_keys=True))
+    return digest(json.dumps(registry.stage_configuration(configuration, stage), sort_keys=True))

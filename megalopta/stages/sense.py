@@ -37,15 +37,8 @@ from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
 from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
+from megalopta.sensor.formats import products
 from megalopta.sensor.formats.counts_store import Origin
-from megalopta.sensor.formats.products import (
-    Kind,
-    Write,
-    check_product,
-    kind_of,
-    product_path,
-    product_writer,
-)
 from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.shot import Following, NextFrames, Shot
 from megalopta.sensor.spad.simulation import PixelState
@@ -107,8 +100,8 @@ def expose(dataset: Dataset) -> None:
 class _Product:
     """Files of one kind of readings of an exposure, which are drawn once."""
 
-    kind: Kind
-    files: list[Write]
+    kind: products.Kind
+    files: list[products.Write]
 
     def write(self, shot: Shot, is_stated: bool, state: PixelState | None) -> PixelState | None:
         """Draw readings of some frames and write them; return the state of a running array."""
@@ -142,7 +135,7 @@ class _Exposer:
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(settings, level).astype(np.float32)
-        self._states: dict[Kind, PixelState | None] = {}
+        self._states: dict[products.Kind, PixelState | None] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
@@ -157,17 +150,17 @@ class _Exposer:
             extra=unusual,
         )
         shape = settings.trajectory.frames, *settings.camera.shape
-        writers: dict[Kind, list[Write]] = {}
+        writers: dict[products.Kind, list[products.Write]] = {}
         for name in settings.products:
-            if not (path := product_path(self._counts, name)).exists():
+            if not (path := products.product_path(self._counts, name)).exists():
                 timing = self._period_s, burst_frames(settings)
-                writer = product_writer(name, path, origin, shape, *timing)
-                writers.setdefault(kind_of(name), []).append(stores.enter_context(writer))
+                writer = products.product_writer(name, path, origin, shape, *timing)
+                writers.setdefault(products.kind_of(name), []).append(stores.enter_context(writer))
         self.products = [_Product(kind, files) for kind, files in writers.items()]
         self.needs_depth = self.draws("histograms") and starts_at_camera(sensor)
         """True if pulses leave from the camera"""
 
-    def draws(self, kind: Kind) -> bool:
+    def draws(self, kind: products.Kind) -> bool:
         """True if readings of a kind are written."""
         return any(product.kind == kind for product in self.products)
 
@@ -276,7 +269,7 @@ def _check(settings: Configuration) -> None:
             shape = settings.camera.height, settings.camera.width
             check_sensor(sensor, settings.render.bands_nm, shape)
             for product in settings.products:
-                check_product(product, sensor, shape)
+                products.check_product(product, sensor, shape)
             if starts_at_camera(sensor) and not settings.scene.has_truth:
                 raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
         except ValueError as problem:

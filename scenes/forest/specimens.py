@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from platformdirs import user_cache_path
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import TEXTURES, Surface, generator
@@ -33,7 +34,6 @@ from megalopta.assets_gen.plants.detail import some_leaves
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
 from megalopta.scenes.forest.flora import (
     COVERS,
@@ -109,7 +109,8 @@ def texture(seed: int, pattern: str) -> NDArray[np.float32]:
 
 def store_of(*values: str | int) -> ArrayStore:
     """Return the cache for arrays that depend on some values and on the code that makes forests."""
-    return ArrayStore(cache_folder() / "plants", digest(_model(), repr(values)), _MOST_BYTES)
+    folder = user_cache_path("megalopta", appauthor=False) / "plants"
+    return ArrayStore(folder, digest(_model(), repr(values)), _MOST_BYTES)
 
 
 @cache

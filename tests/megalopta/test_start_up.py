@@ -69,10 +69,3 @@ def test_the_libraries_are_importable_inside_a_clone(folder):
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == str(ROOT / folder / "__init__.py")
-
-
-@pytest.mark.parametrize("name", ["assets_gen", "flow", "render", "scenes", "sensor"])
-def test_libraries_are_attributes_of_the_package(name):
-    import megalopta
-
-    assert megalopta.__getattr__(name).__name__ == f"megalopta.{name}"

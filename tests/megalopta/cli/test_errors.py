@@ -117,9 +117,7 @@ def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
     "text",
     [
         f"scene: {{kind: {'x' * 5000}}}",
-        f"name: {'☃' * 5000}",
         f"{'k' * 5000}: 1",
-        f"methods: [{'x' * 5000}]",
         f"sensors: [{{preset: {'x' * 5000}}}]",
         f"scene: {{trees: {'x' * 5000}}}",
     ],

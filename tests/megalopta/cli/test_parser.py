@@ -8,53 +8,25 @@ OWN = ("--out", "--redo")
 DEMO = VerbSettings().takes
 
 
-def test_settings_are_told_from_own_options():
-    words = "render demo --scene.trees 50 --out=there --redo --camera.fov-deg=60".split()
-    own, overrides = split_overrides(words, OWN, DEMO)
-    assert own == ["render", "demo", "--out=there", "--redo"]
-    assert overrides == {"scene.trees": "50", "camera.fov_deg": "60"}
-
-
 @pytest.mark.parametrize(
-    "setting",
+    ("words", "own", "settings"),
     [
-        ["--scene.trees", "200"],
-        ["--scene.trees=200"],
-        ["--sensors.0.dead-time.dead-time-s", "1e-6"],
-        ["--render.bands-nm.0.1", "500"],
-        ["--scene.mix.beech", "1"],
+        ("demo --scene.trees 50 --out=there --redo --camera.fov-deg=60", "demo --out=there --redo",
+         {"scene.trees": "50", "camera.fov_deg": "60"}),
+        ("--scene.trees=200 my.yaml", "my.yaml", {"scene.trees": "200"}),
+        ("--sensors.0.dead-time.dead-time-s 1e-6 my.yaml", "my.yaml",
+         {"sensors.0.dead_time.dead_time_s": "1e-6"}),
+        ("--render.bands-nm.0.1 500 my.yaml", "my.yaml", {"render.bands_nm.0.1": "500"}),
+        ("--methods 1 2 3 --out there", "--out there", {"methods": "[1, 2, 3]"}),
+        ("--benchmark.sizes 1 2 --out there", "--out there", {"benchmark.sizes": "[1, 2]"}),
+        ("--correct demo", "demo", {"correct": "true"}),
+        ("--correct false demo", "demo", {"correct": "false"}),
+        ("--correct=false demo", "demo", {"correct": "false"}),
+        ("--correct --out there demo", "--out there demo", {"correct": "true"}),
     ],
-)
-def test_a_single_value_takes_one_word(setting):
-    own, overrides = split_overrides(["render", *setting, "my.yaml"], OWN, DEMO)
-    assert own == ["render", "my.yaml"]
-    assert len(overrides) == 1
-
-
-@pytest.mark.parametrize(
-    "setting", ["methods", "light-levels", "benchmark.sizes", "trajectory.up", "sensors"]
-)
-def test_a_list_takes_all_words_up_to_the_next_option(setting):
-    words = ["demo", f"--{setting}", "1", "2", "3", "--out", "there"]
-    own, overrides = split_overrides(words, OWN, DEMO)
-    assert own == ["demo", "--out", "there"]
-    assert list(overrides.values()) == ["[1, 2, 3]"]
-
-
-@pytest.mark.parametrize(
-    ("words", "value"),
-    [
-        (["--correct", "demo"], "true"),
-        (["demo", "--correct"], "true"),
-        (["--correct", "false", "demo"], "false"),
-        (["--correct=false", "demo"], "false"),
-        (["--correct", "--out", "there", "demo"], "true"),
-    ],
-)
-def test_a_switch_takes_true_or_false_and_nothing_else(words, value):
-    own, overrides = split_overrides(words, OWN, DEMO)
-    assert "demo" in own
-    assert overrides == {"correct": value}
+)  # fmt: skip
+def test_settings_take_their_words_and_leave_the_rest(words, own, settings):
+    assert split_overrides(words.split(), OWN, DEMO) == (own.split(), settings)
 
 
 @pytest.mark.parametrize(

@@ -27,17 +27,6 @@ def test_a_single_long_step_is_told_at_intervals(capsys):
     assert re.fullmatch(r"Rendering: 3 frames in [\d.]+ s", lines[-1])
 
 
-def test_only_the_innermost_work_speaks(capsys):
-    with working("render"):
-        with progress.progress("Rendering", 1, "frame") as advance:
-            time.sleep(0.2)
-            advance()
-        inner = capsys.readouterr().err
-        time.sleep(0.2)
-    assert "at work" not in inner[inner.index("Rendering: 0 % of 1 frames") :]
-    assert "render: at work for 0 s" in capsys.readouterr().err
-
-
 def test_a_line_shows_share_and_time_left():
     assert progress_line(12, 300, "frame", 24) == "4 % of 300 frames · 9:36 left"
     assert progress_line(1, 1001, "pair", 10) == "0 % of 1001 pairs · 3 hours left"
@@ -48,16 +37,6 @@ def test_a_line_shows_share_and_time_left():
 def test_a_long_step_does_not_lengthen_the_time_left(since_s):
     left = progress_line(3, 10, "figure", 30, since_s).partition("· ")[2]
     assert left == {0: "1:10 left", 5: "1:05 left"}.get(since_s, "1:00 left")
-
-
-def test_a_line_names_the_innermost_step(capsys):
-    with working("dataset"), progress.step("sequence 7"):
-        with progress.step("building the scene"):
-            time.sleep(0.2)
-        inner = capsys.readouterr().err
-        time.sleep(0.2)
-    assert "dataset: at work for 0 s; building the scene" in inner
-    assert "dataset: at work for 0 s; sequence 7" in capsys.readouterr().err
 
 
 def test_progress_of_silent_work_is_shown_with_its_step(capsys):

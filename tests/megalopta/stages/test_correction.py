@@ -5,7 +5,6 @@ import pytest
 
 import megalopta
 from megalopta.config.model import load
-from megalopta.core.errors import UserError
 from megalopta.sensor.calibrate.correction import correct, simulated_calibration
 
 from ..small import made, small
@@ -38,10 +37,3 @@ def test_what_is_stored_is_the_readings_corrected_with_one_calibration(sequence)
         assert stored.shape == (3, 20, 24)
         # stored as float32
         np.testing.assert_allclose(stored[:], getattr(expected, name), rtol=1e-6)
-
-
-def test_what_has_no_corrected_frames_is_told(sequence):
-    with pytest.raises(UserError, match="sense with --correct, or with `correct: true` below"):
-        sequence.corrected(sequence.exposures[1])
-    with pytest.raises(UserError, match="sense with --correct"):
-        sequence.corrected(quantity="dark")

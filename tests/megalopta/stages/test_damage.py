@@ -1,6 +1,5 @@
 """Damage that leaves the size of a file alone is named by every verb that would use it."""
 
-import json
 import os
 
 import numpy as np
@@ -45,15 +44,6 @@ def test_the_report_names_a_damaged_file_and_what_mends_it(whole_copy, refused, 
     command = f"run first: megalopta {OF_STAGES[name]} {whole_copy}"
     assert f"{path} is missing or damaged; {command}" in told
     assert content(whole_copy) == before
-
-
-def test_a_stage_that_is_not_finished_is_left_out_aloud(whole_copy, capsys):
-    path = whole_copy / "sequences/grating.json"
-    record = json.loads(path.read_text("utf-8"))
-    del record["stages"]["benchmark"]
-    path.write_text(json.dumps(record))
-    cli.main(["report", str(whole_copy)])
-    assert "stage 'benchmark' is not finished" in capsys.readouterr().err
 
 
 def test_a_stage_makes_again_what_only_has_the_right_size(whole_copy, capsys):

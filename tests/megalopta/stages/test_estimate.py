@@ -1,6 +1,5 @@
 """What an estimate measures and multiplies, and that it leaves nothing."""
 
-import numpy as np
 import pytest
 import yaml
 
@@ -8,16 +7,6 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.stages import estimate
 from megalopta.stages.run import run_stage
-
-
-def test_frames_and_pixels_multiply_and_at_most_three_sequences_are_measured(monkeypatch):
-    seen, cost = [], (7.0, np.array([1e-3, 8]))
-    monkeypatch.setattr(estimate, "measured", lambda settings, plan: seen.append(settings) or cost)
-    sizes = {"camera.width": "10", "camera.height": "10", "trajectory.frames": "3"}
-    seconds, bytes_ = estimate.cost_of([load("grating", sizes)] * 9)
-    assert len(seen) == 3
-    assert seconds == pytest.approx(9 * 7 + 9 * 0.3)
-    assert bytes_ == pytest.approx(9 * 300 * 8)
 
 
 @pytest.mark.slow

@@ -119,7 +119,3 @@ def test_what_a_kill_left_out_is_made_again_alike(running):
         path.unlink()
     sense(open_sequence(running))
     assert [path.read_bytes() for path in products] == before
-
-
-def test_old_output_is_refused_until_it_is_to_be_made_again(reset, refused):
-    assert "free_running: False → True" in refused("sense", reset, "--free-running")

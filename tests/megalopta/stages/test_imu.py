@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 import megalopta
 from megalopta.config.model import parse
 from megalopta.core.errors import UserError
-from megalopta.dataset.inertial import read_imu
 
 from ..small import made
 
@@ -77,11 +76,3 @@ def test_too_many_readings_and_damage_are_refused(flown):
     path.write_text(path.read_text().replace(",", ";", 1).replace("0,", "0;", 1))
     with pytest.raises(UserError, match=r"data\.csv"):
         _ = megalopta.open_dataset(flown.dataset.root)[0].imu
-
-
-@pytest.mark.parametrize("number", [6, 8])
-def test_readings_of_other_columns_are_refused(number, tmp_path):
-    path = tmp_path / "data.csv"
-    path.write_text("#head\n" + ",".join(["1.0"] * number) + "\n")
-    with pytest.raises(UserError, match=f"{number} columns instead of 7"):
-        read_imu(path)

@@ -99,8 +99,8 @@ def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
 
 
 def test_a_cluster_of_other_versions_does_nothing(jobs, tmp_path):
-    wanted = {**module.environment(), "numba": "9.9"}
-    outcome = module.attempt(jobs.Job(tmp_path), 0, wanted=wanted)
+    needed = {**module.environment(), "numba": "9.9"}.items()
+    outcome = module.attempt(jobs.Job(tmp_path), 0, needed=needed)
     assert outcome.ends_all
     assert outcome.problem.startswith("a worker has numba ")
     assert "this program numba 9.9; install the same" in outcome.problem

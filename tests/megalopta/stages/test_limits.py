@@ -4,7 +4,6 @@ import shutil
 
 import pytest
 
-from megalopta.benchmark.trial import Sweep
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.stages.limits import needed_bytes, refuse_absurd
@@ -17,13 +16,7 @@ from ..small import TINY
     ("path", "value"),
     [
         ("trajectory.frames", "1000000000"),
-        ("camera.width", "100000"),
-        ("camera.fov_deg", "1e-300"),
-        ("shutter.poses", "1000000000"),
         ("benchmark.fluxes_per_decade", "100000000"),
-        ("benchmark.repeats", "1000000000"),
-        ("render.samples_per_pixel", "1000000000"),
-        ("light.illuminance_lux", "1e308"),
         ("light.illuminance_lux", "1e-300"),
         ("light_levels", "[1e300]"),
         ("scene.trees", "1" + "0" * 400),
@@ -107,8 +100,3 @@ def test_disk_grows_with_the_frames_and_memory_does_not(stage):
     )
     assert many[0] == pytest.approx(few[0], rel=1e-3)
     assert many[1] == pytest.approx(2 * few[1])
-
-
-def test_a_sweep_of_too_many_trials_is_refused():
-    with pytest.raises(ValueError, match="10001 trials; give at most 10000 in all"):
-        Sweep.model_validate({"vary": "seed", "values": list(range(10_001))})

@@ -1,8 +1,5 @@
 """A dataset of a plan: made, extended, refused, measured, and exposed to new light."""
 
-import shutil
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import yaml
@@ -13,13 +10,12 @@ from megalopta.config.drawing import configuration_of
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Tree, hashes_of
-from megalopta.flow.formats import read_flo
 from megalopta.sensor import open_counts
 from megalopta.stages import make as module
-from megalopta.stages.make import add_exposures, make, measure, parse_indices, write_flow_files
+from megalopta.stages.make import add_exposures, make, measure, parse_indices
 from megalopta.verification.files import check_files
 
-from ..small import content, copied, counting
+from ..small import content, copied
 
 
 def run(*words):
@@ -61,17 +57,6 @@ def test_more_sequences_leave_what_is_there(small_copy, small_plan):
     assert {name: after[name] for name in before} == before
     assert Tree(small_copy).names() == [f"00000{n}" for n in range(4)]
     assert not check_files(Tree(small_copy), truths=4)
-
-
-def test_a_flow_is_read_once_for_all_its_layouts(single_copy, monkeypatch):
-    dataset = replace(megalopta.open_dataset(single_copy)[0].dataset, record=None)
-    read = []
-    for layout in ("flow_kitti", "flow_flo5"):
-        shutil.rmtree(single_copy / "training" / layout)
-    monkeypatch.setitem(module.READERS, "training/flow", counting(read_flo, read))
-    write_flow_files(dataset, ("kitti_png", "flo5"))
-    assert len(read) == len(dataset.configuration.trajectory.times_s) - 1
-    assert not check_files(Tree(single_copy))
 
 
 def test_another_plan_is_refused_with_the_difference(small_copy, small_plan):
@@ -247,14 +232,6 @@ def test_corrected_frames_of_new_exposures_are_on_record_and_others_stay(single_
     assert sequence.corrected("spadcam-full_moon")[0].shape == sequence.shape
 
 
-def test_what_new_exposures_of_moving_light_read_is_compared(single_plan, tmp_path):
-    make(tmp_path, single_plan.model_copy(update={"every": {**single_plan.every, "sub_frames": 2}}))
-    (path,) = tmp_path.glob("truth/000000/frame_0002.exr")
-    path.write_bytes(bytes(path.stat().st_size))
-    with pytest.raises(UserError, match=rf"{path} differs from its record; .* check files"):
-        add_exposures(tmp_path, NEW_LIGHT)
-
-
 def test_exposures_by_another_sensor_model_are_refused(single_copy, monkeypatch):
     before = content(single_copy)
     monkeypatch.setattr("megalopta.stages.sense.SENSOR_MODEL", 99)
@@ -263,9 +240,8 @@ def test_exposures_by_another_sensor_model_are_refused(single_copy, monkeypatch)
     assert content(single_copy) == before
 
 
-@pytest.mark.parametrize("model", ["render.RENDER_MODEL", "render.TRUTH_MODEL"])
-def test_more_sequences_of_another_model_are_refused(single_copy, single_plan, monkeypatch, model):
-    monkeypatch.setattr(f"megalopta.stages.{model}", 99)
+def test_more_sequences_of_another_model_are_refused(single_copy, single_plan, monkeypatch):
+    monkeypatch.setattr("megalopta.stages.render.RENDER_MODEL", 99)
     make(single_copy, single_plan)  # nothing is missing, and nothing is mixed
     with pytest.raises(UserError, match=r"000000 was made by other software .*render: model: .*99"):
         make(single_copy, single_plan.model_copy(update={"sequences": 2}))

@@ -37,11 +37,6 @@ def rendered(tmp_path):
     return run_stage(tmp_path / "data", settings(tmp_path / "files", 1.0), "render")
 
 
-def test_nodes_are_kinds_of_the_truth(rendered):
-    truth = read_truth(rendered.truth(0))
-    assert set(np.unique(truth.object_id)) == {0, 1, 2}
-
-
 def test_a_changed_file_is_another_scene(rendered, tmp_path):
     changed = settings(tmp_path / "files", 2.0)
     with pytest.raises(UserError, match=r"another configuration \(scene\.files\.0\.file\.sha256: "):

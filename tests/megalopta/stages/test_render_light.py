@@ -40,19 +40,6 @@ def instead(monkeypatch):
 
 
 @pytest.fixture
-def yard(instead):
-    """A plane with a block on it: a plane alone has no noise."""
-    plane = trimesh.Trimesh(
-        100.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
-        [[0, 1, 2], [0, 2, 3]],
-        process=False,
-    )
-    block = trimesh.creation.box((1, 1, 2))
-    block.apply_translation([8, 0, 0])
-    instead(trimesh.util.concatenate([plane, block]))
-
-
-@pytest.fixture
 def sky(picture):
     """Settings of a panorama of rough light."""
 
@@ -72,28 +59,6 @@ def test_a_panorama_renders_with_the_requested_light(sky, tmp_path, capsys):
     assert record["monte_carlo"]["median_relative"] == 0
     assert "takes more hits" not in capsys.readouterr().err
     run_stage(tmp_path / "data", dataset.configuration, "sense")
-
-
-def test_a_panorama_whose_file_changed_is_another_configuration(sky, tmp_path):
-    first = sky(1)
-    run_stage(tmp_path / "data", first, "render")
-    second = sky(2)
-    with pytest.raises(UserError, match=r"another configuration \(scene\.file\.sha256: "):
-        run_stage(tmp_path / "data", second, "render")
-    with pytest.raises(UserError, match=r"sky\.exr has changed since it was first used"):
-        run_stage(tmp_path / "other", first, "render")
-
-
-def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
-    settings = load("demo", SMALL | {"light_levels": "[1000]"})
-    run_stage(tmp_path / "data", settings, "render")
-    told = " ".join(capsys.readouterr().err.split())
-    assert "render: 1 lux requested, 1 measured in the open and 1 on the ground" in told
-    assert "render: error on surfaces" in told
-    run_stage(tmp_path / "data", settings, "sense")
-    told = " ".join(capsys.readouterr().err.split())
-    assert "sense: rendering noise is more than 0.3 of shot noise and the scene's" in told
-    assert "detail together in 1 of 1 exposures" in told
 
 
 def test_light_that_takes_too_many_hits_is_recorded_and_told(instead, tmp_path, capsys):

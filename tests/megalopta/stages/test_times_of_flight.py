@@ -30,13 +30,3 @@ def test_the_mean_time_of_a_pixel_is_that_of_light_to_its_surface_and_back(tmp_p
     off_m = np.abs(299792458 / 2 * mean_s - distance_m)
     assert np.all(off_m < 5.5 * 14.8e-3 / np.sqrt(counts.sum(axis=-1)) + 0.8e-3)
     assert np.ptp(distance_m) > 1
-
-
-def test_pictures_have_no_times_of_flight(tmp_path, refused):
-    film = tmp_path / "film.npy"
-    np.save(film, np.full((2, 16, 16), 0.5))
-    (tmp_path / "flight.yaml").write_text(SENSOR)
-    words = ["--photons", "2", "--unit", "linear", "--out", str(tmp_path / "out")]
-    sensor = ["--sensors", str(tmp_path / "flight.yaml"), "--products", "counts", "histograms_npy"]
-    told = refused("sense", film, *words, *sensor)
-    assert "tcspc.from_camera: pictures have no depth" in told
