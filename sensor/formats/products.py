@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 if TYPE_CHECKING:
     from megalopta.sensor.formats.counts_store import Origin
@@ -26,38 +26,33 @@ Kind: TypeAlias = Literal["readings", "events", "bits", "burst", "histograms"]
 Write: TypeAlias = Callable[[Any], None]
 
 
-class _Product(NamedTuple):
-    suffix: str
-    kind: Kind
-
-
-_PRODUCTS: Mapping[ProductName, _Product] = {
-    "counts": _Product(".zarr", "readings"),
-    "events_hdf5": _Product(".events.h5", "events"),
-    "events_npz": _Product(".events.npz", "events"),
-    "binary_npy": _Product(".binary.npy", "bits"),
-    "binary_spad512": _Product(".spad512", "bits"),
-    "burst_npy": _Product(".burst.npy", "burst"),
-    "tiff": _Product(".tiff", "readings"),
-    "histograms_npy": _Product(".histograms.npy", "histograms"),
-    "color_npy": _Product(".color.npy", "readings"),
+_PRODUCTS: Mapping[ProductName, tuple[str, Kind]] = {
+    "counts": (".zarr", "readings"),
+    "events_hdf5": (".events.h5", "events"),
+    "events_npz": (".events.npz", "events"),
+    "binary_npy": (".binary.npy", "bits"),
+    "binary_spad512": (".spad512", "bits"),
+    "burst_npy": (".burst.npy", "burst"),
+    "tiff": (".tiff", "readings"),
+    "histograms_npy": (".histograms.npy", "histograms"),
+    "color_npy": (".color.npy", "readings"),
 }
 
 
 def product_path(counts: Path, product: ProductName) -> Path:
     """Return the path of a product, given that of the counts, which ends in `.zarr`."""
-    return counts.with_name(counts.name.removesuffix(".zarr") + _PRODUCTS[product].suffix)
+    return counts.with_name(counts.name.removesuffix(".zarr") + _PRODUCTS[product][0])
 
 
 def product_stem(path: Path) -> str:
     """Base name of the exposure's files, such as "spadcam-0.1lux"; "" for other files."""
-    suffixes = (each.suffix for each in _PRODUCTS.values() if path.name.endswith(each.suffix))
+    suffixes = (suffix for suffix, _ in _PRODUCTS.values() if path.name.endswith(suffix))
     return path.name.removesuffix(next(suffixes, path.name))
 
 
 def kind_of(product: ProductName) -> Kind:
     """Input that the writer of a product takes."""
-    return _PRODUCTS[product].kind
+    return _PRODUCTS[product][1]
 
 
 def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int, int]) -> None:

@@ -202,9 +202,9 @@ def _channels(file: h5py.File, numbers: list[Ints]) -> tuple[Ints, int]:
     total = len(numbers) * (largest + 1)
     if is_in(file, "setup/num_pixels"):
         total = int(_number_in(file, "setup/num_pixels"))
-    each = total // len(numbers)
-    by_spot = [number + each * spot for spot, number in enumerate(numbers)]
-    return np.concatenate(by_spot if largest < each else numbers), total
+    of_a_spot = total // len(numbers)
+    by_spot = [number + of_a_spot * spot for spot, number in enumerate(numbers)]
+    return np.concatenate(by_spot if largest < of_a_spot else numbers), total
 
 
 def _number_in(file: h5py.File, name: str) -> float:

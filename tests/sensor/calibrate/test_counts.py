@@ -170,19 +170,9 @@ def test_lights_that_are_not_as_stated_are_refused():
     assert "not proportional to light" in found.refused["efficiency"]
     with pytest.raises(ValueError, match="no brighter than the dark"):
         calibrate_counts([*levels, levels[0]._replace(light_hz=1e6)])
-
-
-@pytest.mark.parametrize(
-    ("words", "change"),
-    [
-        ("drifts", lambda counts: counts + np.linspace(0, 3, len(counts))[:, None, None]),
-        ("30 frames", lambda counts: counts[:30]),
-    ],
-)
-def test_unsuitable_recordings_are_refused(words, change):
     counts = frames_of(camera(8), 1e-4, 1e6, 200)
-    with pytest.raises(ValueError, match=words):
-        summed(change(counts), 1e-4, 1e6, is_binary=False)
+    with pytest.raises(ValueError, match="drifts"):
+        summed(counts + np.linspace(0, 3, 200)[:, None, None], 1e-4, 1e6, is_binary=False)
 
 
 @pytest.mark.parametrize("counts", [0, 1, 7, 300])

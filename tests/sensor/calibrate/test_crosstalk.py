@@ -42,6 +42,7 @@ def test_shares_are_the_probabilities_that_neighbors_fire():
 
 
 def test_without_crosstalk_neighbors_are_independent():
+    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
     found = kernel_of(crosstalk_of_hot_pixels(RATES))
     own = RATES - crosstalk.fired_mean(RATES, found)
     correlation, left = (
@@ -61,10 +62,6 @@ def test_pairs_of_rows_are_recognized():
     by_row = neighborhoods(found)[:, :, 2:5, 2:5].mean(axis=1)
     # half of the pixels, errors of 2e-4
     assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
-
-
-def test_independent_dark_counts_show_no_crosstalk():
-    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.1])

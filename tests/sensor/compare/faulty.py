@@ -246,7 +246,6 @@ def _common(camera):
             "order",
             {"spoil": of_readings(lambda r, _: r[:, :, [1, 0, *range(2, r.shape[2])]])},
         ),
-        "row stuck": ("dead row", {"spoil": written(np.s_[:, 5], camera.stuck)}),
         "efficiency": ("efficiency", {"light": lambda *_: np.full((1, 1, 1), 1.2)}),
     }
 
@@ -255,19 +254,8 @@ def _counter(**fields):
     return {"sensor": {"counter": fields}}
 
 
-_OF_COUNTS = {
-    "row noise": (
-        "row noise",
-        {"light": lambda times, s, rng: 1 + 0.1 * rng.standard_normal((times.size, s[0], 1))},
-    ),
-    "dark counts": ("dark counts", {"sensor": {"dark_counts": {"bulk_mean_hz_um2": 0.3}}}),
-}
-_OF_AVALANCHES = {
-    "crosstalk": ("crosstalk", {"sensor": {"crosstalk": {"mean_fired_neighbors": 0.05}}}),
-}
 _OF_CODES = {
     "read noise ×2": ("read noise", _counter(read_noise_v=2e-3)),
-    "read noise ×4": ("read noise", _counter(read_noise_v=4e-3)),
     "gain +10 %": (
         "drift of gain",
         {"spoil": fallen(lambda fall: fall * np.linspace(1, 1.1, len(fall))[:, None, None])},
@@ -283,25 +271,15 @@ _OF_CODES = {
         {"sensor": {"afterpulsing": {"mean_carriers": 0.05, "delay_s": 5e-6}}},
     ),
     "dead time": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 1.2e-6}}}),
-    "dead time ×2": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 2e-6}}}),
     "step": ("step", _counter(step_v=0.011)),
     "offset 8 mV": ("offset", {"spoil": written(np.s_[:], lambda c: c - 10)}),
     "bent output": ("none", {"spoil": fallen(lambda fall: fall * (1 - fall / 8000))}),
-    **_OF_AVALANCHES,
+    "crosstalk": ("crosstalk", {"sensor": {"crosstalk": {"mean_fired_neighbors": 0.05}}}),
 }
 FAULTS = {
     "codes": {**_common(CAMERAS["codes"]), **_OF_CODES},
-    "counts": {
-        **_common(CAMERAS["counts"]),
-        **_OF_COUNTS,
-        "dead time": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 1e-7}}}),
-        "afterpulsing": (
-            "afterpulsing",
-            {"sensor": {"afterpulsing": {"mean_carriers": 0.05, "delay_s": 1e-6}}},
-        ),
-        **_OF_AVALANCHES,
-    },
-    "bits": {**_common(CAMERAS["bits"]), **_OF_COUNTS},
+    "counts": _common(CAMERAS["counts"]),
+    "bits": _common(CAMERAS["bits"]),
 }
 """Name of a fault of each camera: what is to be said, and how it is made"""
 

@@ -50,10 +50,8 @@ def test_spc3_of_eight_bits_may_be_signed(tmp_path):
     [
         (spc3(COUNTS)[:-1], "cut short"),
         (spc3(COUNTS)[:600], "cut short within its header"),
-        (spc3(COUNTS, frames=2**32 - 1), "its header states 4294967295 frames"),
         (spc3(COUNTS, pixels=2016), "32 × 64 pixels and 2016 in all"),
         (spc3(COUNTS, integration=0), "integration_10ns 0"),
-        (b"MPE" + spc3(COUNTS)[3:], "of no format that is known"),
     ],
 )
 def test_damaged_spc3_is_one_sentence(tmp_path, content, message):

@@ -11,7 +11,3 @@ from megalopta.sensor.formats.products import PRODUCTS, product_path, product_st
 def test_the_exposure_of_every_product_is_read_back(product):
     counts = Path("counts") / "000001" / "spad.fast-0.1lux.zarr"
     assert product_stem(product_path(counts, product)) == "spad.fast-0.1lux"
-
-
-def test_another_file_is_of_no_exposure():
-    assert product_stem(Path("notes.txt")) == ""

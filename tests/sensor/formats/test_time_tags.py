@@ -24,7 +24,7 @@ def photon_hdf5(path, groups):
                 file[f"{name}/detectors"] = detectors.astype(np.uint8)
 
 
-def ptu_of_mode_t2(path, ticks, channels, inputs=0, stopped_ms=0):
+def ptu_of_mode_t2(path, ticks, channels, inputs, stopped_ms):
     """PTU of a HydraHarp in mode T2, as PicoQuant's page of the layout describes it."""
 
     def tag(name, kind, value):
@@ -46,8 +46,7 @@ def ptu_of_mode_t2(path, ticks, channels, inputs=0, stopped_ms=0):
     content += integer("TTResult_NumberOfRecords", len(records))
     content += integer("TTResultFormat_BitsPerRecord", 32)
     content += tag("MeasDesc_GlobalResolution", 0x20000008, struct.pack("<d", UNIT_S))
-    if inputs:
-        content += integer("HW_InpChannels", inputs) + integer("TTResult_StopAfter", stopped_ms)
+    content += integer("HW_InpChannels", inputs) + integer("TTResult_StopAfter", stopped_ms)
     content += tag("Header_End", 0xFFFF0008, bytes(8))
     path.write_bytes(content + np.array(records, "<u4").tobytes())
 
@@ -63,10 +62,11 @@ def test_detectors_of_several_spots_are_channels_in_order(tmp_path):
         np.testing.assert_allclose(tags.time_s[tags.channel == channel], own, rtol=1e-15)
 
 
-def test_ptu_of_mode_t2_has_absolute_times(tmp_path):
+def test_ptu_of_mode_t2_has_absolute_times_and_states_inputs_and_duration(tmp_path):
     pytest.importorskip("ptufile")
-    ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS)
+    ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS, inputs=8, stopped_ms=1500)
     tags = read_time_tags(tmp_path / "dark.ptu")
+    assert (tags.channels, tags.duration_s) == (8, 1.5)
     np.testing.assert_allclose(tags.time_s, TICKS * UNIT_S, rtol=1e-12)
     np.testing.assert_array_equal(tags.channel, CHANNELS)
 
@@ -158,13 +158,6 @@ def test_pixels_and_duration_are_those_that_photon_hdf5_states(tmp_path, stated,
     np.testing.assert_array_equal(tags.channel, CHANNELS)
     expected = stated.get("acquisition_duration", (TICKS[-1] - TICKS[0]) * UNIT_S)
     assert tags.duration_s == pytest.approx(expected)
-
-
-def test_ptu_states_its_inputs_and_its_duration(tmp_path):
-    pytest.importorskip("ptufile")
-    ptu_of_mode_t2(tmp_path / "dark.ptu", TICKS, CHANNELS, inputs=8, stopped_ms=1500)
-    tags = read_time_tags(tmp_path / "dark.ptu")
-    assert (tags.channels, tags.duration_s) == (8, 1.5)
 
 
 @pytest.mark.parametrize(
