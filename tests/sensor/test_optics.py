@@ -271,3 +271,10 @@ def test_a_band_outside_a_filter_is_refused():
 def test_a_mosaic_that_opencv_cannot_interpolate_is_refused(filters):
     with pytest.raises(ValueError, match="OpenCV interpolates RGGB, BGGR, GRBG, GBRG"):
         demosaiced(np.ones((1, 4, 4)), filters)
+
+
+def test_photon_flux_of_a_flat_spectrum_is_the_integral_over_wavelength():
+    planck, light_speed = 6.62607015e-34, 299792458.0
+    expected, _ = quad(lambda nm: 0.3 * nm * 1e-9 / (planck * light_speed), 420.0, 655.0)
+    # the design's rounded h·c is the tolerance
+    assert optics.photon_flux([0.3], [(420.0, 655.0)])[0] == pytest.approx(expected, rel=1e-8)

@@ -165,3 +165,10 @@ def test_images_weigh_alike_or_by_their_pixels():
 def test_what_cannot_be_scored_is_refused(flow, hidden, sentence):
     with pytest.raises(ValueError, match=sentence):
         errors(flow, np.zeros((4, 4, 2)), np.zeros(hidden, bool))
+
+
+def test_angular_error_is_measured_in_space_and_time():
+    # (1, 0, 1) and (0, 1, 1) enclose 60°.
+    error = truth_error(np.tile((1.0, 0.0), (1, 3, 3, 1)), np.tile((0.0, 1.0), (1, 3, 3, 1)))
+    assert error.angular_error_deg == pytest.approx(60)
+    assert error.endpoint_error_px == pytest.approx(math.sqrt(2))

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from megalopta.benchmark.ranking import Ranking, RankingFacts
+from megalopta.benchmark.ranking_page import caution
 from megalopta.benchmark.ranking_run import run_ranking
 from megalopta.benchmark.sequence_errors import BOUND, STILL, in_segments, sequence_truth
 from megalopta.benchmark.table import MEAN
@@ -112,3 +113,10 @@ def test_a_board_that_is_flown_past_has_parallax_and_a_camera_that_turns_has_non
 )
 def test_mistakes_get_one_sentence(grating, tmp_path, refused, words, told):
     assert told in refused("benchmark", "sequence", grating, "--out", tmp_path / "o", *words)
+
+
+def test_the_page_warns_of_light_in_which_rendering_noise_counts_more(ranked):
+    facts = ranked.facts.model_copy(update={"rendering_photons_per_px": 20.0})
+    assert "From 100M photons per frame on" in caution(Ranking(facts, ranked.rows))
+    quiet = facts.model_copy(update={"rendering_photons_per_px": 1e9})
+    assert not caution(Ranking(quiet, ranked.rows))

@@ -148,3 +148,18 @@ def test_mistakes_get_one_sentence(tree, tmp_path, told):
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
     assert "holds .flo and .npy: give one format" in told(truth, submitted)
     path.with_suffix(".npy").unlink()
+
+
+def test_programs_are_compared_in_one_table(tree, tmp_path, capsys):
+    truth, submitted = tree
+    perfect, out = tmp_path / "perfect", tmp_path / "scores.json"
+    shutil.copytree(truth / "training" / "flow", perfect)
+    printed = submit(capsys, truth, submitted, perfect, "--out", out)
+    overall = [each for each in json.loads(out.read_text())["entries"] if not each["sequence"]]
+    assert [(each["program"], each["pass_name"]) for each in overall] == [
+        ("dis", "clean"),
+        ("perfect", ""),
+    ]
+    assert overall[1]["errors"]["all"]["epe_px"] == 0
+    assert overall[1]["errors"]["all"]["wauc_percent"] == 100
+    assert "perfect" in printed and "dis" in printed

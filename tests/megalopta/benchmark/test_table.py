@@ -83,3 +83,10 @@ def test_95_of_100_intervals_of_a_mean_of_few_scenes_hold_it(count):
         low <= np.exp(0.3**2 / 2) <= high for _, low, high in map(interval, map(sums, errors))
     )
     assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
+
+
+def test_draws_are_not_units():
+    """Twice as many draws of the same units: sums and blocks double, intervals do not shrink."""
+    one, other = drawn(np.random.default_rng(2), 8, 1.2)
+    twice = Sums(2 * one.totals, 2 * one.blocks)
+    np.testing.assert_allclose(ratio(other, twice), ratio(other, one))

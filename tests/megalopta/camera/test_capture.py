@@ -354,3 +354,13 @@ def test_a_capture_that_frames_leave_ends_and_keeps_them(impatient, tmp_path, wh
     assert str(refused.value).endswith(f"; the {len(recording)} earlier frames are kept in {out}")
     # The first one was exposed before the settings held.
     assert len(recording) >= 19 and recording.settings.finished
+
+
+def test_1000_frames_a_second(emulated, tmp_path):
+    settings = {"frames": 500, "exposure_s": 1e-3, "frame_rate_hz": 1000}
+    with emulated() as find:
+        recording = recorded(find, tmp_path / "a", **settings)
+    first, last = (int(recording.sequence_number[at]) for at in (0, -1))
+    # Frames that the camera drops while this machine stands still are counted.
+    assert recording.missing_frames == last - first + 1 - len(recording)
+    assert (len(recording), recording.settings.damaged_packets) == (500, 0)

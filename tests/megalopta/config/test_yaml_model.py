@@ -2,8 +2,10 @@
 
 import pytest
 
+from megalopta.config import yaml_model
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
+from megalopta.core.validation import checked
 
 
 @pytest.mark.parametrize(
@@ -27,3 +29,12 @@ def test_text_of_a_number_is_one():
 def test_a_path_that_leads_nowhere_is_refused(path):
     with pytest.raises(UserError, match=f"--{path}: "):
         load("grating", {path: "1"})
+
+
+def test_values_of_file_and_command_line_are_validated_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(yaml_model, "checked", lambda *given: calls.append(1) or checked(*given))
+    load(
+        "demo", {"scene.trees": "300", "sensors.0.exposure_s": "0.01", "light_levels": "starlight"}
+    )
+    assert len(calls) == 1

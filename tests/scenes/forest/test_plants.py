@@ -5,8 +5,10 @@ import pytest
 
 from megalopta.scenes.forest import specimens as nursery
 from megalopta.scenes.forest.description import Forest, build_forest
-from megalopta.scenes.forest.flora import BUSHES, LODS, PLANTS, TREES
+from megalopta.scenes.forest.flora import BUSHES, COVERS, LODS, PLANTS, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
+
+BARK = [plant.coats["bark"].spectra for plant in (*TREES.values(), *BUSHES.values())]
 
 LEAVES = [
     plant.coats["leaf"]
@@ -104,3 +106,17 @@ def test_trees_and_bushes_sway_each_in_its_own_way_and_nothing_else_does(windy):
         assert abs(product - 1) <= FREQUENCY_SPREAD
     tallest = max(placement.motion.height_m for placement in moving)
     assert 12 < tallest < 40
+
+
+def test_leaves_let_light_through_and_nothing_else_does():
+    for name, plant in PLANTS.items():
+        for organ, coat in plant.coats.items():
+            green = organ == "leaf" and name != "litter"
+            assert (coat.transmittances is not None) == green, (name, organ)
+    assert not any(coat.transmittances for coat in COVERS.values())
+
+
+def test_bark_soil_and_litter_brighten_toward_the_infrared():
+    for pair in (*BARK, COVERS["litter"].spectra):
+        for spectrum in pair:
+            assert np.all(np.diff(spectrum(np.arange(380, 1001))) >= 0)

@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.ctia.bias import DacBias, FloatingGateBias, trimmed_bias
+from megalopta.sensor.ctia.bias import (
+    DacBias,
+    FixedBias,
+    FloatingGateBias,
+    drift_rate,
+    trimmed_bias,
+)
 
 OFFSETS = np.random.default_rng(0).normal(18.7e-3, 10e-3, 5000)
 
@@ -35,3 +41,12 @@ def test_leak_takes_back_a_millivolt_in_1000_s_and_a_degree_another():
 def test_what_no_bias_can_do_is_refused():
     with pytest.raises(ValueError, match="cannot be compensated"):
         trimmed_bias(DacBias(), 2.0)
+
+
+def test_twelve_bits_on_the_rail_step_by_0_81_mv():
+    assert DacBias().step_v == pytest.approx(0.81e-3, abs=0.005e-3)
+
+
+def test_fixed_bias_keeps_the_offsets_and_only_the_gate_drifts():
+    np.testing.assert_array_equal(trimmed_bias(FixedBias(reverse_bias_v=1.0), OFFSETS), OFFSETS + 1)
+    assert [drift_rate(b) for b in (FixedBias(), DacBias(), FloatingGateBias())] == [0, 0, 1.5e-6]

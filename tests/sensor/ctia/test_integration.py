@@ -105,3 +105,7 @@ def test_impossible_requests_are_refused():
     for volts in (0.0, 3.4, np.nan):
         with pytest.raises(ValueError, match="discharged_v"):
             discharge_time(pixel(IDEAL), 0.0, volts)
+
+
+def test_discharge_never_passes_the_swing():
+    assert discharge(pixel(IDEAL), 0.0, 10.0) == discharge(pixel(BOTH), 0.0, 10.0) == SWING

@@ -13,6 +13,7 @@ from megalopta.sensor.ctia.model import (
     draw_noise,
     electron_moments,
     expose_photocurrent,
+    noise_variance,
     photocurrent,
     pixels,
     volt_moments,
@@ -129,3 +130,11 @@ def test_pixel_held_at_the_rail_has_no_shot_noise():
     assert not draw_noise(
         generator(0, "x"), shot, many_pixels(-0.1), np.zeros(DRAWS), SECONDS
     ).any()
+
+
+def test_reset_noise_of_10_pf_is_20_microvolts():
+    big = Pixel(Photodiode(temperature_k=300), 10e-12, 3.3, 1e6, 0.0)
+    deviation = np.sqrt(
+        noise_variance(SILENT.model_copy(update={"reset": True}), big, np.zeros(1), SECONDS)
+    )
+    assert deviation == pytest.approx(20.35e-6, rel=1e-3)

@@ -3,6 +3,7 @@ import pytest
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.bias import (
+    Temperature,
     best_excess_bias,
     breakdown_offset,
     dark_count_factor,
@@ -41,3 +42,15 @@ def test_breakdown_voltages_have_the_spread_stated():
     # 8000 pixels know the spread to 0.8 %
     assert large.std() == pytest.approx(0.042, rel=0.04)
     assert abs(large.mean()) < 5 * 0.042 / np.sqrt(large.size)
+
+
+def test_efficiency_starts_at_the_onset_and_saturates_and_dark_counts_do_not():
+    below = at(SPADCAM.onset_v - 0.01)
+    assert efficiency_factor(below, 0.0) == dark_count_factor(below, 0.0) == 0
+    at_reference = 1 - np.exp(-(SPADCAM.reference_v - SPADCAM.onset_v) / SPADCAM.efficiency_scale_v)
+    assert efficiency_factor(at(20.0), 0.0) == pytest.approx(1 / at_reference)
+    assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
+
+
+def test_dark_counts_double_every_doubling_interval():
+    assert Temperature(celsius=38, dcr_doubling_k=9).dark_count_factor == pytest.approx(4)

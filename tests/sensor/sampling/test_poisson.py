@@ -121,3 +121,10 @@ def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
 def test_bits_that_depend_on_more_than_the_rate_are_refused(update, message):
     with pytest.raises(ValueError, match=message):
         expose_binary(np.ones((1, 2, 2)), changed(IDEAL, **update), seed=0, stream="s")
+
+
+def test_the_first_counts_of_many_streams_follow_the_law():
+    means = np.array([0.3, 0.03, 2.2, 5.0, 30.0, 3.99, 4.01])
+    counts = np.array([draw_poisson(generator(seed), means) for seed in range(20_000)])
+    z = (counts.mean(axis=0) - means) / np.sqrt(means / len(counts))
+    assert abs(z).max() < 5.5  # seven means: false-alarm rate 3e-7
