@@ -56,7 +56,7 @@ class RigCamera(Mount, frozen=True):
         return Mount(position_m=self.position_m, rotation_deg=self.rotation_deg)
 
 
-_FILE_KEYS = ("csv", "file", "files", "panorama", "path", "species")
+_FILE_KEYS = ("csv", "file", "files", "panorama", "path")
 _FILE_SUFFIXES = (".csv", ".npy", ".yaml", ".yml")
 """Keys and values that name files."""
 

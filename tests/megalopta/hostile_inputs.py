@@ -66,7 +66,7 @@ PATH = MESHES.replace("{file}", "good.ply").replace(
 )
 SENSOR = f"render grating {SMALL} --sensors=[{{file}}] --out=o"
 MATERIAL = EXPORT.replace("{file}", "good.ply") + ' --scene.materials={"good":"{file}"}'
-SPECIES = "scene export {file} --out=o.glb"
+WOODS = "scene export {file} --out=o.glb"
 TABLES = "spadcam calibrate dark-counts.csv crosstalk.csv autocorrelation.csv --out=d.yaml"
 DESIGN = "design {file} --out=o"
 
@@ -94,8 +94,7 @@ READ: dict[str, tuple[str, ...]] = {
     **{f"{name}": (SENSOR.replace("{file}", of),) for name, of in (
         ("curve.csv", "curve.yaml"), ("map.npy", "map.yaml"))},
     "reflectance.csv": (MATERIAL,),
-    "species.yaml": (SPECIES.replace("{file}", "woods.yaml"),),
-    "woods.yaml": (SPECIES,),
+    "woods.yaml": (WOODS,),
     "recordings.yaml": ("spadcam calibrate {file} --out=d.yaml",),
     "plan.yaml": ("dataset make {file} --out=o --only=0",),
     "sweep.yaml": ("benchmark photons {file} --out=o --workers=1",),
@@ -245,7 +244,7 @@ def write_readings(here):
     write_events_hdf5(here / "r.h5", events, origin)
     write_events_npz(here / "r.npz", events, origin)
     photon_hdf5(here / "tags.hdf5", [("photon_data", TICKS, CHANNELS)])
-    ptu_of_mode_t2(here / "tags.ptu", TICKS, CHANNELS)
+    ptu_of_mode_t2(here / "tags.ptu", TICKS, CHANNELS, inputs=2, stopped_ms=1500)
     (here / "tags.dat").write_bytes(RNG.bytes(4 * 2048))
     identity = Identity(16, 16, 12, 3300, "A", "test 1")
     (here / "recording").mkdir()
@@ -268,13 +267,12 @@ def write_texts(here):
     small["trajectory"]["frames"] = 2
     small["render"] = {"samples_per_pixel": 1, "max_depth": 2, "integrator": "path",
                        "bands_nm": [[450, 550], [550, 650]]}  # fmt: skip
-    woods = {"scene": {"kind": "forest", "species": "species.yaml", "trees": 25, "mix": {"rowan": 1}},
+    woods = {"scene": {"kind": "forest", "trees": 25, "mix": {"birch": 1}},
              **{part: small[part] for part in ("camera", "render")}, "trajectory": {"frames": 2}}  # fmt: skip
     texts = {
         "good": {"preset": "spadcam", "name": "mine"},
         "curve": {"preset": "ideal", "name": "mine", "efficiency": {"path": "curve.csv"}},
         "map": {"preset": "ideal", "name": "mine", "measured": {"dark_counts": {"path": "map.npy"}}},
-        "species": {"rowan": {"like": "birch", "shape": {"height_m": 6}}},
         "woods": woods,
         "recordings": {"recordings": [{"path": "r.npy", "exposure_s": 1e-3},
                                       {"path": "good.npy", "exposure_s": 1e-3, "light": 1e5}]},

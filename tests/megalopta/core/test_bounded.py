@@ -121,7 +121,6 @@ SCENES = {
     "scene's panorama": "scene: {{kind: panorama, file: {0}}}",
     "mesh": "scene: {{kind: meshes, files: [{0}]}}",
     "reflectance": "scene: {{kind: meshes, files: [x.obj], materials: {{paint: {0}}}}}",
-    "species": "scene: {{kind: forest, species: {0}}}",
     "pictures": "scene: {{kind: pictures, file: {0}}}",
 }
 
