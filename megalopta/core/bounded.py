@@ -311,6 +311,20 @@ def plain_array(content: bytes, kinds: str = "fiu") -> "NDArray[Any] | None":
         return None
 
 
+def mapped_array(path: Path) -> "NDArray[Any]":
+    """Return the array of a .npy file, memory-mapped.
+
+    Raises errors of any type if it is damaged, or other bytes follow, for `undamaged`.
+    """
+    import numpy as np
+
+    values = np.load(path, mmap_mode="r", allow_pickle=False)
+    extra = path.stat().st_size - values.offset - values.nbytes
+    if extra:
+        raise ValueError(f"{extra} bytes follow the array")
+    return np.asarray(values)
+
+
 def zipped_arrays(
     path: Path, names: Iterable[str] | None = None, kinds: str = "biuf"
 ) -> "dict[str, NDArray[Any]]":

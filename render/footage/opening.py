@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import check_file
+from megalopta.core.bounded import check_file, mapped_array
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.render.footage.film import DEMUXERS, open_film
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
@@ -48,7 +48,7 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
         )
     check_file(path, sys.maxsize)  # read frame by frame
     try:
-        values = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+        values = mapped_array(path)
     except Exception:  # a damaged header can raise anything
         raise DamagedFileError(
             f"{path} is not a complete array of numbers; write it with numpy.save"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from megalopta.core.bounded import undamaged
+from megalopta.core.bounded import mapped_array, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import (
     RecordedFrames,
@@ -125,7 +125,7 @@ def read_binary_npy(
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
         raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
     with undamaged(path, "give plain numbers, or copy it again"):
-        array = np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+        array = mapped_array(path)
     if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
         raise ValueError(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
