@@ -94,17 +94,17 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
     moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
     exposure_s, effects, maps = sensor.exposure_s, sensor.avalanche_effects, device.avalanches
+    chances, dark_levels_hz = zip(*device.dark_levels(), strict=True)
 
     def fill_frame(frame: int) -> None:
-        chances, in_states = [], []
-        for chance, dark_hz in device.dark_levels():
+        in_states = []
+        for dark_hz in dark_levels_hz:
             arrivals_hz = rate[frame] + dark_hz
             events = count_moments(arrivals_hz, exposure_s, effects, maps)
             arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
             readings = moments_of_readings(
                 arrivals, events, sensor.counter, device.counters, exposure_s, effects, maps
             )
-            chances.append(chance)
             in_states.append((*events, *readings))
         if len(chances) == 1:
             moments[:, frame] = in_states[0]
