@@ -232,7 +232,7 @@ class Baked:
 
 
 def baked(configuration: Configuration, pose: Any, frames: int, sky: np.ndarray) -> Baked:
-    with unbaked() as bakes:
+    with counted_bakes() as bakes:
         begun = time.process_time()
         rendering = renderer(configuration, "baked", frames)
         survey_s = time.process_time() - begun
@@ -254,24 +254,26 @@ def passes_of(rendering: SceneRenderer, pose: Any, seen: MeasuredPass) -> Region
 
 
 class Bake:
-    """Rays of a sequence's baked light, and what those cost that frames asked for."""
+    """Rays of a sequence's baked light, and their cost."""
 
-    def __init__(self, light: BakedLight) -> None:
-        self._light, self._density = light, light.density
+    def __init__(self, light: BakedLight, density: float) -> None:
+        self._light, self._density = light, density
         self.rays, self.cpu_s = 0, 0.0
 
     def rays_for(self, share: float) -> int:
-        """Rays of the whole bake for a share of its fixed error; what was baked is lost."""
-        self._light.begin(self._density)
-        self._light.begin(self._light.density_for(share))
-        return self._light.total_rays()
+        """Rays of the whole bake for a share of its fixed error."""
+        return self._light.rays(self._light.density_for(share, self._density))
 
 
 @contextmanager
-def unbaked() -> Iterator[list[Bake]]:
-    """Bakes that compute nothing but what frames meet, and count it."""
+def counted_bakes() -> Iterator[list[Bake]]:
+    """Bakes, with their rays and cost."""
     bakes: list[Bake] = []
-    leaving = Gatherer.leaving
+    leaving, compute_all = Gatherer.leaving, BakedLight.compute_all
+
+    def baking(light: BakedLight, density: float) -> None:
+        bakes.append(Bake(light, density))
+        compute_all(light, density)
 
     def counted(gatherer: Gatherer, *cells: Any, shares: Any, least: int) -> Any:
         spent, found = cpu_seconds(lambda: leaving(gatherer, *cells, shares=shares, least=least))
@@ -281,7 +283,7 @@ def unbaked() -> Iterator[list[Bake]]:
         return found
 
     with (
-        patch.object(BakedLight, "compute_all", lambda light: bakes.append(Bake(light))),
+        patch.object(BakedLight, "compute_all", baking),
         patch.object(Gatherer, "leaving", counted),
     ):
         yield bakes

@@ -21,19 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.core.progress import step
+from megalopta.core.progress import silent, step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking import choice
 from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import BakedLight, Voxels
+from megalopta.render.baking.light import NOT_SURVEYED, BakedLight, Voxels
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.path_tracing import BandPaths, wavelength_groups
 from megalopta.render.settings import part_seed
 from megalopta.render.shading import SunLight, Textures, Weights
-from megalopta.render.split_paths import Part, SplitPaths, can_split
+from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
 # Samples of a frame for each that shows its fixed error once more.
@@ -87,48 +87,41 @@ class BakedLightIntegrator:
         self._finder = CellFinder(cells, whole.loaded)
         gatherer = Gatherer(loaded, scene, meshes, cells, settings, seed)
         voxels = Voxels(cells, meshes, camera, positions)
-        self._light = BakedLight(gatherer, voxels, cells.count, len(self._bands))
         self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         pixels = camera.width * camera.height
         with step("counting the rays that baked light takes"):
-            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
             rays = views(camera, poses, VIEWS, seed)
-            self._light.surveyed(*survey(loaded, self._finder, cells.count, rays))
-            self._light.begin(_PILOT_DENSITY)
-            scatter = self._prepare(
-                loaded, choice.pilot_views(camera, poses, seed), parts, settings
-            )
+            met = survey(loaded, self._finder, cells.count, rays)
+            self._light = BakedLight(gatherer, voxels, cells.count, len(self._bands), met)
+            # The pilot: light of the clusters that some views of a few frames meet.
+            frames = choice.pilot_views(camera, poses, seed)
+            seen = [survey(loaded, self._finder, cells.count, frame)[0] for frame in frames]
+            clusters = np.unique(self._light.clusters_of(np.unique(np.concatenate(seen))))
+            with silent():
+                self._light.compute(clusters[clusters < NOT_SURVEYED], _PILOT_DENSITY)
+            sampler = mi.load_dict({"type": "independent"})
+            sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
+            # Any point of the sun's disc will do.
+            look = partial(self._seen, loaded, place=mi.Float(0.5), sampler=sampler)
+            pilot = choice.pilot(frames, look)
+            mean = max(pilot.mean, 1e-300)
+            density, error = _PILOT_DENSITY, math.sqrt(pilot.standing) / mean
+            if error:
+                density = self._light.density_for(settings.standing_error / error, density)
+            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
+            traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
+        rays_in_all = self._light.rays(density)
         if settings.integrator == "auto":
-            seen = len(poses) * pixels
-            self.reason = choice.cost_reason(self._light.total_rays(), seen, scatter, settings)
+            scatter = choice.Scatter(math.sqrt(pilot.variance) / mean, traced)
+            self.reason = choice.cost_reason(rays_in_all, len(poses) * pixels, scatter, settings)
         if not self.reason:
             with step("baking light"):
-                self._light.compute_all()
-        work = choice.BAKE * self._light.total_rays()
+                self._light.compute_all(density)
+        work = choice.BAKE * rays_in_all
         work += choice.SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = choice.share_to_compare(work, len(poses), pixels)
-
-    def _prepare(
-        self, loaded: Any, frames: list[list[Any]], parts: Sequence[Part], settings: RenderSettings
-    ) -> choice.Scatter:
-        """Find the number of rays from some views of a few frames; return the error of a sample."""
-        cells = self._light.cells
-        met = [survey(loaded, self._finder, cells, each)[0] for each in frames]
-        self._light.link(np.unique(np.concatenate(met)))
-        self._light.smooth()
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(0, len(frames[0]) * dr.width(frames[0][0].d))
-        # Any point of the sun's disc will do.
-        baked = choice.pilot(frames, lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
-        light = max(baked.mean, 1e-300)
-        error = math.sqrt(baked.standing) / light
-        density = self._light.density_for(settings.standing_error / error) if error else 1.0
-        # Always start anew: the frames of the pilot met cells that the survey did not.
-        self._light.begin(density)
-        traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
-        return choice.Scatter(math.sqrt(baked.variance) / light, traced)
 
     @property
     def exposing(self) -> "BakedLightIntegrator":

@@ -1,18 +1,7 @@
-"""Baked light: computed and looked up.
+"""Baked light: the radiance of clusters of cells, computed once and looked up.
 
-Baked light is the radiance of cells, the view-independent part of shading. For each requested
-cluster of cells and each band, the table holds the radiance of each spectrum that a texture mixes,
-and for each the difference of the halves of the samples (`gathering`). At weight w of the second
-the surface shows (1 − w) of the first and w of the second.
-
-Cells share their light in clusters, and clusters with their neighbors. In foliage a pixel sees
-dozens of leaves at a time, each once in a sequence: only their mean matters. Cells of one material,
-of similar orientation and in the same voxel, a quarter to half a pixel wide where the camera comes
-closest, form a cluster. Its light is gathered at points drawn in proportion to how often the
-sequence sees their cells.
-
-Neighboring clusters are distinguished only as far as their light differs by more than its noise. In
-a voxel some pixels wide, the light of clusters of the same orientation varies by τ², and each
+Clusters differ from their neighbors only as far as their light differs by more than its noise. In a
+voxel some pixels wide, the light of clusters of the same orientation varies by τ², and each
 estimate by its noise v. The part τ²/(τ² + v) of a cluster's deviation from their mean is kept,
 which minimizes the mean square error (James and Stein, 1961). Half differences then represent the
 whole error, including lost contrast.
@@ -160,7 +149,7 @@ def smoothed(
     return shrunk
 
 
-NOT_ASKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
+NOT_LINKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
 """Placeholders for the cluster of a cell: not looked up yet, and not met by the survey."""
 LEAST_RAYS = 2 * STRIDE
 """Fewest rays of a cluster, both halves together."""
@@ -178,117 +167,104 @@ OCTAVES = 2
 
 
 class BakedLight:
-    """Radiance of the cells of a scene, without direct light from the sun's disc.
+    """Radiance of the cells that a survey met, without direct light from the sun's disc.
+
+    For each cluster and band the table holds the radiance of each spectrum that a texture mixes,
+    and of each half the difference of two halves of the samples.
 
     A cluster's noise counts by its area in the frames: a given number of rays leaves the least
     noise if they are in proportion to that and to the cluster's brightness.
     """
 
-    def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
+    def __init__(
+        self,
+        gatherer: Gatherer,
+        voxels: Voxels,
+        cells: int,
+        bands: int,
+        survey: tuple[UInt32, UInt32, UInt32],
+    ) -> None:
         self._gatherer, self._voxels = gatherer, voxels
-        self.cells, self._bands, self._columns = cells, bands, gatherer.spectra * bands
-
-    def surveyed(self, cell: UInt32, seen: UInt32, places: UInt32) -> None:
-        """Add cells (N,) with their number of views and places; `begin` must follow."""
-        keys = self._voxels.keys(cell)
+        self._bands, self._columns = bands, gatherer.spectra * bands
+        cell, seen, places = survey
+        keys = voxels.keys(cell)
         self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
-        self._neighbors = self._voxels.keys(self._clusters.leaders, OCTAVES)
-        bright = self._gatherer.brightness(self._clusters.leaders)
-        self._weight = bright * self._clusters.seen
+        self._neighbors = voxels.keys(self._clusters.leaders, OCTAVES)
+        self._weight = gatherer.brightness(self._clusters.leaders) * self._clusters.seen
+        self._pages, self._cluster_of = Pages(cells), dr.zeros(mi.UInt, 0)
 
-    def begin(self, density: float) -> None:
-        """Start anew with a number of rays per view of a cluster."""
-        self.density, self._shares = density, self._shares_at(density)
-        count = len(self._clusters)
-        self._is_known = np.zeros(count, bool)
-        self._rows = np.zeros((max(count, 1), 2 * self._columns), np.float32)
-        self._pages = Pages(self.cells)
-        self._cluster_of = dr.zeros(mi.UInt, 0)
-
-    def _shares_at(self, density: float) -> Ints:
-        """Number of rays of each cluster, relative to the fewest."""
+    def _shares(self, density: float) -> Ints:
+        """Number of rays of each cluster, relative to the fewest, for one of rays per view."""
         rays = (density * self._weight).clip(1, _MOST_RAYS)
         return np.ceil(rays / LEAST_RAYS).astype(np.int64)
 
-    def density_for(self, share: float) -> float:
-        """Rays per view of a cluster that reduce the error to a share of the present one."""
+    def rays(self, density: float) -> int:
+        """Total number of rays of all clusters."""
+        return int(self._shares(density).sum()) * LEAST_RAYS
+
+    def density_for(self, share: float, density: float) -> float:
+        """Rays per view of a cluster that reduce the error at a density to a share of it."""
 
         def error(density: float) -> float:
-            return math.sqrt(np.sum(self._weight**2 / self._shares_at(density)))
+            return math.sqrt(np.sum(self._weight**2 / self._shares(density)))
 
-        density, now = self.density, error(self.density)
+        now = error(density)
         while error(density) > now * share**_EXPONENT and density < _MOST_RAYS:
             density *= 1.1
         return density
 
-    def total_rays(self) -> int:
-        """Total number of rays of all clusters."""
-        return int(self._shares.sum()) * LEAST_RAYS
-
-    def compute_all(self) -> None:
-        """Compute the light of all clusters, with progress, and link their cells to them."""
-        parts = _launches(self._shares)
-        with progress("Computing light on surfaces", len(parts), "part") as advance:
-            for part in parts:
-                self.compute(part)
-                advance()
+    def compute_all(self, density: float) -> None:
+        """Compute the light of all clusters, and link their cells to them."""
         clusters = self._clusters
+        self.compute(np.arange(len(clusters)), density)
+        numbers = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+        self._link(clusters.members, numbers)
+
+    def compute(self, clusters: Ints, density: float) -> None:
+        """Compute the light of clusters, by number, with progress, as measured by two halves."""
+        shares = self._shares(density)[clusters]
+        rows = np.zeros((len(clusters), 2 * self._columns), np.float32)
+        launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
+        parts = np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
+        with progress("Computing light on surfaces", len(parts), "part") as advance:
+            for part in parts if len(clusters) else []:
+                chosen = clusters[part]
+                leaders, drawn = self._clusters.leaders[chosen], self._clusters.draws(chosen)
+                halves = self._gatherer.leaving(
+                    leaders, *drawn, shares=shares[part], least=LEAST_RAYS // 2
+                )
+                half_differences = (halves[:, 0] - halves[:, 1]) / 2
+                rows[part] = np.concatenate([halves.mean(axis=1), half_differences], axis=1)
+                advance()
+        table = np.zeros((max(len(self._clusters), 1), 2 * self._columns), np.float32)
         if len(clusters):
-            numbers = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
-            self._link(clusters.members, numbers)
-        self.smooth()
+            seen = self._clusters.seen[clusters]
+            table[clusters] = smoothed(rows, self._neighbors[clusters], shares, seen)
+        self._values = mi.Float(table.ravel())
 
-    def compute(self, clusters: Ints) -> None:
-        """Compute the light of clusters, by number, as measured by both halves of their rays."""
-        for launch in _launches(self._shares[clusters]):
-            part = clusters[launch]
-            leaders, drawn = self._clusters.leaders[part], self._clusters.draws(part)
-            halves = self._gatherer.leaving(
-                leaders, *drawn, shares=self._shares[part], least=LEAST_RAYS // 2
-            )
-            half_differences = (halves[:, 0] - halves[:, 1]) / 2
-            self._rows[part] = np.concatenate([halves.mean(axis=1), half_differences], axis=1)
-        self._is_known[clusters] = True
-
-    def smooth(self) -> None:
-        """Let the computed clusters share light with their neighbors, and show it to frames."""
-        known = np.flatnonzero(self._is_known)
-        if len(known):
-            rows, seen = self._rows[known], self._clusters.seen[known]
-            self._rows[known] = smoothed(rows, self._neighbors[known], self._shares[known], seen)
-        self._values = mi.Float(self._rows.ravel())
+    def clusters_of(self, cell: UInt32) -> Ints:
+        """Clusters of cells (N,), by number; `NOT_SURVEYED` for cells of none."""
+        if not len(self._keys):
+            return np.full(len(cell), NOT_SURVEYED)
+        keys = self._voxels.keys(cell)
+        place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
+        return np.where(self._keys[place] == keys, place, NOT_SURVEYED)
 
     def look_up(self, cell: Any, active: Any) -> tuple[Any, Any]:
-        """Clusters of active cells (N,), and True for those with light; computes what is missing.
-
-        Cells and activity are already evaluated.
-        """
+        """Clusters of active cells (N,), already evaluated, and True for those with light."""
         place = self._places(cell, active)
         cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
-        lanes: Any = dr.compress(active & (cluster == NOT_ASKED))
+        lanes: Any = dr.compress(active & (cluster == NOT_LINKED))
         if dr.width(lanes):
-            self.link(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
+            new = np.unique(np.array(dr.gather(mi.UInt, cell, lanes)))
+            self._link(new, self.clusters_of(new))
             place = self._places(cell, active)
             cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
         return cluster, active & (cluster < NOT_SURVEYED)
 
-    def link(self, cell: UInt32) -> None:
-        """Link cells (N,) to their clusters, whose light is computed, if the survey met these."""
+    def _link(self, cell: UInt32, cluster: Ints) -> None:
         if not len(cell):
             return
-        cluster = np.full(len(cell), NOT_SURVEYED)
-        if len(self._keys):
-            keys = self._voxels.keys(cell)
-            place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
-            cluster = np.where(self._keys[place] == keys, place, NOT_SURVEYED)
-        met = np.unique(cluster[cluster < NOT_SURVEYED])
-        new = met[~self._is_known[met]]
-        if len(new):
-            self.compute(new)
-            self._values = mi.Float(self._rows.ravel())
-        self._link(cell, cluster)
-
-    def _link(self, cell: UInt32, cluster: Ints) -> None:
         place = self._places(mi.UInt(cell), mi.Bool(True))
         dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), place)
         dr.eval(self._cluster_of)
@@ -297,7 +273,7 @@ class BakedLight:
     def _places(self, cell: Any, active: Any) -> Any:
         """Places of active cells (N,) in the table of clusters, which grows by what is new."""
         place = self._pages.of(cell, active)
-        self._cluster_of = self._pages.grown(self._cluster_of, NOT_ASKED)
+        self._cluster_of = self._pages.grown(self._cluster_of, NOT_LINKED)
         return place
 
     def radiance(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
@@ -314,11 +290,3 @@ class BakedLight:
             dr.gather(mi.Float, self._values, first + k, active) for k in range(self._columns)
         ]
         return [mixed(values[band :: self._bands], weights) for band in range(self._bands)]
-
-
-def _launches(shares: Ints) -> list[Ints]:
-    """Clusters, by number, that are computed at once, with shares (C,)."""
-    if not len(shares):
-        return []
-    launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
-    return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
