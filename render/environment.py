@@ -1,13 +1,9 @@
 """Panoramas at infinity: seen by a camera, or as light of a scene.
 
-For a camera no paths are traced: the picture is looked up. A pixel is the mean over a square grid
-of points in it, with bilinear interpolation. There is no random noise, only aliasing where the grid
-is coarser than the picture.
-
-As the light of a scene a panorama is a non-uniform sky of three colors, and a disc. A sun in the
-picture is a few of its pixels and much of its light. It becomes the scene's disc, which casts sharp
-shadows without noise: the light within 3° of the brightest pixel, above the mean of the ring around
-it, if that is at least 5 % of the light of the upper half.
+For a camera the picture is looked up, as the mean over a square grid of points in each pixel. As
+the light of a scene it is a non-uniform sky of three colors, and a disc that casts sharp shadows
+without noise: the light within 3° of the brightest pixel, above the mean of the ring around it, if
+that is at least 5 % of the light of the upper half.
 """
 
 import math

@@ -1,10 +1,7 @@
 """Radiance and ground truth in OpenEXR files: one part each, float32, ZIP.
 
 Radiance follows the spectral layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021): one
-channel `S0.<center>nm` per band, with a decimal comma. The header holds the band edges, which that
-layout lacks, as `bandEdgesNm`, and the unit in `emissiveUnits`.
-
-A file is written completely or not at all.
+channel `S0.<center>nm` per band, with a decimal comma, and the band edges as `bandEdgesNm`.
 """
 
 import errno

@@ -1,10 +1,6 @@
-"""Mitsuba and Dr.Jit, loaded with the chosen libLLVM, without a warning if there is none.
+"""Mitsuba and Dr.Jit, loaded with the chosen libLLVM: all code in `render` imports them from here.
 
-Dr.Jit prints its own warning on import, bypassing Python; the choice of variant reports the same,
-with the remedy. So all code in `render` imports the two as `dr` and `mi` from this module.
-
-Each Mitsuba class exists once per variant. Plug-ins are written as plain classes, which
-`registered` turns into classes of the active variant.
+Dr.Jit's own warning of a missing libLLVM is silenced; the choice of variant reports the same.
 """
 
 import os

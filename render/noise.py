@@ -1,18 +1,12 @@
 """Error of a frame, from the scatter of its passes and from the error fixed in all frames.
 
-Two renderings of a frame with different seeds differ by flickering noise. Splitting a frame's
-samples into halves for comparison would cost more: multijittered sampling is better than the sum of
-its parts, and a frame of two halves has 1.1 to 1.2 times the error.
-So a frame is one pass, and every 16th frame gets a second one, for comparison only. If passes are
-added up to a target error, every frame is measured, from the scatter of its passes.
+A frame is one pass, and every 16th frame gets a second one, for comparison only: multijittered
+sampling is better than the sum of its parts, so two halves have 1.1 to 1.2 times the error.
 
-Baked light has an error that is fixed on surfaces in all frames and moves with them. Some pixels of
-the second pass are compared with paths from the same points; the difference includes all of it,
-also bias. The mean of D², the squared difference, is too large by the variance of the paths, which
-follows from the scatter of the groups of a pixel's paths. Pixels are compared in pairs of
-neighbors, which also gives the gradient of the error. If few pixels or noisy paths make the
-estimate smaller than the bake's own scatter, the latter is used. A pixel shows many clusters of
-cells, of which its samples meet some. So that scatter, too, is seen by independent samples.
+Baked light has an error that is fixed on surfaces in all frames. Some pixels are compared with
+paths from the same points; the mean of D², the squared difference, is too large by the variance of
+the paths, which follows from the scatter of the groups of a pixel's paths. Where few pixels or
+noisy paths make the estimate smaller than the bake's own scatter, the latter is used.
 """
 
 import json
@@ -156,10 +150,7 @@ class Standing:
 
 
 def _without_scatter(groups: Floats) -> Floats:
-    """Mean product (B, B) of the means of independent groups (n, G, B), without their scatter.
-
-    Diagonal elements are not negative.
-    """
+    """Mean product (B, B) of the means of independent groups (n, G, B), without their scatter."""
     n, count, bands = groups.shape
     sums = groups.sum(axis=1)
     members = groups.reshape(n * count, bands)
@@ -339,10 +330,7 @@ def _shrunk(variances: Floats, halves: Floats) -> Floats:
 
 
 def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
-    """Mean square of a part's (H, W) pixels in each block over their squared mean light.
-
-    NaN for blocks without light.
-    """
+    """Mean square of a part's pixels in each block over its squared mean light; NaN if unlit."""
     masked = (np.where(part, quantity, 0.0) for quantity in (squares, light, np.ones_like(light)))
     rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
     total, lights, pixels = (

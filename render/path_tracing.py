@@ -1,13 +1,8 @@
 """Path-traced frames, with the data for their error.
 
-One kernel traces paths along any number of rays of any origin. It is Mitsuba's own path tracer,
-step by step and random number by random number: next-event estimation, multiple importance sampling
-and roulette from the second hit on. It differs in two points. Image size, camera and longest path
-are not constants of the compiled code, so compilation, which takes seconds, is needed once per kind
-of scene. And rays can intersect two scenes and use the nearer hit: one at rest, and a small one of
-moving objects, the only one that is rebuilt.
-
-Random numbers are derived from keys: the same for a key, whatever else is drawn.
+The kernel is Mitsuba's own path tracer, random number by random number, in two points different.
+Image size, camera and longest path are not constants of the compiled code, which takes seconds to
+compile. And rays can intersect two scenes: one at rest, and a small one of moving objects.
 """
 
 from collections.abc import Iterator
@@ -244,11 +239,6 @@ class PathIntegrator:
             self._trace = mi.load_dict(described)
         else:
             self._trace = LightPaths(max_depth)
-
-    @property
-    def exposing(self) -> "PathIntegrator":
-        """Integrator of frames of many poses."""
-        return self
 
     def move_to(self, time_s: float) -> None:
         """Do nothing: no state depends on the time."""

@@ -1,7 +1,6 @@
 """Radiance and ground truth of a scene along a trajectory.
 
-The scene is loaded once; per frame only the pose and the moving objects change. Every frame has its
-own seed, as equal seeds would give noise that is fixed on the sensor and detected as "no motion".
+Every frame has its own seed: equal seeds give noise that is fixed on the sensor and seen at rest.
 """
 
 from functools import cached_property
@@ -96,21 +95,20 @@ class SceneRenderer:
         else:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
-            integrator: Integrator
-            if not can_split(scene, meshes):
-                integrator = PathIntegrator(settings.max_depth, air)
-            elif is_layered(meshes):
-                layers = MovingScene(meshes, loaded, geometry.still)
-                exposing = SplitPaths(loaded_scene, settings, layers)
-                integrator = SplitPaths(loaded_scene, settings, exposing=exposing)
-            else:
+            integrator: Integrator = PathIntegrator(settings.max_depth, air)
+            exposing = None
+            if can_split(scene, meshes):
                 integrator = SplitPaths(loaded_scene, settings)
+                if is_layered(meshes):
+                    layers = MovingScene(meshes, loaded, geometry.still)
+                    exposing = SplitPaths(loaded_scene, settings, layers)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(loaded_scene, camera, settings, local, its_seed)
                 reason = baked.reason
-                integrator = integrator if reason else baked
-            self._view = SurfaceView(loaded_scene, camera, settings, integrator, air)
+                if not reason:
+                    integrator, exposing = baked, None
+            self._view = SurfaceView(loaded_scene, camera, settings, integrator, exposing, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

@@ -1,14 +1,10 @@
 """Light of the surfaces that rays see, in bands: textures, the sun's disc, and the sky.
 
-Reflection and transmission of materials are tables (`Scattering`). A diffuse surface with
-reflectance ρ under irradiance E emits L = ρE/π in all directions, and E/π is the mean radiance from
-cosine-distributed directions. A side of a translucent surface emits (ρ·E + τ·E′)/π, with the
-irradiance E′ of the other side: rays are split between the sides roughly as ρ to τ, which minimizes
-noise if both are lit equally.
-
-The spectra that a texture mixes have separate band means of ρE/π, not of ρ and E: within a band,
-the correlation of green leaves and green light amounts to several percent. There are two of them,
-or four where a surface of the scene has a texture of colors: black, red, green and blue.
+A diffuse surface with reflectance ρ under irradiance E emits L = ρE/π in all directions, and E/π is
+the mean radiance from cosine-distributed directions. A side of a translucent surface emits
+(ρ·E + τ·E′)/π, with the irradiance E′ of the other side: rays are split between the sides roughly
+as ρ to τ. Band means are of ρE/π, not of ρ and E: within a band, the correlation of green leaves
+and green light amounts to several percent.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,16 +1,8 @@
 """Path tracing that splits the light of the surfaces seen into parts, each with its own samples.
 
-- Light from the disc of sun or moon takes one more ray, nearly parallel to its neighbors'. In a
-  forest it is most of the light and most of the noise.
-- Light from the sky takes one ray in a random direction.
-- Light from other surfaces takes a path, ten times as much work, and brings a tenth of the light.
-
-The best numbers of samples are in proportion to the root of variance over cost. Those below suit
-forests of several densities, by day and by night (`benchmarks/bench_light.py`). All parts are
-unbiased, and so is their sum.
-
-Bands need no more paths than one for the first two parts: surfaces are diffuse, so light and
-reflectance are known for each band as a whole.
+The best numbers of samples are in proportion to the root of variance over cost. Light from the disc
+of sun or moon takes one more ray and is most of the light and noise. Light from the sky takes one
+ray; light from other surfaces a path, ten times as much work, and brings a tenth of the light.
 """
 
 import math
@@ -52,21 +44,13 @@ def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
 
 
 class SplitPaths:
-    """Frames of diffuse surfaces that do not emit, in clear air, by vectorized variants.
-
-    Frames of many poses are those of `exposing`, if it is given.
-    """
+    """Frames of diffuse surfaces that do not emit, in clear air, by vectorized variants."""
 
     def __init__(
-        self,
-        whole: LoadedScene,
-        settings: RenderSettings,
-        layers: Layers | None = None,
-        exposing: "SplitPaths | None" = None,
+        self, whole: LoadedScene, settings: RenderSettings, layers: Layers | None = None
     ) -> None:
         scene, meshes, loaded = whole
         assert scene.lighting is not None
-        self._exposing = exposing
         self._loaded, self._depth = loaded, settings.max_depth
         self._layers = layers or Layers(loaded)
         self._bands, self._sampler = settings.bands_nm, settings.sampler
@@ -81,12 +65,7 @@ class SplitPaths:
         self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
 
-    # Both are found anew: a scene in a cycle of references would be freed while paths are traced.
-    @property
-    def exposing(self) -> "SplitPaths":
-        """Integrator of frames of many poses."""
-        return self._exposing or self
-
+    # Found anew: a scene in a cycle of references would be freed while paths are traced.
     @property
     def parts(self) -> Sequence[Part]:
         """Parts of the light, which add up."""

@@ -1,8 +1,4 @@
-"""Surfaces seen by a camera: light paths from its pixels, with objects that may move.
-
-The truncation bias is the light that frames miss because it takes more hits than their paths may
-have. Paths of equal seeds start alike, so few longer ones are enough to measure it.
-"""
+"""Surfaces seen by a camera: light paths from its pixels, with objects that may move."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +33,10 @@ _LONGER_PATHS = 2**15
 
 
 class SurfaceView:
-    """Camera in a loaded scene, with the integrator that finds its light."""
+    """Camera in a loaded scene, with the integrator that finds its light.
+
+    `exposing` is that of frames of many poses, if it is another.
+    """
 
     def __init__(
         self,
@@ -45,8 +44,10 @@ class SurfaceView:
         camera: Camera,
         settings: RenderSettings,
         integrator: Integrator,
+        exposing: Integrator | None = None,
         air: Air | None = None,
     ) -> None:
+        self._exposing = exposing or integrator
         self._scene, self._loaded, self._integrator = whole.scene, whole.loaded, integrator
         self._camera, self._settings, self._air = camera, settings, air
         self._moving = {
@@ -115,12 +116,9 @@ class SurfaceView:
         return np.asarray(1 - kept)
 
     def _taken(self, exposure: FrameExposure, is_measured: bool) -> NDArray[np.float32]:
-        """Mean over the instants at which moving objects are placed; the camera moves continuously.
-
-        Lines of a rolling shutter share poses of moving objects (`sharing`).
-        """
+        """Mean over the instants at which moving objects are placed; the camera never stops."""
         is_exposed = exposure.parts[0].poses.ndim > 2  # by many poses
-        integrator = self._integrator.exposing if is_exposed else self._integrator
+        integrator = self._exposing if is_exposed else self._integrator
         trace = integrator.measured if is_measured else integrator.render
         move_to = self.move_to if integrator is self._integrator else integrator.move_to
         rows = None
@@ -244,10 +242,7 @@ def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:
 
 
 def _longest(camera: Camera, before: Floats, after: Floats) -> float:
-    """Longest displacement (px) from triangles (n, 3, 3) to others.
-
-    For those that extend out of the image, the angle at their smallest possible distance counts.
-    """
+    """Longest displacement (px) from triangles (n, 3, 3) to others, by angle where one is cut."""
     places = camera.project(before)
     with np.errstate(invalid="ignore"):
         px = np.linalg.norm(camera.displacement(after, places), axis=-1).max(axis=1)

@@ -1,11 +1,7 @@
-"""Survey of a scene: its illuminance.
+"""Light meter: the illuminance of a scene, in the open and below a camera's path.
 
-A light meter traces light paths from a point, in directions distributed as the cosine to the
-vertical, at wavelengths sampled in proportion to V(λ). These paths include everything but the disc
-of sun or moon, whose part comes from visibility rays toward points of the disc. The path depth is
-that of the frames: at a surface, these have spent one segment of their longest path on the way from
-the camera. In haze, light is measured as it arrives through it; above everything is above the haze,
-where the meter reads the requested illuminance.
+Paths start as the cosine to the vertical, at wavelengths sampled in proportion to V(λ), with the
+depth of frames. The disc of sun or moon is found by visibility rays toward points of it.
 """
 
 import math

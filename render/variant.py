@@ -1,14 +1,7 @@
 """Choice of the Mitsuba variant: llvm, otherwise scalar, without risk of a crash.
 
-libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
-catch. So a library is used only if its own `LLVMGetVersion` reports a version tested with Dr.Jit
-1.5. Its path is passed to Dr.Jit before the import, the only time that Dr.Jit searches for it. The
-user's `DRJIT_LIBLLVM_PATH` comes first, then the library of the package `karellen-llvm-core`, which
-is installed with this one on Linux x86-64, then those of the system.
-
-A CUDA variant runs only if requested by name, so that a configuration gives the same bytes with and
-without a graphics card. The driver must report a device first. `pytest -m cuda` compares its
-radiance and truth with LLVM's.
+libLLVM 15 and 16 abort the whole process from inside Dr.Jit. So a library is used only if its own
+`LLVMGetVersion` reports a tested version, and its path is passed to Dr.Jit before the import.
 """
 
 import ctypes

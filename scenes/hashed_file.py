@@ -8,7 +8,7 @@ import hashlib
 import sys
 from abc import abstractmethod
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, BinaryIO
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
@@ -21,6 +21,8 @@ from megalopta.core.bounded import (
     unreadable,
 )
 from megalopta.core.record import Record
+
+_COPIED_BYTES = 2**20
 
 
 class Hashed(Record, frozen=True):
@@ -102,3 +104,12 @@ def _file_hash(path: Path) -> str:
     check_file(path, sys.maxsize)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def copied(source: BinaryIO, target: BinaryIO) -> str:
+    """Copy an open file to another, and return the hash of what was copied."""
+    digest = hashlib.sha256()
+    while part := source.read(_COPIED_BYTES):
+        digest.update(part)
+        target.write(part)
+    return digest.hexdigest()

@@ -95,7 +95,7 @@ def _mean(footage: "Footage") -> Floats:
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
     from megalopta.render import open_footage
-    from megalopta.render.footage.opening import array_frames
+    from megalopta.render.footage.opening import ArrayFrames
 
     if isinstance(images, str | Path):
         return open_footage(Path(images), unit)
@@ -107,4 +107,4 @@ def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
             f"photons_from_images: pictures of {values.dtype} do not say what their numbers are; "
             "give unit='srgb' (coded, 0 to 1), 'linear' or 'cd/m2'"
         )
-    return array_frames(values, unit or "srgb", Path("images"))
+    return ArrayFrames(values, unit or "srgb", Path("images"))

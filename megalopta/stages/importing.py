@@ -19,6 +19,7 @@ from megalopta.dataset import picture_light
 from megalopta.dataset.store import Dataset
 from megalopta.render import Footage, open_footage
 from megalopta.scenes import Pictures
+from megalopta.scenes.hashed_file import copied
 from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
@@ -213,18 +214,17 @@ def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Bright
             step("copying the pictures"),
             files.atomic_write(folder) as temporary,
         ):
+            temporary.mkdir()
             if Path(scene.file.path).is_dir():  # in their order, below source/
-                place = temporary / _SOURCE
-                names = [f"{index:06d}" for index in range(1, len(footage.files) + 1)]
-            else:
-                place, names = temporary, [_SOURCE]
-            place.mkdir(parents=True)
-            for file, name in zip(footage.files, names, strict=True):
-                shutil.copyfile(file, place / f"{name}{file.suffix.lower()}")
-            if place == temporary:
-                scene.file.compare(scene.file.hash_of(str(next(place.iterdir()))))
-            else:
+                (temporary / _SOURCE).mkdir()
+                for number, file in enumerate(footage.files, 1):
+                    name = f"{number:06d}{file.suffix.lower()}"
+                    shutil.copyfile(file, temporary / _SOURCE / name)
                 scene.file.check()  # afterwards, so that it was this that was copied
+            else:
+                copy = temporary / f"{_SOURCE}{footage.path.suffix.lower()}"
+                with footage.opened() as source, copy.open("wb") as target:
+                    scene.file.compare(copied(source, target))
     record = {
         "files": len(footage.files),
         "pictures": len(footage),

@@ -1,13 +1,7 @@
-"""Cells of every face side, small enough for uniform light on each.
+"""Cells of every face side, small enough for uniform light on each, and their survey.
 
 A cell is a piece of one side of one triangle. The two edges that meet opposite the longest edge are
-divided into pieces, which spans a grid of parallelograms over the triangle. Pieces are a few pixels
-long where the camera comes closest; where vertex normals turn, they are short enough that the
-normal turns little within one.
-
-Before baking, a survey of the whole sequence finds each cell's area in the frames and place. Of a
-cell that extends into the ground or a stone only a part is visible, and light on the rest is
-irrelevant. So one visible point is kept of each cell.
+divided into pieces, which spans a grid of parallelograms over the triangle.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

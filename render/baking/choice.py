@@ -1,9 +1,6 @@
 """Choice of baked light or path tracing for a sequence, by the error of baked light.
 
-The error is predicted from a few frames, then measured against traced paths. Both use the same
-points of some pixels, so that the pixels' content cancels. The paths of a pixel come in independent
-groups, which gives their own scatter (`render.noise`). Many paths per pixel are used rather than
-many pixels: the scatter to be subtracted decreases with their number.
+It is predicted from a few frames, then measured against traced paths from the same points.
 """
 
 import math
@@ -180,11 +177,7 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
 
 
 def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
-    """Means over the rays of each pixel: light, its square, squared error and sky (4, P).
-
-    A pixel shows many clusters of cells, and each ray the error of one. So the square of the mean
-    error of some rays is too large. The product of those of two halves of the rays is right.
-    """
+    """Means over the rays of each pixel: light, its square, squared error and sky (4, P)."""
     directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
     values = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
     bands = len(values) // 2

@@ -1,18 +1,10 @@
 """Radiance of clusters of cells, gathered by two independent sets of rays.
 
-Most light comes directly from the sky: this needs only visibility rays, which are five times as
-fast as paths. Every eighth ray is followed as a path and adds the light reflected by surfaces, with
-further hits. Direct light from the disc of sun or moon is left to the frame, which has shadows of
-pixel accuracy.
-
-A point of a cell without view of the place where the cell was seen, such as one below the ground,
-is replaced by the latter.
-
-Cell, position, direction and wavelength of a cluster's samples follow additive recurrences with a
-random shift for each half of the samples; the rest of each path is random. All is drawn from the
-seed and the cluster's first cell alone, so that a cluster's light is the same, to the last bit, in
-any order and with any other clusters. Half the difference of the halves has the error of their mean
-as its standard deviation.
+Most light comes directly from the sky and needs only visibility rays, which are five times as fast
+as paths. Every eighth ray is followed as a path over other surfaces. Direct light from the disc of
+sun or moon is left to the frame. Cell, position, direction and wavelength follow additive
+recurrences with a random shift for each half, drawn from the seed and the cluster's first cell
+alone: a cluster's light is the same, to the last bit, in any order and with any other clusters.
 """
 
 from collections.abc import Sequence
@@ -143,10 +135,7 @@ class Gatherer:
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
     def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Floats:
-        """Share (2C, 2, S) of rays that see the sky from this side, and from the other.
-
-        First for the uniform sky, then weighted with each pattern.
-        """
+        """Share (2C, 2, S) of rays that see the sky, and patterns, on this side and the other."""
         skies = self._under_sky.shape[2]
         if not self._under_sky.any():
             return np.zeros((2 * len(leader), 2, skies))
@@ -188,10 +177,7 @@ class Gatherer:
         return path_tracing.hashed(of_leader, lanes.half)
 
     def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> tuple[Any, Any]:
-        """Rays of samples, from cells of their clusters in cosine-distributed directions.
-
-        Also True for those that leave from the other side, for transmitted light.
-        """
+        """Cosine-distributed rays from cells of clusters; True for those from the other side."""
         x, y, a, b, draw = path_tracing.recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
 

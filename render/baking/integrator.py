@@ -1,14 +1,8 @@
 """Frames from baked light: primary rays, and a visibility ray to the sun.
 
-Every sample of a pixel looks up the radiance of its surface (`light`) and weights the
-reflectances by the surface's texture. If there is a sun or moon, it traces one more ray there:
-shadow edges are as sharp as those of the path tracer. Emitters, including the sky, are seen
-directly. Paths are traced for cells that the survey of the sequence did not meet, as these have no
-light of their own, for moving objects, and near these.
-
-Moving objects change the light on objects at rest. An object inside a sphere of radius r at a
-distance d contributes at most (r/d)² to the irradiance of a point at rest. Where this exceeds 0.01,
-paths are traced instead of using baked light.
+Paths are traced for cells that the survey of the sequence did not meet, for moving objects, and
+near these. An object inside a sphere of radius r at a distance d contributes at most (r/d)² to the
+irradiance of a point at rest. Where this exceeds 0.01, paths are traced.
 """
 
 import math
@@ -123,11 +117,6 @@ class BakedLightIntegrator:
         work += choice.SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = choice.share_to_compare(work, len(poses), pixels)
 
-    @property
-    def exposing(self) -> "BakedLightIntegrator":
-        """Integrator of frames of many poses."""
-        return self
-
     def move_to(self, time_s: float) -> None:
         """Update the positions of moving objects to a time."""
         self._moving.move_to(time_s)
@@ -171,11 +160,7 @@ class BakedLightIntegrator:
         return [baked - path for baked, path in zip(light.baked, paths, strict=True)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """Radiance of each band along rays, a draw of its fixed error, and 1 for the sky.
-
-        `place` is the position of the wavelength in its band. The sampler chooses the point of the
-        sun's disc, and paths.
-        """
+        """Radiance of each band along rays, a draw of its fixed error, and 1 for the sky."""
         light = self._look(scene, ray, place, sampler)
         paths = self._paths.radiance(scene, ray, place, sampler, light.needs_paths)
         parts = zip(light.emitted, light.baked, paths, strict=True)

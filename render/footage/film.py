@@ -1,20 +1,16 @@
 """Films read with PyAV: frames at their times, upright, as light.
 
 The suffix fixes the demuxer, which reads an opened file, so that nothing in the file can refer to
-another one. Number and times of frames come from the packets, without decoding; every decoded frame
-is checked against them.
-
-libswscale converts to RGB: for 8 bits with full chroma and correct rounding, for more bits without
-full chroma, which gives wrong colors there (libswscale 9); white is then the code `_DEEP_WHITE`.
+another one. libswscale converts to RGB: for 8 bits with full chroma and correct rounding, for more
+bits without full chroma, which gives wrong colors there (libswscale 9).
 """
 
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,47 +48,86 @@ _TOLD = (
 """Data of a frame on place and light without effect."""
 
 
-@dataclass(eq=False, kw_only=True)
 class Film(frames.Footage):
-    """Frames of a film, decoded on request."""
+    """Frames of a film, decoded on request.
 
-    decoder: "_Decoder"
-    reformatter: Any = field(repr=False)
-    conversion: Mapping[str, Any]
-    """Arguments of `VideoReformatter.reformat` that follow the first frame"""
-    turn: tuple[bool, bool, bool]
-    """Arguments of `turned` that follow the first frame"""
-    kind: tuple[int, int, str]
+    Raises DamagedFileError; ModuleNotFoundError without PyAV.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from av.error import FFmpegError
+        from av.video.reformatter import VideoReformatter
+
+        bounded.check_file(path, _MOST_BYTES)
+        self.path, self._demuxer = path, DEMUXERS[path.suffix.lower()]
+        self._problem, self._reformatter = FFmpegError, VideoReformatter()
+        self._file, self._container = path.open("rb"), None
+        try:
+            with working(f"frames of {path}"):
+                self._begin()
+                stamps = self._survey()
+                self._begin()
+            first = self._decoded(0)
+            self._kind = first.width, first.height, first.format.name
+            self._turn, coding = _turn(first), self._coding(first)
+            times_s = np.asarray((stamps - stamps[0]) * float(self._stream.time_base))
+            super().__init__(
+                path=path,
+                files=(path,),
+                count=len(stamps),
+                shape=(first.width, first.height)[:: 1 if self._turn[0] else -1],
+                coding=coding,
+                times_s=times_s,
+                notes=(*self._notes(first, coding), *self._notes_of_stream(times_s)),
+            )
+        except FFmpegError as problem:
+            self._free()
+            raise DamagedFileError(
+                f"{path} cannot be read as a video ({problem.strerror}); {_REMEDY}"
+            ) from None
+        except BaseException:
+            self._free()
+            raise
 
     def close(self) -> None:
         """Free the decoder, close the file."""
         super().close()
-        self.decoder.close()
+        self._free()
+
+    @contextmanager
+    def opened(self) -> Iterator[BinaryIO]:
+        """Give the film's open file from its start on; the decoder then continues in it."""
+        with self._decoding:
+            place = self._file.tell()
+            self._file.seek(0)
+            yield self._file
+            self._file.seek(place)
+
+    def _free(self) -> None:
+        if self._container is not None:
+            self._container.close()
+        self._file.close()
 
     def _numbers(self, index: int) -> NDArray[Any]:
-        frame = self.decoder.frame(index)
-        if (frame.width, frame.height, frame.format.name) != self.kind:
+        frame = self._decoded(index)
+        if (frame.width, frame.height, frame.format.name) != self._kind:
             raise DamagedFileError(
                 f"{self.path}: frame {index} differs from the first in size or format; cut it there"
             )
-        codes = self.reformatter.reformat(frame, **self.conversion).to_ndarray()
-        return frames.turned(codes, *self.turn)
+        codes = self._reformatter.reformat(frame, **self._conversion).to_ndarray()
+        return frames.turned(codes, *self._turn)
 
+    def _coding(self, first: Any) -> frames.Coding:
+        """Find how frames like the first become RGB, and that light."""
+        from av.video.reformatter import Interpolation
 
-def open_film(path: Path) -> Film:
-    """Return a film as footage. Raises DamagedFileError; ModuleNotFoundError without PyAV."""
-    from av.video.reformatter import Interpolation, VideoReformatter
-
-    decoder = _Decoder(path)
-    try:
-        first = decoder.frame(0)
         components, is_rgb = first.format.components, first.format.is_rgb
         bits = max(component.bits for component in components)
         is_deep, is_gray = bits > 8, len(components) == 1 and not first.format.has_palette
         is_full = first.color_range == _FULL or first.format.name.startswith("yuvj")
-        matrix = None if is_rgb else _matrix(path, first, is_gray)
+        matrix = None if is_rgb else _matrix(self.path, first, is_gray)
         way = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
-        conversion = {
+        self._conversion = {
             "format": "rgb48le" if is_deep else "rgb24",
             "src_colorspace": matrix,
             "dst_colorspace": matrix,
@@ -103,7 +138,7 @@ def open_film(path: Path) -> Film:
         name = transfer.TRANSFERS.get(first.color_trc)
         if name is None:
             raise DamagedFileError(
-                f"{path} has the transfer function {first.color_trc} of H.273, which is not "
+                f"{self.path} has the transfer function {first.color_trc} of H.273, which is not "
                 "supported; convert it to BT.709"
             )
         # black and white in libswscale's RGB
@@ -117,56 +152,7 @@ def open_film(path: Path) -> Film:
             white = _DEEP_WHITE
         coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
         _, xy = transfer.PRIMARIES.get(first.color_primaries, transfer.PRIMARIES[1])
-        coding = replace(coding, matrix=transfer.to_bt709(xy))
-        turn = _turn(first)
-        return Film(
-            path=path,
-            files=(path,),
-            count=len(decoder.stamps),
-            shape=(first.width, first.height) if turn[0] else (first.height, first.width),
-            coding=coding,
-            times_s=decoder.times_s,
-            notes=(*_notes(path, first, coding), *decoder.notes()),
-            decoder=decoder,
-            reformatter=VideoReformatter(),
-            conversion=conversion,
-            turn=turn,
-            kind=(first.width, first.height, first.format.name),
-        )
-    except BaseException:
-        decoder.close()
-        raise
-
-
-class _Decoder:
-    """Decoder: `stamps` are the times of all frames, in units of the stream, increasing."""
-
-    def __init__(self, path: Path) -> None:
-        from av.error import FFmpegError
-
-        bounded.check_file(path, _MOST_BYTES)
-        self._path, self._demuxer = path, DEMUXERS[path.suffix.lower()]
-        self._problem, self._file = FFmpegError, path.open("rb")
-        self._container: Any = None
-        try:
-            with working(f"frames of {path}"):
-                self._begin()
-                self._survey()
-                self._begin()
-        except FFmpegError as problem:
-            self.close()
-            raise DamagedFileError(
-                f"{path} cannot be read as a video ({problem.strerror}); {_REMEDY}"
-            ) from None
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        """Free the decoder, close the file."""
-        if self._container is not None:
-            self._container.close()
-        self._file.close()
+        return replace(coding, matrix=transfer.to_bt709(xy))
 
     def _begin(self) -> None:
         """Start a decoder at the first frame."""
@@ -184,19 +170,19 @@ class _Decoder:
         )
         film = self._container.streams.best("video")
         if film is None or "attached_pic" in str(film.disposition):
-            raise DamagedFileError(f"{self._path} has only sound; give a video")
+            raise DamagedFileError(f"{self.path} has only sound; give a video")
         codec = film.codec_context
         if codec is None:
-            raise DamagedFileError(f"{self._path} has an unknown codec; {_REMEDY}")
-        frames.check_size(self._path, (codec.height, codec.width))
+            raise DamagedFileError(f"{self.path} has an unknown codec; {_REMEDY}")
+        frames.check_size(self.path, (codec.height, codec.width))
         most = int(min(bounded.budget_bytes() / PIXEL_BYTES, 2**31 - 1))
         codec.options = {"max_pixels": str(most)}
         film.thread_type = "AUTO"
         self._stream: Any = film
         self._next, self._frames = 0, self._container.decode(film)
 
-    def _survey(self) -> None:
-        """Find the stamps of all frames, from packets alone."""
+    def _survey(self) -> Ints:
+        """Return the times of all frames in units of the stream, from packets alone."""
         is_avi, known = self._demuxer == "avi", list[int | None]()
         keys: list[int] = []
         packets = 0
@@ -204,9 +190,9 @@ class _Decoder:
             if packet.has_sidedata("encryption_info") or packet.has_sidedata(
                 "encryption_init_info"
             ):
-                raise DamagedFileError(f"{self._path} is encrypted; give a copy without protection")
+                raise DamagedFileError(f"{self.path} is encrypted; give a copy without protection")
             if packet.is_corrupt:
-                raise DamagedFileError(f"{self._path} ends too early or is damaged; {_REMEDY}")
+                raise DamagedFileError(f"{self.path} ends too early or is damaged; {_REMEDY}")
             is_hidden = packet.is_discard
             if packet.size and packet.stream.codec_context.name == "vp8":
                 is_hidden |= not bytes(packet)[0] & 0x10  # a frame used only to predict others
@@ -216,80 +202,96 @@ class _Decoder:
                 known.append(packet.dts if is_avi else packet.pts)
                 if packet.is_keyframe and packet.pts is not None:
                     keys.append(packet.pts)
-            bounded.check_count(self._path, "frames", len(known), _MOST_FRAMES)
+            bounded.check_count(self.path, "frames", len(known), _MOST_FRAMES)
         if not known:
-            raise DamagedFileError(f"{self._path} has no frame that can be read; {_REMEDY}")
+            raise DamagedFileError(f"{self.path} has no frame that can be read; {_REMEDY}")
         stated = 0 if is_avi else self._stream.frames  # AVI counts omitted frames, too
         packets -= 1  # the last one ends the film
         if packets < stated:
             raise DamagedFileError(
-                f"{self._path} ends too early, with {packets} of {stated} frames; {_REMEDY}"
+                f"{self.path} ends too early, with {packets} of {stated} frames; {_REMEDY}"
             )
         stamps = [stamp for stamp in known if stamp is not None]
         self._counts = is_avi or len(stamps) < len(known)
-        self.stamps: Ints = np.unique(stamps)
+        self._stamps: Ints = np.unique(stamps)
         if len(stamps) < len(known):
             rate, base = self._stream.average_rate, self._stream.time_base
             if not rate or not base:
-                raise DamagedFileError(f"{self._path} has no times of its frames; {_REMEDY}")
-            self.stamps = np.array([round(k / rate / base) for k in range(len(known))], np.int64)
+                raise DamagedFileError(f"{self.path} has no times of its frames; {_REMEDY}")
+            self._stamps = np.array([round(k / rate / base) for k in range(len(known))], np.int64)
         # A cut separates frames from the picture that predicts them.
         self._parted = 0
         if keys and not self._counts:
-            self._parted = int(np.searchsorted(self.stamps, min(keys)))
-            self.stamps = self.stamps[self._parted :]
+            self._parted = int(np.searchsorted(self._stamps, min(keys)))
+            self._stamps = self._stamps[self._parted :]
+        return self._stamps
 
-    @property
-    def times_s(self) -> Floats:
-        """Times of all frames (s); the first is 0."""
-        return np.asarray((self.stamps - self.stamps[0]) * float(self._stream.time_base))
-
-    def notes(self) -> Iterator[str]:
+    def _notes_of_stream(self, times_s: Floats) -> Iterator[str]:
         """Yield notes on the frames for the user."""
         if (streams := len(self._container.streams.video)) > 1:
-            yield f"{self._path} holds {streams} films or pictures; one is read"
+            yield f"{self.path} holds {streams} films or pictures; one is read"
         if self._stream.sample_aspect_ratio:
-            yield from frames.not_square(self._path, float(self._stream.sample_aspect_ratio))
+            yield from frames.not_square(self.path, float(self._stream.sample_aspect_ratio))
         if self._parted:
             yield (
-                f"{self._path} is cut within a group of frames: the first {self._parted} cannot be "
+                f"{self.path} is cut within a group of frames: the first {self._parted} cannot be "
                 "decoded and are omitted"
             )
-        ends_s, times_s = (self._container.duration or 0) / 1e6, self.times_s
+        ends_s = (self._container.duration or 0) / 1e6
         if ends_s > times_s[-1] + 1 + 2 * np.diff(times_s, prepend=0).max():
             yield (
-                f"{self._path} promises {ends_s:.1f} s, but its frames end at {times_s[-1]:.1f} s: "
+                f"{self.path} promises {ends_s:.1f} s, but its frames end at {times_s[-1]:.1f} s: "
                 "it may be truncated, or only its sound continues"
             )
 
-    def frame(self, index: int) -> Any:
+    def _notes(self, first: Any, coding: frames.Coding) -> Iterator[str]:
+        """Yield notes on assumptions and changes."""
+        primaries = first.color_primaries
+        if first.color_trc == transfer.UNSTATED:
+            yield f"{self.path} does not state its transfer function; that of BT.709 is used"
+        if coding.name in transfer.HDR_NOTES:
+            yield transfer.HDR_NOTES[coding.name]
+        if coding.matrix is not None:
+            name, _ = transfer.PRIMARIES[primaries]
+            yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
+        if primaries not in (transfer.UNSTATED, *transfer.PRIMARIES):
+            yield (
+                f"{self.path} has the primaries {primaries} of H.273, which are unknown; those of "
+                "BT.709 are used"
+            )
+        if any(self._turn):
+            degrees = first.rotation % 360
+            yield f"frames are turned as stated by {self.path}, by {degrees}° to the left"
+        if any(component.is_alpha for component in first.format.components):
+            yield f"the transparency of {self.path} is ignored"
+        names = [data.type.name for data in first.side_data]
+        yield from frames.unused(self.path, {name: "" for name in names if name in _TOLD})
+        if first.interlaced_frame:
+            yield f"{self.path} is interlaced: each frame holds two moments; deinterlace it first"
+
+    def _decoded(self, index: int) -> Any:
         """Return a decoded frame. Raises DamagedFileError if it is damaged or missing."""
-        starts = [self._begin]
-        if self._next <= index <= self._next + _DECODED_ON:
-            starts = [lambda: None, self._begin]
-        elif not self._counts:
-            starts = [partial(self._jump, index), self._begin]
-        for start in starts:
+        is_next = self._next <= index <= self._next + _DECODED_ON
+        for begins_anew in (self._counts and not is_next, True):
             with suppress(self._problem):
-                start()
+                if begins_anew:
+                    self._begin()
+                elif not is_next:  # go to the picture from which the frame is predicted
+                    self._container.seek(int(self._stamps[index]), stream=self._stream)
+                    self._frames = self._container.decode(self._stream)
                 frame = self._decoded_to(index)
                 if frame is not None and not frame.is_corrupt:
                     return frame
-        raise DamagedFileError(f"{self._path}: frame {index} cannot be decoded; {_REMEDY}")
-
-    def _jump(self, index: int) -> None:
-        """Go to the picture from which a frame is predicted."""
-        self._container.seek(int(self.stamps[index]), stream=self._stream)
-        self._frames = self._container.decode(self._stream)
+        raise DamagedFileError(f"{self.path}: frame {index} cannot be decoded; {_REMEDY}")
 
     def _decoded_to(self, index: int) -> Any:
         """Return a frame further on; None if it is not there."""
         for frame in self._frames:
             number = self._next
             if not self._counts:
-                stamp = self.stamps[0] - 1 if frame.pts is None else frame.pts
-                number = int(np.searchsorted(self.stamps, stamp))
-                if number == len(self.stamps) or self.stamps[number] != stamp:
+                stamp = self._stamps[0] - 1 if frame.pts is None else frame.pts
+                number = int(np.searchsorted(self._stamps, stamp))
+                if number == len(self._stamps) or self._stamps[number] != stamp:
                     continue
             self._next = number + 1
             if number >= index:
@@ -310,31 +312,6 @@ def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
     if frame.color_primaries == _BT2020:
         return _BT2020
     return _BT709 if min(frame.width, frame.height) >= _HD_ROWS else _BT601
-
-
-def _notes(path: Path, first: Any, coding: frames.Coding) -> Iterator[str]:
-    """Yield notes on assumptions and changes."""
-    primaries = first.color_primaries
-    if first.color_trc == transfer.UNSTATED:
-        yield f"{path} does not state its transfer function; that of BT.709 is used"
-    if coding.name in transfer.HDR_NOTES:
-        yield transfer.HDR_NOTES[coding.name]
-    if coding.matrix is not None:
-        name, _ = transfer.PRIMARIES[primaries]
-        yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
-    if primaries not in (transfer.UNSTATED, *transfer.PRIMARIES):
-        yield (
-            f"{path} has the primaries {primaries} of H.273, which are unknown; those of BT.709 "
-            "are used"
-        )
-    if any(_turn(first)):
-        yield f"frames are turned as stated by {path}, by {first.rotation % 360}° to the left"
-    if any(component.is_alpha for component in first.format.components):
-        yield f"the transparency of {path} is ignored"
-    names = [data.type.name for data in first.side_data]
-    yield from frames.unused(path, {name: "" for name in names if name in _TOLD})
-    if first.interlaced_frame:
-        yield f"{path} is interlaced: each frame holds two moments; deinterlace it first"
 
 
 def _turn(frame: Any) -> tuple[bool, bool, bool]:

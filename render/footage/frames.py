@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, BinaryIO, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -171,6 +171,12 @@ class Footage(ABC):
         is_below = cv2.inRange(numbers, (0,) * channels, (below,) * channels)
         return 1 - cv2.countNonZero(is_below) / is_below.size
 
+    @contextmanager
+    def opened(self) -> Iterator[BinaryIO]:
+        """Give the first file, open for reading."""
+        with self.files[0].open("rb") as file:
+            yield file
+
     def close(self) -> None:
         """Free the decoder and the cached frames."""
         self._kept.clear()
@@ -198,10 +204,7 @@ class Footage(ABC):
         self.notes = self.notes if text in self.notes else (*self.notes, text)
 
     def _as_light(self, values: NDArray[Any], path: Path) -> NDArray[np.float32]:
-        """Return light as float32; values below 0 become 0, with one note.
-
-        Raises DamagedFileError if it is not finite, or too much of it is negative.
-        """
+        """Return light as float32; values slightly below 0 become 0. Raises DamagedFileError."""
         with np.errstate(over="ignore"):
             light = np.ascontiguousarray(values, np.float32)
         if not np.isfinite(light).all():

@@ -1,11 +1,8 @@
 """Pictures of light in floating point: OpenEXR and Radiance.
 
-EXR: channels R, G, B, or Y, which is gray, in the main layer or, without it, in the first that has
-them. Spectra follow the layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021), which pbrt-v4
-writes as well: `S0.<wavelength>nm`, with a decimal comma.
-
-Radiance: light is divided by every EXPOSURE and COLORCORR of the header; pictures are upright, as
-almost all are: "-Y … +X …" (Ward, the file `picture` of Radiance's reference manual).
+EXR: R, G, B, or Y, in the main layer or, without it, in the first that has them; or spectra in the
+layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021). Radiance: light is divided by every
+EXPOSURE and COLORCORR; pictures are upright, "-Y … +X …" (Ward, Radiance's reference manual).
 """
 
 import re
@@ -94,7 +91,7 @@ def exr_header(path: Path) -> frames.Header:
     )
 
 
-def exr_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
+def exr_light(path: Path) -> tuple[NDArray[Any], bool]:
     """Return light (H, W), (H, W, 3) or (H, W, B), and True if any is transparent."""
     import OpenEXR
 
@@ -227,7 +224,7 @@ def radiance_header(path: Path) -> frames.Header:
     return frames.Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 
 
-def radiance_light(path: Path, _: int = 0) -> tuple[NDArray[Any], bool]:
+def radiance_light(path: Path) -> tuple[NDArray[Any], bool]:
     """Return light (H, W, 3), upright, and False: nothing is transparent."""
     content = read_bytes(path, ARRAY_BYTES)
     picture = _radiance(path, content)

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import check_file, mapped_array
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
-from megalopta.render.footage.film import DEMUXERS, open_film
+from megalopta.render.footage.film import DEMUXERS, Film
 from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
 from megalopta.render.footage.pictures import KINDS, open_folder, open_picture, picture_kind
 from megalopta.render.footage.transfer import light_of
@@ -19,14 +19,41 @@ from megalopta.render.footage.transfer import light_of
 _NAMES: Mapping[Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
 
 
-@dataclass(eq=False, kw_only=True)
 class ArrayFrames(Footage):
-    """Frames of an array (T, H, W) or (T, H, W, 3)."""
+    """Frames of an array (H, W), (T, H, W), (H, W, 3) or (T, H, W, 3).
 
-    values: NDArray[Any]
+    `path` names it in messages. Raises UserError.
+    """
+
+    def __init__(self, values: NDArray[Any], unit: Unit, path: Path) -> None:
+        frames = values
+        if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
+            frames = values[None]
+        is_gray = frames.ndim == 3 and frames.shape[-1] not in (1, 2, 4)
+        if not frames.size or not (is_gray or (frames.ndim == 4 and frames.shape[-1] == 3)):
+            raise DamagedFileError(
+                f"{path} has the shape {frames.shape}; give (H, W), (T, H, W), (H, W, 3) or "
+                "(T, H, W, 3), without an alpha channel"
+            )
+        check_size(path, frames.shape[1:])
+        dtype, coding = values.dtype, Coding(_NAMES[unit], unit)
+        if dtype.kind != "f":
+            if dtype.kind != "u" or dtype.itemsize > 2:
+                raise DamagedFileError(
+                    f"{path} holds {dtype}; give uint8, uint16 or floating-point numbers"
+                )
+            codes = 256**dtype.itemsize
+            coding = coding_of("sRGB" if unit == "srgb" else "linear", codes)
+            if unit == "cd/m2":
+                coding = replace(coding, table=np.arange(codes, dtype=np.float32))
+            coding = replace(coding, name=_NAMES[unit], unit=unit)
+        super().__init__(
+            path=path, files=(path,), count=len(frames), shape=frames.shape[1:3], coding=coding
+        )
+        self._values = frames
 
     def _numbers(self, index: int) -> NDArray[Any]:
-        numbers = np.asarray(self.values[index])
+        numbers = np.asarray(self._values[index])
         if self.coding.table is not None:
             return numbers.astype(numbers.dtype.newbyteorder("="))
         if self.unit != "srgb":
@@ -40,7 +67,7 @@ class ArrayFrames(Footage):
 
 
 def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
-    """Return an array (H, W), (T, H, W), (H, W, 3) or (T, H, W, 3) as frames. Raises UserError."""
+    """Return the array of a file as frames. Raises UserError."""
     if unit is None:
         raise UserError(
             f"{path}: an array does not state its unit; give the unit srgb (coded as in "
@@ -53,43 +80,7 @@ def open_array(path: Path, unit: Unit | None) -> ArrayFrames:
         raise DamagedFileError(
             f"{path} is not a complete array of numbers; write it with numpy.save"
         ) from None
-    return array_frames(values, unit, path)
-
-
-def array_frames(values: NDArray[Any], unit: Unit, path: Path) -> ArrayFrames:
-    """Return an array as frames; `path` names it in messages. Raises UserError."""
-    frames = values
-    if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
-        frames = values[None]
-    is_gray = frames.ndim == 3 and frames.shape[-1] not in (1, 2, 4)
-    if not frames.size or not (is_gray or (frames.ndim == 4 and frames.shape[-1] == 3)):
-        raise DamagedFileError(
-            f"{path} has the shape {frames.shape}; give (H, W), (T, H, W), (H, W, 3) or "
-            "(T, H, W, 3), without an alpha channel"
-        )
-    check_size(path, frames.shape[1:])
-    return ArrayFrames(
-        path=path,
-        files=(path,),
-        count=len(frames),
-        shape=(frames.shape[1], frames.shape[2]),
-        coding=_coding(path, values.dtype, unit),
-        values=frames,
-    )
-
-
-def _coding(path: Path, dtype: np.dtype[Any], unit: Unit) -> Coding:
-    if dtype.kind == "f":
-        return Coding(_NAMES[unit], unit)
-    if dtype.kind != "u" or dtype.itemsize > 2:
-        raise DamagedFileError(
-            f"{path} holds {dtype}; give uint8, uint16 or floating-point numbers"
-        )
-    codes = 256**dtype.itemsize
-    coding = coding_of("sRGB" if unit == "srgb" else "linear", codes)
-    if unit == "cd/m2":
-        coding = replace(coding, table=np.arange(codes, dtype=np.float32))
-    return replace(coding, name=_NAMES[unit], unit=unit)
+    return ArrayFrames(values, unit, path)
 
 
 def open_footage(path: Path, unit: Unit | None = None) -> Footage:
@@ -128,7 +119,7 @@ def is_footage(path: Path) -> bool:
 def _open_film(path: Path, unit: Unit | None) -> Footage:
     if unit not in (None, "srgb"):
         raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
-    return open_film(path)
+    return Film(path)
 
 
 _OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {

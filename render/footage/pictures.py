@@ -1,14 +1,11 @@
-"""Single pictures, pictures in a folder, and animations.
-
-8 bits are read with Pillow, 16-bit PNG with OpenCV; `tiff.py` and `light_files.py` read the rest.
-"""
+"""Single pictures, pictures in a folder, and animations."""
 
 import math
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +34,6 @@ KINDS: Mapping[str, str] = {
 }
 """Kind of picture by the suffix of its file."""
 
-_LIGHT_READERS: Mapping[str | None, Callable[[Path], tuple[NDArray[Any], bool]]] = {
-    "EXR": light_files.exr_light,
-    "Radiance": light_files.radiance_light,
-}
 _UNITS: Mapping[frames.Depth, tuple[frames.Unit, ...]] = {
     "8 bits": ("srgb",),
     "16 bits": ("srgb", "linear"),
@@ -57,16 +50,31 @@ _SHORTEST_S = 0.1
 """Duration that browsers use for a frame with a duration of zero."""
 
 
-@dataclass(eq=False, kw_only=True)
 class PictureFiles(frames.Footage):
-    """Pictures of equal size and kind, one frame each, or the pages of one."""
+    """Pictures of equal size and kind, one frame each, or the pages of one.
 
-    depth: frames.Depth
-    pages: tuple[int, ...] = (0,)
-    """Pages of each file that are frames."""
-    _opened: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
-    _image: tuple[Path, Image.Image] | None = field(default=None, init=False, repr=False)
-    """Picture of 8 bits that is open: frames of an animation build on the former ones."""
+    Raises UserError for an impossible unit.
+    """
+
+    def __init__(
+        self, path: Path, files: tuple[Path, ...], unit: frames.Unit | None, header: frames.Header
+    ) -> None:
+        coding = coding_stated(path, unit, header)
+        super().__init__(
+            path=path,
+            files=files,
+            count=len(files) * len(header.pages),
+            shape=header.shape,
+            coding=coding,
+            times_s=None if header.times_s is None else np.array(header.times_s),
+            notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
+            bands_nm=header.bands_nm,
+            last_s=header.last_s,
+        )
+        self.depth, self.pages = header.depth, header.pages
+        # A picture of 8 bits stays open: frames of an animation build on the former ones.
+        self._opened = ExitStack()
+        self._image: tuple[Path, Image.Image] | None = None
 
     def close(self) -> None:
         """Close the file."""
@@ -90,8 +98,10 @@ class PictureFiles(frames.Footage):
     def _read(self, path: Path, page: int) -> tuple[NDArray[Any], bool]:
         """Return codes or light, upright, over black; True if any is transparent."""
         kind = picture_kind(path)
-        if read := _LIGHT_READERS.get(kind):
-            return read(path)
+        if kind == "EXR":
+            return light_files.exr_light(path)
+        if kind == "Radiance":
+            return light_files.radiance_light(path)
         if self.depth == "8 bits":
             # Pillow cannot always seek backwards.
             if not self._image or self._image[0] != path or page < self._image[1].tell():
@@ -114,7 +124,7 @@ class PictureFiles(frames.Footage):
 
 def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
-    footage = _pictures(path, (path,), unit, header_of(path))
+    footage = PictureFiles(path, (path,), unit, header_of(path))
     footage.frame(0)  # reports errors of the file now
     return footage
 
@@ -129,7 +139,7 @@ def open_folder(path: Path, unit: frames.Unit | None) -> PictureFiles:
     if not files:
         raise UserError(f"{path} has no picture in it; give a folder of {', '.join(KINDS)} files")
     with working(f"headers of the pictures in {path}"):
-        footage = _pictures(path, files, unit, _common_header(files))
+        footage = PictureFiles(path, files, unit, _common_header(files))
     omitted = sorted({item.name for item in visible} - {item.name for item in files})
     if omitted:
         left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(omitted))})"
@@ -166,25 +176,6 @@ def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:
             black = Image.new("RGBA", image.size, (0, 0, 0, 255))
             return np.asarray(Image.alpha_composite(black, layers).convert("RGB")), True
     return np.asarray(image.convert("L" if image.mode in ("1", "L", "LA") else "RGB")), False
-
-
-def _pictures(
-    path: Path, files: tuple[Path, ...], unit: frames.Unit | None, header: frames.Header
-) -> PictureFiles:
-    coding = coding_stated(path, unit, header)
-    return PictureFiles(
-        path=path,
-        files=files,
-        count=len(files) * len(header.pages),
-        shape=header.shape,
-        coding=coding,
-        depth=header.depth,
-        pages=header.pages,
-        times_s=None if header.times_s is None else np.array(header.times_s),
-        notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
-        bands_nm=header.bands_nm,
-        last_s=header.last_s,
-    )
 
 
 def coding_stated(path: Path, unit: frames.Unit | None, header: frames.Header) -> frames.Coding:
@@ -322,10 +313,7 @@ def _animated(path: Path, image: Image.Image, header: frames.Header) -> frames.H
 
 
 def _png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
-    """Return a header with a PNG's transfer function and primaries, and statements without effect.
-
-    cICP goes before iCCP, sRGB, and gAMA with cHRM, as the standard has it.
-    """
+    """Return a header with the colors that a PNG states, cICP first, and what has no effect."""
     chunks: dict[bytes, bytes] = {}
     for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):

@@ -1,7 +1,4 @@
-"""TIFF pictures, one or more pages in a file: tags read with tifffile, 8 bits decoded with Pillow.
-
-Pages like the first are frames. ImageJ states the time between them.
-"""
+"""TIFF pictures, one or more pages in a file: tags read with tifffile, 8 bits with Pillow."""
 
 import logging
 from collections.abc import Iterator

@@ -2,8 +2,7 @@
 
 Codes are numbers from 0 to 1. sRGB: IEC 61966-2-1. BT.709: the inverse of its camera curve (ITU-R
 BT.709-6), also for BT.601 and BT.2020. PQ and HLG: ITU-R BT.2100-2; PQ gives light of the display
-relative to the white of ITU-R BT.2408; HLG gives light of the scene, with 1 its brightest. Numbers
-of transfer functions and of primaries are those of ITU-T H.273, which videos and PNG state.
+relative to the white of ITU-R BT.2408. Numbers are those of ITU-T H.273.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,8 +1,6 @@
 """Haze in Mitsuba: a homogeneous medium in a box around all surfaces and the camera.
 
-Paths through droplets are traced in a separate scene of the same shapes and the box. The scene
-without the box has nothing between camera and surfaces, as ground truth requires. The box transmits
-light unchanged. The scene's light shines from outside, through the haze.
+It is a separate scene: ground truth requires nothing between camera and surfaces.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""Conversion of materials to Mitsuba's surfaces, emitters, textures and spectra.
-
-Every spectral quantity is passed unchanged (spectral variants apply no color conversion).
-"""
+"""Conversion of materials to Mitsuba's surfaces, emitters, textures and spectra, unchanged."""
 
 from collections.abc import Callable
 from typing import Any
@@ -64,11 +61,7 @@ def _blade(material: Material) -> dict[str, Any]:
 
 
 def _of_parts(material: Material) -> dict[str, Any]:
-    """Mitsuba surface composed of Mitsuba's own ones, as scalar variants are slow with Python ones.
-
-    A blend of a reflecting and a transmitting surface, each scaled up by its inverse share, is
-    equivalent; values above 1 are harmless. Paths continue to either side by these shares.
-    """
+    """Blend of Mitsuba's own surfaces, each scaled up by its inverse share, for scalar variants."""
     through = mean(material.transmittance) / (
         mean(material.transmittance) + mean(material.reflectance) or 1.0
     )

@@ -1,9 +1,6 @@
 """One mesh per material of all placed shapes, with the table from triangles to objects.
 
-Shapes are merged, not instanced: in Mitsuba's vectorized variants every instance is compiled as its
-own callable, and a hundred of them already cost seconds per frame.
-
-Moving objects have their own meshes, after those at rest, with vertices that depend on time.
+Shapes are merged: in vectorized variants every instance is compiled as its own callable.
 """
 
 from dataclasses import dataclass, replace

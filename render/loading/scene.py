@@ -1,12 +1,4 @@
-"""Loaded Mitsuba scene of scene data: merged meshes with materials, and lights.
-
-`MeshIndex` finds the mesh that was hit in every vectorized variant. Embree numbers the shapes of a
-scene, OptiX does not; both give the shape itself, as its number in Dr.Jit's registry of all shapes
-of the process.
-
-Rays meet the meshes of one loaded scene, or of two (`Layers`): one at rest, and a small one of
-moving objects, the only one that is rebuilt when these move.
-"""
+"""Loaded Mitsuba scene of scene data: merged meshes with materials, and lights."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,9 +1,6 @@
 """Non-uniform sky inside Mitsuba: a sum of patterns, each with its own spectrum.
 
-Mitsuba's own environment map has three colors between 360 and 830 nm, and a scene accepts only one.
-Here the radiance from a direction is that of the uniform sky plus, for every pattern, its spectrum
-times the bilinearly interpolated picture. Paths sample it where it is bright: a texel is drawn with
-a probability proportional to its brightest neighbor, per solid angle.
+Mitsuba's environment map has three colors from 360 to 830 nm, and a scene accepts only one.
 """
 
 from collections.abc import Sequence

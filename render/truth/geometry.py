@@ -1,13 +1,8 @@
 """Surfaces of a scene hit by rays, at any time, and their image in another frame.
 
 A ray's hit is found in float32 by the renderer's own tracing; its triangle is then intersected
-again in float64, so that the point is exact on the surface as rendered. A point of a moving object
-keeps its barycentric coordinates, so its position at another time follows from its triangle's
-vertices, for rigid and bending objects alike.
-
-Only moving objects are updated to a time, in a small separate scene; moments are cached, as a frame
-and its two neighbors share them. Rays of a rolling shutter have a time for each row: moving objects
-are hit in float64 (`moving`). Coordinates are relative to the scene's `origin_m`.
+again in float64. A point of a moving object keeps its barycentric coordinates. Moments are cached,
+as a frame and its two neighbors share them. Coordinates are relative to the scene's `origin_m`.
 """
 
 from collections.abc import Callable, Sequence

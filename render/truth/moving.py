@@ -1,12 +1,8 @@
 """Hits of moving objects by rays that each have their own time, like the rows of a frame.
 
-Rebuilding the ray-tracing structure of a whole forest for every row costs seconds per row, yet a
-row sees only a thin slice of it. So moving triangles are grouped in clusters with a known bounding
-box over a time span. Rays of one time come in narrow bundles from one point; only clusters whose
-boxes a bundle hits are moved exactly to its time and intersected in float64.
-
-A box is that of some moments, widened by the longest displacement between two of them: nothing that
-moves steadily on the scale of `_STEP_S` leaves it.
+Rebuilding the structure of a forest for every row costs seconds. So moving triangles are grouped in
+clusters, in boxes that nothing leaves that moves steadily on the scale of `_STEP_S`. Only those
+that a narrow bundle of rays of one time may hit are moved to its time, and intersected in float64.
 """
 
 import math
@@ -43,11 +39,7 @@ class ClusterBounds(NamedTuple):
 
 
 class _Bundle(NamedTuple):
-    """Some rays, with a bounding box about their axis.
-
-    `axes` (3, 3) are two across and the one along; `low` and `high` (2,) the box, in units of the
-    distance along. The dot product of `sides` (5, 3) with any place in it is at least 0.
-    """
+    """Some rays in the box `low` to `high` about their axis; `sides` (5, 3) point inward."""
 
     rays: Ints
     axes: Floats
@@ -218,11 +210,7 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
 
 @compiled
 def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-untyped-def]
-    """Lower distances (R,) of ordered rays to those of triangles (n, 3, 3) that they hit.
-
-    Returns these triangles (R,), otherwise -1. After Möller and Trumbore, Journal of Graphics Tools
-    2, 1997; the rays start at the origin.
-    """
+    """Triangles (R,) that rays hit, nearer than distances (R,), which are lowered; else -1."""
     found = np.full(len(ways), -1)
     a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for triangle in range(len(corners)):

@@ -1,9 +1,4 @@
-"""Custom rays through a loaded scene: nearest hits and visibility, in any variant.
-
-Mitsuba's camera samples start on the near plane and are jittered, and its interpolated hit points
-are off by up to 1e-2 px; distances along custom rays keep float32's full accuracy. Scalar variants
-take one ray per call, vectorized ones all at once.
-"""
+"""Custom rays through a loaded scene: nearest hits and visibility, in any variant."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,16 +1,9 @@
 """Ground truth of a frame, from rays through pixel centers and over whole pixels.
 
-A surface point P is found with the renderer's own geometry, in float64 (`geometry`). Its flow is
-the image of P in the other camera at the other frame's time, minus the pixel center. Points at
-infinity (the sky) move by rotation alone. A visibility ray against the geometry of that time
-decides whether the other camera sees P; comparing depths would misjudge more pixels than are truly
-occluded. A point of a leaf is also invisible to a camera on the leaf's other side.
-
-Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
-point, as behind a pinhole. The other frame may be any of the sequence.
-
-Albedo, the diffuse reflectance of the surfaces seen, as band means, comes from materials. Textures
-are interpolated between texels as the renderer does. Transmitted light does not count.
+The flow of a surface point is its image in the other camera at the other frame's time, minus the
+pixel center; the sky moves by rotation alone. Flow is in px of the stored image, +x right, +y down;
+NaN where the other camera has no image of the point. A visibility ray decides whether that camera
+sees the point. A point of a leaf is also invisible to a camera on the leaf's other side.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

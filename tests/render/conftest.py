@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer, mi
-from megalopta.render.film import film_and_sampler
-from megalopta.render.optics import plugin, sensor_transform
+from megalopta.render.film import film_and_sampler, plugin, sensor_transform
 from megalopta.render.variant import choose_variant
 from megalopta.scenes import Trajectory
 from megalopta.scenes.material import Emission, Material

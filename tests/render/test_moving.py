@@ -49,7 +49,7 @@ def local(renderer):
 
 def test_paths_through_two_scenes_are_those_through_the_whole_one(renderer):
     view, pose = renderer._view, local(renderer)
-    layers = view._integrator.exposing
+    layers = view._exposing
     assert isinstance(layers._layers, MovingScene)
     film = view._film(1)
     for time in (0.1, 0.3):
