@@ -190,19 +190,10 @@ def turned_panorama(picture: Image, turn_deg: float) -> Image:
 def without_disc(
     picture: Image, weights: Floats
 ) -> tuple[Image, tuple[float, float, float], Floats]:
-    """Take the disc of sun or moon out of a picture.
+    """Take the disc of sun or moon out of a picture (H, 2·H, 3), with weights of the colors (3,).
 
-    `picture` (H, 2·H, 3): radiance of each color, in the layout of `SkyPattern`; `weights` (3,):
-    weights of the colors.
-
-    Returns
-    -------
-    picture : (H, 2·H, 3)
-        Picture with the ring's mean in place of the disc.
-    direction : (3,)
-        Unit vector toward the disc's center.
-    irradiance : (3,)
-        Irradiance of each color on a plane facing the disc; zeros if there is none.
+    Returns the picture with the ring's mean in place of the disc, the unit vector toward the disc's
+    center, and the irradiance of each color (3,) on a plane facing it; zeros if there is none.
     """
     rows, columns = picture.shape[:2]
     bright = picture[: rows // 2] @ weights

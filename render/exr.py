@@ -181,14 +181,13 @@ def read_truth(path: Path) -> "Truth":
             values[field] = values[field].astype(bool)
     values["position"] = values["position"].astype(np.float64) + origin
 
-    def under(group: str) -> dict[str, Any]:
-        """Entries directly in a group, by the rest of their name."""
-        parts = {field: field.rpartition(".") for field in values}
-        return {name: values[field] for field, (owner, _, name) in parts.items() if owner == group}
+    def spread(way: str) -> FlowSpread:
+        names = "mean", "spread", "hidden"
+        return FlowSpread(*(values.pop(f"footprint.{way}.{name}") for name in names))
 
-    forward, backward = (FlowSpread(**under(f"footprint.{way}")) for way in ("forward", "backward"))
-    footprint = Footprint(**under("footprint"), forward=forward, backward=backward)
-    return Truth(**under(""), footprint=footprint)
+    purity, sky = (values.pop(f"footprint.{name}") for name in ("purity", "sky"))
+    footprint = Footprint(purity, sky, spread("forward"), spread("backward"))
+    return Truth(**values, footprint=footprint)
 
 
 def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:

@@ -10,22 +10,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from megalopta.render.variant import Variant, llvm_in_use
 
-
-def _load_silently() -> None:
+llvm_in_use()
+if "drjit" not in sys.modules:
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)
-        import drjit  # noqa: F401
     finally:
         os.dup2(kept, 2)
         os.close(kept)
         os.close(nowhere)
-
-
-llvm_in_use()
-if "drjit" not in sys.modules:
-    _load_silently()
 
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402

@@ -211,66 +211,45 @@ class RunningMean:
         """
         everywhere = np.ones(self._mean.shape[:2], bool)
         sky = measured.sky if measured else None
-        frame = _Frame(
-            mean=self._mean,
-            flicker=self._squares / (self.count - 1),
-            slopes=[slope / (self.count - 1) for slope in self._slopes],
-            standing=Standing.of(measured, self._mean),
-            passes=self.count,
-            averaged=averaged,
-        )
         surfaces = everywhere if sky is None else sky <= 0
         part = surfaces if surfaces.any() else everywhere
-        shown = frame.region(part)
+        standing = Standing.of(measured, self._mean)
+        variance = self._squares / (self.count - 1)
+        shown = self._region(part, variance, standing, averaged)
+        flicker, fixed = variance[part].mean(axis=0), standing.covariance(part)
+        detail = neighbor_differences(self._mean, part) - (flicker / self.count + fixed)
         return RenderNoise(
             passes=averaged,
             median_relative=shown.median,
             rms_over_mean=shown.rms,
             mean=tuple(self._mean[part].mean(axis=0).tolist()),
-            covariance=_rows(frame.covariance(part)),
-            detail=_rows(frame.detail(part)),
+            covariance=_rows(flicker / averaged + fixed),
+            detail=_rows(detail),
             surface=shown if sky is not None and surfaces.any() else None,
-            sky=frame.region(sky >= 1) if sky is not None and (sky >= 1).any() else None,
+            sky=self._region(sky >= 1, variance, standing, averaged)
+            if sky is not None and (sky >= 1).any()
+            else None,
         )
 
-
-@dataclass(frozen=True)
-class _Frame:
-    """Mean (H, W, B) of a frame's passes, and the variance of single passes."""
-
-    mean: Floats
-    flicker: Floats  # (H, W, B, B)
-    slopes: list[Floats]
-    standing: Standing
-    passes: int
-    averaged: int
-
-    def covariance(self, part: Mask, passes: int | None = None) -> Floats:
-        """Covariance (B, B) between bands of the frame's error, or of the mean of some passes."""
-        flicker = self.flicker[part].mean(axis=0) / (passes or self.averaged)
-        return np.asarray(flicker + self.standing.covariance(part))
-
-    def detail(self, part: Mask) -> Floats:
-        """Covariance (B, B) of differences between neighbors, without error."""
-        return neighbor_differences(self.mean, part) - self.covariance(part, self.passes)
-
-    def region(self, part: Mask) -> RegionNoise:
-        """Error of the pixels of a part (H, W)."""
-        light, squares = self.mean.sum(axis=-1), self.standing.squares(part)
-        flicker = self.flicker.sum(axis=(-2, -1)) / self.averaged
-        covariance = self.covariance(part)
-        level, levels = max(light[part].mean(), 1e-300), self.mean[part].mean(axis=0)
+    def _region(
+        self, part: Mask, variance: Floats, standing: Standing, averaged: int
+    ) -> RegionNoise:
+        """Error of the pixels of a part (H, W), given the variance of single passes."""
+        light, squares = self._mean.sum(axis=-1), standing.squares(part)
+        flicker = variance.sum(axis=(-2, -1)) / averaged
+        covariance = variance[part].mean(axis=0) / averaged + standing.covariance(part)
+        level, levels = max(light[part].mean(), 1e-300), self._mean[part].mean(axis=0)
         median, tail = _relative(flicker, squares, light, part)
         # Shares of the squared differences between neighbors that are due to either error.
         flickering = still = seen = flickers = stands = 0.0
-        slope = self.standing.slope(part)
-        for both, noise, steps in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
-            flickering += float(noise[both].sum())
+        slope = standing.slope(part)
+        for both, noise, steps in zip(pairs(part), self._slopes, slopes(self._mean), strict=True):
+            flickering += float((noise / (self.count - 1))[both].sum())
             still += slope * float(both.sum())
             seen += float((steps[both] ** 2).sum())
-        total = seen - flickering / self.passes + flickering / self.averaged
+        total = seen - flickering / self.count + flickering / averaged
         if total > 0:
-            flickers, stands = flickering / self.averaged / total, still / total
+            flickers, stands = flickering / averaged / total, still / total
         return RegionNoise(
             share=float(part.mean()),
             rms=float(np.sqrt(covariance.sum()) / level),

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands
 from megalopta.render.film import developed, pixel_means
-from megalopta.render.loading.air import Air
-from megalopta.render.loading.scene import Layers
+from megalopta.render.loading.scene import Air, Layers
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²: 1/p and

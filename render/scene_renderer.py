@@ -13,9 +13,8 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
-from megalopta.render.loading.air import fill
 from megalopta.render.loading.meshes import leaf_clusters, merge
-from megalopta.render.loading.scene import LoadedScene, MovingScene, is_layered, load_scene
+from megalopta.render.loading.scene import LoadedScene, MovingScene, fill, is_layered, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Mask
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.film import Film, FrameExposure
-from megalopta.render.loading.air import Air
 from megalopta.render.loading.meshes import MovingMesh
-from megalopta.render.loading.scene import LoadedScene, move_to
+from megalopta.render.loading.scene import Air, LoadedScene, move_to
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.settings import RenderSettings

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.render.loading.air import Air
-from megalopta.render.loading.scene import DISC_POINTS
+from megalopta.render.loading.scene import DISC_POINTS, Air
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth.rays import SceneRays
 from megalopta.scenes.scene import Lighting
@@ -79,7 +78,20 @@ class LightMeter:
 
     def measure(self, position: Floats, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
-        lux = illuminances(self._scene, position[None], self._paths, self._integrator, seed)
+        rng, paths = np.random.default_rng(seed), self._paths
+        radius, turn = np.sqrt(rng.random(paths)), 2 * np.pi * rng.random(paths)
+        level = radius * np.cos(turn), radius * np.sin(turn)
+        upward = np.stack([*level, np.sqrt(np.maximum(1 - radius**2, 0))])
+        share = luminous_efficiency(_V_NM + 0.5)
+        cumulated = np.concatenate([[0], np.cumsum(share / share.sum())])
+        even = (rng.permutation(paths) + rng.random(paths)) / paths
+        place = (even + np.arange(4)[:, None] / 4) % 1
+        wavelengths = np.interp(place, cumulated, [*_V_NM, _V_NM[-1] + 1])
+        step = np.searchsorted(cumulated, place, side="right").clip(1, len(share)) - 1
+        weights = luminous_efficiency(wavelengths) * share.sum() / share[step]
+        origins = np.broadcast_to(position[:, None], (3, paths))
+        light = self._integrator.along(self._scene, origins, upward, wavelengths, seed)
+        lux = MAXIMUM_EFFICACY_LM_W * np.pi * (weights * light).mean(axis=0)
         disc_lux = 0.0
         if self._sun is not None:
             toward = self._sun.points(DISC_POINTS)
@@ -92,26 +104,3 @@ class LightMeter:
             float(lux.mean()) + disc_lux,
             float(lux.std() / math.sqrt(lux.size)),
         )
-
-
-def illuminances(
-    scene: Any, points: Floats, paths: int, integrator: PathIntegrator, seed: int
-) -> Floats:
-    """Illuminance (lux) of horizontal planes at points (n, 3), m, by single light paths (paths,).
-
-    Each starts at one of the points, at four wavelengths sampled by the eye's sensitivity.
-    """
-    rng = np.random.default_rng(seed)
-    radius, turn = np.sqrt(rng.random(paths)), 2 * np.pi * rng.random(paths)
-    level = radius * np.cos(turn), radius * np.sin(turn)
-    upward = np.stack([*level, np.sqrt(np.maximum(1 - radius**2, 0))])
-    origins = points[rng.integers(len(points), size=paths)].T
-    share = luminous_efficiency(_V_NM + 0.5)
-    cumulated = np.concatenate([[0], np.cumsum(share / share.sum())])
-    even = (rng.permutation(paths) + rng.random(paths)) / paths
-    place = (even + np.arange(4)[:, None] / 4) % 1
-    wavelengths = np.interp(place, cumulated, [*_V_NM, _V_NM[-1] + 1])
-    step = np.searchsorted(cumulated, place, side="right").clip(1, len(share)) - 1
-    weights = luminous_efficiency(wavelengths) * share.sum() / share[step]
-    light = integrator.along(scene, origins, upward, wavelengths, seed)
-    return np.asarray(MAXIMUM_EFFICACY_LM_W * np.pi * (weights * light).mean(axis=0))

@@ -33,6 +33,10 @@ NEAREST_M = 0.3
 """Smallest distance from the camera considered for cutting (m)."""
 MOST_CELLS = 2**30
 """Largest number of cells; the table takes four bytes for each."""
+VOXEL_PX = 0.5
+"""Widest voxel, in pixels of the camera at its closest."""
+# Odd constants of the hash: golden ratio, and that of the xxHash algorithm.
+_MULTIPLIERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 def pixel_angle(camera: Camera) -> float:
@@ -60,6 +64,10 @@ class Cells:
     """(2, F): number of pieces of the edges to the next corner and to the one after it."""
     count: int
     """Number of all cells."""
+    meshes: Sequence[MergedMesh]
+    path: cKDTree
+    """Positions of the camera."""
+    pixel_rad: float
 
     @classmethod
     def of(cls, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats) -> "Cells":
@@ -85,6 +93,9 @@ class Cells:
             origin,
             pieces,
             count,
+            meshes,
+            path,
+            pixel_rad,
         )
 
     def patches(self, cell: UInt32) -> "Patches":
@@ -96,6 +107,36 @@ class Cells:
         triangle = (face - self.first_face[mesh]).astype(np.uint32)
         indices = np.stack(np.divmod(place, pieces[1]))
         return Patches(mesh.astype(np.uint32), triangle, side, self.origin[face], pieces, indices)
+
+    def voxels(self, cell: UInt32, octaves: int = 0) -> NDArray[np.uint64]:
+        """Hash (C,) that cells (C,) of one cluster share; each octave doubles the voxel size.
+
+        Cells of one mesh, of similar orientation and in the same voxel form a cluster: in foliage a
+        pixel sees dozens of leaves at a time, and only their mean matters.
+        """
+        patches = self.patches(cell)
+        corners = np.empty((len(cell), 3, 3))
+        for index in np.unique(patches.mesh):
+            of_mesh, mesh = patches.mesh == index, self.meshes[index]
+            corners[of_mesh] = mesh.vertices[mesh.faces[patches.triangle[of_mesh]]]
+        rows = np.arange(len(cell))
+        a, b, c = (corners[rows, (patches.origin + step) % 3] for step in range(3))
+        u, v = (patches.indices + 0.5) / patches.pieces
+        total = np.maximum(u + v, 1)
+        center = a + (u / total)[:, None] * (b - a) + (v / total)[:, None] * (c - a)
+        normal = np.cross(b - a, c - a) * np.where(patches.side == 0, 1, -1)[:, None]
+        axis = np.abs(normal).argmax(axis=1)
+        facing = 2 * axis + (normal[rows, axis] > 0)
+        size = self.pixel_rad * np.maximum(self.path.query(center)[0], NEAREST_M)
+        level = np.floor(np.log2(VOXEL_PX * size)) + octaves
+        voxel = np.floor(center / np.exp2(level)[:, None])
+        hashes = np.zeros(len(voxel), np.uint64)
+        for column in (patches.mesh, level, facing, *voxel.T):
+            hashes ^= column.astype(np.int64).astype(np.uint64)
+            for multiplier in _MULTIPLIERS:
+                hashes *= multiplier
+                hashes ^= hashes >> np.uint64(29)
+        return hashes
 
 
 @dataclass(frozen=True)

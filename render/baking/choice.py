@@ -33,15 +33,6 @@ PATH, WHOLE_PATH, BAKE, SAMPLE = 1.5, 4.0, 1.7, 0.7
 and of a sample of a baked frame, in a dense forest (`benchmarks/bench_light.py`)."""
 
 
-class Scatter(NamedTuple):
-    """RMS error of one sample over the mean, on surfaces."""
-
-    baked: float
-    """Error of baked light: of the sun, and of the pixel's content."""
-    traced: float
-    """Error of split paths; NaN where the light cannot be split."""
-
-
 def path_tracing_reason(
     scene: Scene, variant: str, poses: Floats | None, settings: RenderSettings, pixels: int
 ) -> str:
@@ -98,21 +89,26 @@ def path_tracing_reason(
     return ""
 
 
-def cost_reason(rays: int, pixels: int, scatter: Scatter, settings: RenderSettings) -> str:
+def cost_reason(
+    rays: int, pixels: int, baked: float, traced: float, settings: RenderSettings
+) -> str:
     """Reason that baking with some rays does not pay; empty if it pays.
+
+    `baked` and `traced` are RMS errors of one sample over the mean, on surfaces: of baked light,
+    and of split paths, NaN where the light cannot be split.
 
     `pixels` are those of all frames together. It pays if frames of the same error on surfaces take
     less work. Work is counted in rays and samples, so that the result is the same on every machine.
     """
-    if not scatter.traced:
+    if not traced:
         return "no surface in view is lit"
     samples = settings.samples_per_pixel
     if settings.target_error is not None:
         left = settings.target_error**2 - settings.standing_error**2
-        passes = math.ceil(scatter.baked**2 / left / samples)
+        passes = math.ceil(baked**2 / left / samples)
         samples *= min(max(passes, 2), settings.max_passes)
-    error2 = scatter.baked**2 / samples + settings.standing_error**2
-    share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * scatter.traced**2 / error2)
+    error2 = baked**2 / samples + settings.standing_error**2
+    share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * traced**2 / error2)
     if share <= 1:
         return ""
     return (
@@ -151,8 +147,22 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
     `look` returns the light of each band, a draw of its error for each, and whether it is the sky.
     All rays of a frame are traced at once, as each launch has a fixed cost.
     """
-    means = np.concatenate([_of_pixels(frame, look) for frame in frames], axis=1)
-    light, square, standing, sky = means
+    pixels = []
+    for frame in frames:
+        directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
+        values = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
+        bands = len(values) // 2
+        total: Any = sum(values[:bands])
+        quantities = total, dr.square(total), sum(values[bands:-1]), values[-1]
+        dr.eval(quantities)
+        rays = np.array([np.array(quantity) for quantity in quantities])
+        halves = rays.reshape(4, 2, _RAYS // 2, -1).mean(axis=2, dtype=np.float64)
+        means = halves.mean(axis=1)
+        # A pixel shows many clusters of cells, and each ray the error of one: the square of the
+        # mean error of some rays is too large, the product of two halves' is right.
+        means[2] = halves[2].prod(axis=0)
+        pixels.append(means)
+    light, square, standing, sky = np.concatenate(pixels, axis=1)
     surface = sky == 0
     if not surface.any():
         return Pilot(0.0, 0.0, 0.0)
@@ -174,21 +184,6 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
         light += of_part.mean
         variance += part.every * of_part.variance
     return math.sqrt(variance) / max(light, 1e-300)
-
-
-def _of_pixels(frame: list[Any], look: Callable[[Any], list[Any]]) -> Floats:
-    """Means over the rays of each pixel: light, its square, squared error and sky (4, P)."""
-    directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
-    values = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
-    bands = len(values) // 2
-    total: Any = sum(values[:bands])
-    quantities = total, dr.square(total), sum(values[bands:-1]), values[-1]
-    dr.eval(quantities)
-    rays = np.array([np.array(quantity) for quantity in quantities]).reshape(4, 2, _RAYS // 2, -1)
-    halves = rays.mean(axis=2, dtype=np.float64)
-    means = halves.mean(axis=1)
-    means[2] = halves[2].prod(axis=0)
-    return np.asarray(means)
 
 
 GROUPS = 8

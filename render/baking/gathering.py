@@ -9,7 +9,7 @@ alone: a cluster's light is the same, to the last bit, in any order and with any
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 
-@dataclass
-class Places:
+class Places(NamedTuple):
     """Sample places of clusters: some cells of each, one cluster after the other."""
 
     patches: Patches

@@ -20,7 +20,7 @@ from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking import choice
 from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import NOT_SURVEYED, BakedLight, Voxels
+from megalopta.render.baking.light import NOT_SURVEYED, BakedLight
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
@@ -55,13 +55,8 @@ class Light:
 class BakedLightIntegrator:
     """Scene with baked light, as seen by cameras.
 
-    The poses (T, 4, 4) of the sequence are relative to the scene's origin. Surfaces near them are
-    divided finely, and those often seen get the most rays. The seed has 32 bits.
-
-    Attributes
-    ----------
-    reason : str
-        Reason that nothing was baked, if baking would not pay; otherwise empty.
+    The poses (T, 4, 4) of the sequence are relative to the scene's origin; the seed has 32 bits.
+    `reason` says why nothing was baked, if baking would not pay.
     """
 
     reason = ""
@@ -80,7 +75,6 @@ class BakedLightIntegrator:
         cells = Cells.of(meshes, camera, positions)
         self._finder = CellFinder(cells, whole.loaded)
         gatherer = Gatherer(loaded, scene, meshes, cells, settings, seed)
-        voxels = Voxels(cells, meshes, camera, positions)
         self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
@@ -88,7 +82,7 @@ class BakedLightIntegrator:
         with step("counting the rays that baked light takes"):
             rays = views(camera, poses, VIEWS, seed)
             met = survey(loaded, self._finder, cells.count, rays)
-            self._light = BakedLight(gatherer, voxels, cells.count, len(self._bands), met)
+            self._light = BakedLight(gatherer, cells, len(self._bands), met)
             # The pilot: light of the clusters that some views of a few frames meet.
             frames = choice.pilot_views(camera, poses, seed)
             seen = [survey(loaded, self._finder, cells.count, frame)[0] for frame in frames]
@@ -108,8 +102,10 @@ class BakedLightIntegrator:
             traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
         rays_in_all = self._light.rays(density)
         if settings.integrator == "auto":
-            scatter = choice.Scatter(math.sqrt(pilot.variance) / mean, traced)
-            self.reason = choice.cost_reason(rays_in_all, len(poses) * pixels, scatter, settings)
+            baked = math.sqrt(pilot.variance) / mean
+            self.reason = choice.cost_reason(
+                rays_in_all, len(poses) * pixels, baked, traced, settings
+            )
         if not self.reason:
             with step("baking light"):
                 self._light.compute_all(density)

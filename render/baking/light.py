@@ -8,65 +8,21 @@ whole error, including lost contrast.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.progress import progress
 from megalopta.render import dr, mi
-from megalopta.render.baking.cells import NEAREST_M, Cells, Pages, UInt32, pixel_angle
+from megalopta.render.baking.cells import Cells, Pages, UInt32
 from megalopta.render.baking.gathering import STRIDE, Gatherer
-from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.shading import Weights, mixed
-from megalopta.scenes.cameras.base import Camera
 
-VOXEL_PX = 0.5
-"""Widest voxel, in pixels of the camera at its closest."""
 DRAWS = 32
 """Cells per cluster at which light is gathered."""
-# Odd constants of the hash: golden ratio, and that of the xxHash algorithm.
-_MULTIPLIERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
-
-
-class Voxels:
-    """Voxels of the cells of meshes, for a camera at positions (T, 3)."""
-
-    def __init__(
-        self, cells: Cells, meshes: Sequence[MergedMesh], camera: Camera, positions: Floats
-    ) -> None:
-        self._cells, self._meshes = cells, meshes
-        self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
-
-    def keys(self, cell: UInt32, octaves: int = 0) -> NDArray[np.uint64]:
-        """Hash (C,) that cells (C,) of one cluster share; each octave doubles the voxel size."""
-        patches = self._cells.patches(cell)
-        corners = np.empty((len(cell), 3, 3))
-        for index in np.unique(patches.mesh):
-            of_mesh, mesh = patches.mesh == index, self._meshes[index]
-            corners[of_mesh] = mesh.vertices[mesh.faces[patches.triangle[of_mesh]]]
-        rows = np.arange(len(cell))
-        a, b, c = (corners[rows, (patches.origin + step) % 3] for step in range(3))
-        u, v = (patches.indices + 0.5) / patches.pieces
-        total = np.maximum(u + v, 1)
-        center = a + (u / total)[:, None] * (b - a) + (v / total)[:, None] * (c - a)
-        normal = np.cross(b - a, c - a) * np.where(patches.side == 0, 1, -1)[:, None]
-        axis = np.abs(normal).argmax(axis=1)
-        facing = 2 * axis + (normal[rows, axis] > 0)
-        size = self._pixel_rad * np.maximum(self._path.query(center)[0], NEAREST_M)
-        level = np.floor(np.log2(VOXEL_PX * size)) + octaves
-        voxel = np.floor(center / np.exp2(level)[:, None])
-        hashes = np.zeros(len(voxel), np.uint64)
-        for column in (patches.mesh, level, facing, *voxel.T):
-            hashes ^= column.astype(np.int64).astype(np.uint64)
-            for multiplier in _MULTIPLIERS:
-                hashes *= multiplier
-                hashes ^= hashes >> np.uint64(29)
-        return hashes
 
 
 @dataclass(frozen=True)
@@ -179,19 +135,18 @@ class BakedLight:
     def __init__(
         self,
         gatherer: Gatherer,
-        voxels: Voxels,
-        cells: int,
+        cells: Cells,
         bands: int,
         survey: tuple[UInt32, UInt32, UInt32],
     ) -> None:
-        self._gatherer, self._voxels = gatherer, voxels
+        self._gatherer, self._cells = gatherer, cells
         self._bands, self._columns = bands, gatherer.spectra * bands
         cell, seen, places = survey
-        keys = voxels.keys(cell)
+        keys = cells.voxels(cell)
         self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
-        self._neighbors = voxels.keys(self._clusters.leaders, OCTAVES)
+        self._neighbors = cells.voxels(self._clusters.leaders, OCTAVES)
         self._weight = gatherer.brightness(self._clusters.leaders) * self._clusters.seen
-        self._pages, self._cluster_of = Pages(cells), dr.zeros(mi.UInt, 0)
+        self._pages, self._cluster_of = Pages(cells.count), dr.zeros(mi.UInt, 0)
 
     def _shares(self, density: float) -> Ints:
         """Number of rays of each cluster, relative to the fewest, for one of rays per view."""
@@ -246,7 +201,7 @@ class BakedLight:
         """Clusters of cells (N,), by number; `NOT_SURVEYED` for cells of none."""
         if not len(self._keys):
             return np.full(len(cell), NOT_SURVEYED)
-        keys = self._voxels.keys(cell)
+        keys = self._cells.voxels(cell)
         place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
         return np.where(self._keys[place] == keys, place, NOT_SURVEYED)
 

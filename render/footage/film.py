@@ -20,7 +20,7 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import PIXEL_BYTES
 from megalopta.core.progress import working
-from megalopta.render.footage import frames, transfer
+from megalopta.render.footage import frames
 
 DEMUXERS: Mapping[str, str] = {
     **dict.fromkeys((".mp4", ".mov", ".m4v"), "mov"),
@@ -135,7 +135,7 @@ class Film(frames.Footage):
             "src_color_range": _FULL if is_full or is_rgb else _LIMITED,
             "dst_color_range": _FULL,
         }
-        name = transfer.TRANSFERS.get(first.color_trc)
+        name = frames.TRANSFERS.get(first.color_trc)
         if name is None:
             raise DamagedFileError(
                 f"{self.path} has the transfer function {first.color_trc} of H.273, which is not "
@@ -151,8 +151,8 @@ class Film(frames.Footage):
         elif is_deep and not is_full:
             white = _DEEP_WHITE
         coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
-        _, xy = transfer.PRIMARIES.get(first.color_primaries, transfer.PRIMARIES[1])
-        return replace(coding, matrix=transfer.to_bt709(xy))
+        _, xy = frames.PRIMARIES.get(first.color_primaries, frames.PRIMARIES[1])
+        return replace(coding, matrix=frames.to_bt709(xy))
 
     def _begin(self) -> None:
         """Start a decoder at the first frame."""
@@ -247,14 +247,14 @@ class Film(frames.Footage):
     def _notes(self, first: Any, coding: frames.Coding) -> Iterator[str]:
         """Yield notes on assumptions and changes."""
         primaries = first.color_primaries
-        if first.color_trc == transfer.UNSTATED:
+        if first.color_trc == frames.UNSTATED:
             yield f"{self.path} does not state its transfer function; that of BT.709 is used"
-        if coding.name in transfer.HDR_NOTES:
-            yield transfer.HDR_NOTES[coding.name]
+        if coding.name in frames.HDR_NOTES:
+            yield frames.HDR_NOTES[coding.name]
         if coding.matrix is not None:
-            name, _ = transfer.PRIMARIES[primaries]
+            name, _ = frames.PRIMARIES[primaries]
             yield f"colors of {name} are converted to sRGB; channels outside its gamut become 0"
-        if primaries not in (transfer.UNSTATED, *transfer.PRIMARIES):
+        if primaries not in (frames.UNSTATED, *frames.PRIMARIES):
             yield (
                 f"{self.path} has the primaries {primaries} of H.273, which are unknown; those of "
                 "BT.709 are used"
@@ -304,7 +304,7 @@ def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
     stated = frame.colorspace
     if stated in _MATRICES or is_gray:
         return _MATRICES.get(stated, _BT709)
-    if stated != transfer.UNSTATED:
+    if stated != frames.UNSTATED:
         raise DamagedFileError(
             f"{path} has the color matrix {stated} of H.273, which is not supported; "
             "convert it to BT.709"

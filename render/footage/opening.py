@@ -1,7 +1,7 @@
 """Files and folders of pictures, films and arrays as footage, by suffix."""
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 from megalopta.core.bounded import check_file, mapped_array
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.render.footage.film import DEMUXERS, Film
-from megalopta.render.footage.frames import Coding, Footage, Unit, check_size, coding_of
+from megalopta.render.footage.frames import (
+    Coding,
+    Footage,
+    Unit,
+    check_size,
+    coding_of,
+    light_of,
+)
 from megalopta.render.footage.pictures import KINDS, open_folder, open_picture, picture_kind
-from megalopta.render.footage.transfer import light_of
 
+SUFFIXES = (*KINDS, *DEMUXERS, ".npy")
+"""Suffixes of supported files."""
 _NAMES: Mapping[Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
 
 
@@ -103,7 +111,13 @@ def open_footage(path: Path, unit: Unit | None = None) -> Footage:
             )
         if not path.stat().st_size:
             raise UserError(f"{path} is empty; copy it again")
-        return _OPENERS[suffix](path, unit)
+        if suffix == ".npy":
+            return open_array(path, unit)
+        if suffix in KINDS:
+            return open_picture(path, unit)
+        if unit not in (None, "srgb"):
+            raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
+        return Film(path)
     except OSError as problem:
         unreadable = f"{path}: cannot be read ({problem.strerror}); repair it"
         raise UserError(machine_problem(problem) or unreadable) from None
@@ -114,18 +128,3 @@ def is_footage(path: Path) -> bool:
     if path.is_dir():
         return any(picture_kind(file) and file.is_file() for file in path.iterdir())
     return path.suffix.lower() in SUFFIXES
-
-
-def _open_film(path: Path, unit: Unit | None) -> Footage:
-    if unit not in (None, "srgb"):
-        raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
-    return Film(path)
-
-
-_OPENERS: Mapping[str, Callable[[Path, Unit | None], Footage]] = {
-    **dict.fromkeys(KINDS, open_picture),
-    **dict.fromkeys(DEMUXERS, _open_film),
-    ".npy": open_array,
-}
-SUFFIXES = tuple(_OPENERS)
-"""Suffixes of supported files."""

@@ -18,8 +18,7 @@ from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted,
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
 from megalopta.core.progress import working
-from megalopta.render.footage import frames, light_files, tiff
-from megalopta.render.footage.transfer import HDR_NOTES, PRIMARIES, TRANSFERS, to_bt709
+from megalopta.render.footage import formats, frames
 
 KINDS: Mapping[str, str] = {
     ".png": "PNG",
@@ -67,7 +66,7 @@ class PictureFiles(frames.Footage):
             shape=header.shape,
             coding=coding,
             times_s=None if header.times_s is None else np.array(header.times_s),
-            notes=(*header.notes, *([HDR_NOTES[coding.name]] if coding.name in HDR_NOTES else [])),
+            notes=(*header.notes, *filter(None, [frames.HDR_NOTES.get(coding.name)])),
             bands_nm=header.bands_nm,
             last_s=header.last_s,
         )
@@ -99,9 +98,9 @@ class PictureFiles(frames.Footage):
         """Return codes or light, upright, over black; True if any is transparent."""
         kind = picture_kind(path)
         if kind == "EXR":
-            return light_files.exr_light(path)
+            return formats.exr_light(path)
         if kind == "Radiance":
-            return light_files.radiance_light(path)
+            return formats.radiance_light(path)
         if self.depth == "8 bits":
             # Pillow cannot always seek backwards.
             if not self._image or self._image[0] != path or page < self._image[1].tell():
@@ -110,13 +109,13 @@ class PictureFiles(frames.Footage):
             image = self._image[1]
             image.seek(page)
             return over_black(ImageOps.exif_transpose(image))
-        numbers, alpha = tiff.tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
+        numbers, alpha = formats.tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
         if not alpha:
             return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
         top = np.iinfo(numbers.dtype).max if numbers.dtype.kind == "u" else 1.0
         share, colors = numbers[..., -1:] / top, numbers[..., :-1]
         is_transparent = bool(share.min() < 1)
-        if is_transparent and alpha == tiff.STRAIGHT:
+        if is_transparent and alpha == formats.STRAIGHT:
             over = colors * share
             colors = (np.rint(over) if self.depth != "light" else over).astype(numbers.dtype)
         return colors[..., 0] if colors.shape[-1] == 1 else colors, is_transparent
@@ -190,14 +189,13 @@ def coding_stated(path: Path, unit: frames.Unit | None, header: frames.Header) -
         if unit is not None:
             raise UserError(f"{path} states spectral radiance; omit the unit {unit}")
         return frames.Coding("spectral radiance", "linear")
-    matrix = None if header.chromaticities is None else to_bt709(header.chromaticities)
+    matrix = None if header.chromaticities is None else frames.to_bt709(header.chromaticities)
     if header.depth == "light":
         unit = unit or header.unit or "linear"
         return frames.Coding("cd/m²" if unit == "cd/m2" else "linear", unit, matrix=matrix)
     codes = 256 if header.depth == "8 bits" else 65536
     transfer = "linear" if unit == "linear" else header.transfer or "sRGB"
-    black, white = (round(limit * (codes - 1)) for limit in header.limits)
-    coding = frames.coding_of(transfer, codes, black, white)
+    coding = frames.coding_of(transfer, codes)
     return replace(coding, unit=unit or "srgb", matrix=matrix)
 
 
@@ -236,9 +234,9 @@ def header_of(path: Path) -> frames.Header:
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
         readers = {
-            "EXR": light_files.exr_header,
-            "Radiance": light_files.radiance_header,
-            "TIFF": tiff.tiff_header,
+            "EXR": formats.exr_header,
+            "Radiance": formats.radiance_header,
+            "TIFF": formats.tiff_header,
         }
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
     frames.check_size(path, header.shape)
@@ -260,7 +258,7 @@ def pillow_header(path: Path) -> frames.Header:
         orientation = exif.get(_ORIENTATION, 1)
         columns, rows = image.size[:: -1 if orientation in (5, 6, 7, 8) else 1]
         depth: frames.Depth = "16 bits" if is_deep else "8 bits"
-        notes = [*tiff.profile_left_out(path, info.get("icc_profile") or b"")]
+        notes = [*formats.profile_left_out(path, info.get("icc_profile") or b"")]
         across, down = info.get("dpi") or info.get("aspect") or info.get("jfif_density") or (1, 1)
         notes += frames.not_square(path, down / across if across and down else 1)
         inner = exif.get_ifd(_EXIF)
@@ -321,18 +319,16 @@ def _png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[
     statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
     if b"cICP" in chunks:
         primaries, number, matrix, is_full = chunks[b"cICP"]
-        if number not in TRANSFERS or primaries not in PRIMARIES or matrix:
+        is_known = number in frames.TRANSFERS and primaries in frames.PRIMARIES
+        if not is_known or matrix or not is_full:
             raise DamagedFileError(
-                f"{path} has primaries {primaries}, transfer function {number} and color matrix "
-                f"{matrix} of H.273, which are not supported; save it in sRGB"
+                f"{path} has primaries {primaries}, transfer function {number}, color matrix "
+                f"{matrix} of H.273 and {'full' if is_full else 'narrow'} range, which are not "
+                "supported; save it in sRGB"
             )
-        limits = (0.0, 1.0) if is_full else (16 / 255, 235 / 255)
-        if not is_full and header.depth == "16 bits":
-            limits = 4096 / 65535, 60160 / 65535
-        xy, notes = frames.converted(path, PRIMARIES[primaries][1])
-        return header._replace(
-            transfer=TRANSFERS[number], limits=limits, chromaticities=xy, notes=notes
-        ), statements
+        xy, notes = frames.converted(path, frames.PRIMARIES[primaries][1])
+        header = header._replace(transfer=frames.TRANSFERS[number], chromaticities=xy, notes=notes)
+        return header, statements
     if b"iCCP" in chunks or b"sRGB" in chunks:
         return header, statements
     if b"gAMA" in chunks:
@@ -359,9 +355,9 @@ def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
     if numbers is None:
         raise ValueError("damaged")
     with opened_picture(path) as image:
-        turn = tiff.TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
+        turn = formats.TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
     numbers = frames.turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
     channels = numbers.shape[-1]
-    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], tiff.STRAIGHT * int(
+    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], formats.STRAIGHT * int(
         channels == 4
     )

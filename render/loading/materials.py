@@ -157,14 +157,10 @@ def spectrum(of: Spectrum) -> dict[str, Any]:
 class _Blade(PlugIn):
     """Surface that scatters light uniformly to both of its sides.
 
-    This is the bidirectional scattering function of a leaf in nearly all radiative transfer models
-    of canopies: ρ/π toward the side of the light and τ/π toward the other, at any angle. A path
-    continues to either side with a probability proportional to the means of ρ and τ over its
-    wavelengths. Mitsuba has no such surface; a blend of its own is equivalent, at two thirds of the
-    speed in vectorized variants.
-
-    Plugin parameters: `reflectance_0` and `transmittance_0` where the texture `weight` is 0,
-    `reflectance_1` and `transmittance_1` where it is 1.
+    In nearly all radiative transfer models of canopies a leaf scatters ρ/π toward the side of the
+    light and τ/π toward the other, at any angle. A path continues to either side with a probability
+    proportional to the means of ρ and τ over its wavelengths. A blend of Mitsuba's own surfaces has
+    two thirds of the speed. `reflectance_0` is where the texture `weight` is 0.
     """
 
     base = "BSDF"

@@ -2,18 +2,21 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.core.bounded import printable, quoted
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.sky import uneven_sky
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Lighting, Scene
+from megalopta.scenes.scene import Haze, Lighting, Scene
+from megalopta.scenes.spectra.spectrum import flat
 
 # Points that represent the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path samples only one of them.
@@ -112,30 +115,29 @@ def lights_of(lighting: Lighting) -> dict[str, Any]:
 
 
 def move_meshes(
-    scene: Any,
-    vertices: Mapping[int, NDArray[np.float32]],
-    normals: Mapping[int, NDArray[np.float32]] | None = None,
+    scene: Any, moved: Mapping[int, tuple[NDArray[np.float32], NDArray[np.float32] | None]]
 ) -> None:
-    """Set new vertices and normals (V, 3) of some of a scene's meshes, by index."""
+    """Set new vertices, and normals if any, (V, 3) of some of a scene's meshes, by index."""
     shapes = scene.shapes()
-    for index, positions in vertices.items():
-        buffers = mi.traverse(shapes[index])
-        buffers["vertex_positions"] = positions.ravel()
-        buffers.update()
-    for index, directions in (normals or {}).items():
-        # Only now, as Mitsuba computes its own normals for new positions.
-        buffers = mi.traverse(shapes[index])
-        buffers["vertex_normals"] = directions.ravel()
-        buffers.update()
+    for index, parts in moved.items():
+        # Normals last, as Mitsuba computes its own for new positions.
+        for name, values in zip(("vertex_positions", "vertex_normals"), parts, strict=True):
+            if values is not None:
+                buffers = mi.traverse(shapes[index])
+                buffers[name] = values.ravel()
+                buffers.update()
     scene.parameters_changed([])
 
 
 def move_to(scene: Any, meshes: Mapping[int, MovingMesh], time_s: float) -> None:
     """Move moving meshes of a scene, by index, to a time."""
-    normals = {index: mesh.normals_at(time_s) for index, mesh in meshes.items()}
-    vertices = {index: mesh.vertices_at(time_s) for index, mesh in meshes.items()}
-    turned = {index: each for index, each in normals.items() if each is not None}
-    move_meshes(scene, vertices, turned)
+    move_meshes(
+        scene,
+        {
+            index: (mesh.vertices_at(time_s), mesh.normals_at(time_s))
+            for index, mesh in meshes.items()
+        },
+    )
 
 
 class MeshIndex:
@@ -208,3 +210,69 @@ class MovingScene(Layers):
     def move_to(self, time_s: float) -> None:
         """Move the moving meshes to a time."""
         move_to(self.scenes[1], dict(enumerate(self._meshes)), time_s)
+
+
+MARGIN_M = 1.0
+"""Margin of the box beyond surfaces and camera."""
+
+
+@dataclass(frozen=True)
+class Air:
+    """Haze of a scene, a homogeneous medium in a box around all surfaces and the camera.
+
+    It is a separate scene: ground truth requires nothing between camera and surfaces.
+    """
+
+    scene: Any
+    """Scene of the surfaces and the box."""
+    medium: Any
+    """Medium in which sensors in the box start."""
+    extinction_per_m: float
+    low: Floats
+    high: Floats
+    """(3,): corners of the box, m."""
+
+    def holds(self, points: Floats) -> bool:
+        """True if points (..., 3), m, are all in the box."""
+        return bool(((points > self.low) & (points < self.high)).all())
+
+    def transmittance(self, point: Floats, toward: Floats) -> Floats:
+        """Share (N,) of light from unit directions (N, 3) that reaches a point (3,) unscattered."""
+        with np.errstate(divide="ignore"):
+            ends = np.maximum((self.low - point) / toward, (self.high - point) / toward)
+        return np.asarray(np.exp(-self.extinction_per_m * ends.min(axis=1)))
+
+
+def fill(
+    scene: Scene, haze: Haze, loaded: Any, meshes: Sequence[MergedMesh], positions: Floats
+) -> Air:
+    """Fill a loaded scene of meshes with haze, in a box that holds positions (N, 3) too, m.
+
+    Moving shapes are loaded again: if two scenes share one, only the first is updated.
+    """
+    box = loaded.bbox()
+    corners = np.array([box.min, box.max], np.float64)
+    points = np.concatenate([corners, positions])
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    medium = mi.load_dict(
+        {
+            "type": "homogeneous",
+            "sigma_t": _everywhere(haze.extinction_per_m),
+            "albedo": _everywhere(haze.albedo),
+            "phase": {"type": "hg", "g": haze.asymmetry},
+        }
+    )
+    place = mi.ScalarTransform4f().translate(((low + high) / 2).tolist())
+    walls = {
+        "type": "cube",
+        "to_world": place.scale(((high - low) / 2).tolist()),
+        "bsdf": {"type": "null"},
+        "interior": medium,
+    }
+    shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
+    filled = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
+    return Air(filled, medium, haze.extinction_per_m, low, high)
+
+
+def _everywhere(value: float) -> dict[str, Any]:
+    return {"type": "constvolume", "value": spectrum(flat(value))}

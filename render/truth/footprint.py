@@ -35,11 +35,6 @@ class FlowSpread:
     hidden: Float32
     """(H, W): share of the pixel occluded from the other frame's camera."""
 
-    @property
-    def is_partly_hidden(self) -> Mask:
-        """Pixels (H, W) that are partly occluded."""
-        return np.asarray((self.hidden > 0) & (self.hidden < 1))
-
 
 @dataclass(frozen=True)
 class Footprint:
@@ -57,11 +52,6 @@ class Footprint:
     def is_mixed(self) -> Mask:
         """Pixels (H, W) that contain more than the object at their center."""
         return np.asarray(self.purity < 1)
-
-    @property
-    def is_sky(self) -> Mask:
-        """Pixels (H, W) that contain only sky."""
-        return np.asarray(self.sky == 1)
 
 
 class Footprints:
@@ -127,7 +117,7 @@ class Footprints:
                 undefined = np.full((*centers.shape, 2), np.nan, np.float32)
                 return FlowSpread(undefined, undefined[..., 0], np.zeros(centers.shape, np.float32))
             way = correspondence(self._geometry, camera, seen, places_used, other)
-            spread = _spread(way.displacement, way.is_hidden, weights[used], pixel, centers.size)
+            spread = _spread(*way, weights[used], pixel, centers.size)
             shaped = spread.reshape(*centers.shape, 4).astype(np.float32)
             return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
 

@@ -206,12 +206,6 @@ _MOST_MOMENTS = 3
 _GRAZING = 1e-4
 
 
-@dataclass(frozen=True)
-class _Moment:
-    rays: SceneRays
-    vertices: NDArray[np.float32]
-
-
 class Geometry:
     """Triangles of merged meshes, and the loaded scenes that trace them.
 
@@ -237,14 +231,9 @@ class Geometry:
         # Objects at rest share their buffers with the rendered scene.
         self.still = of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._rays = SceneRays(self.still)
-        self._moments: dict[float, _Moment] = {}
+        self._moments: dict[float, tuple[SceneRays, NDArray[np.float32]]] = {}
         # Its own surface would be a new kind of surface, and kernels would be compiled anew.
         self._surface = loaded.shapes()[0].bsdf() if self._moving else None
-
-    @property
-    def is_moving(self) -> bool:
-        """True if anything moves."""
-        return bool(self._moving)
 
     def seen(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """Surface seen by rays from an origin (3,) or (N, 3) along unit directions (N, 3).
@@ -269,9 +258,15 @@ class Geometry:
         """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
         hits = self._rays.nearest(origin, directions)
         triangle, distance = self._rows(hits, 0), hits.distance
-        if self._moving:
-            distance, nearer = self._nearer(origin, directions, time_s, distance)
-            triangle = np.where(nearer >= 0, nearer, triangle)
+        if self._moving and isinstance(time_s, float):
+            moving = self._at(time_s)[0].nearest(origin, directions)
+            rows, nearer = self._rows(moving, self._meshes_at_rest), moving.distance < distance
+            triangle = np.where(nearer, rows, triangle)
+            distance = np.where(nearer, moving.distance, distance)
+        elif self._moving:
+            starts = np.broadcast_to(origin, directions.shape)
+            distance, rows = self._rolling.nearest(starts, directions, time_s, distance)
+            triangle = np.where(rows >= 0, rows, triangle)
         is_sky = triangle < 0
         points = np.where(is_sky, 1.0, distance)[:, None] * directions
         points += np.where(is_sky[:, None], 0.0, origin)
@@ -319,7 +314,7 @@ class Geometry:
         if not self._moving:
             return hidden
         if isinstance(time_s, float):
-            return hidden | self._at(time_s).rays.is_hidden(origin, directions, distances)
+            return hidden | self._at(time_s)[0].is_hidden(origin, directions, distances)
         starts = np.broadcast_to(origin, directions.shape)
         limits = visibility_limits(distances)
         return hidden | (self._rolling.nearest(starts, directions, time_s, limits)[1] >= 0)
@@ -344,18 +339,6 @@ class Geometry:
         """Moving triangles for rays that each have their own time."""
         return MovingTriangles(self._moving, self._triangles_at_rest)
 
-    def _nearer(
-        self, origin: Floats, directions: Floats, time_s: Times, distance: Floats
-    ) -> tuple[Floats, Ints]:
-        """Distances (N,) and triangles (N,) of moving objects nearer than others; otherwise -1."""
-        if not isinstance(time_s, float):
-            starts = np.broadcast_to(origin, directions.shape)
-            return self._rolling.nearest(starts, directions, time_s, distance)
-        moving = self._at(time_s).rays.nearest(origin, directions)
-        nearer = moving.distance < distance
-        rows = np.where(nearer, self._rows(moving, self._meshes_at_rest), -1)
-        return np.where(nearer, moving.distance, distance), rows
-
     def _rows(self, hits: Hits, first_mesh: int) -> Ints:
         hit = np.isfinite(hits.distance)
         rows = np.full(len(hit), -1, dtype=np.int64)
@@ -372,7 +355,7 @@ class Geometry:
         still = vertex < count
         corners[still] = self._vertices[vertex[still]]
         if isinstance(time_s, float):
-            corners[~still] = self._at(time_s).vertices[vertex[~still] - count]
+            corners[~still] = self._at(time_s)[1][vertex[~still] - count]
             return corners
         times = np.broadcast_to(time_s[:, None], vertex.shape)
         for mesh in self._moving:
@@ -404,8 +387,8 @@ class Geometry:
         v = _dot(np.cross(edges[0], inside), perpendicular) / area
         return np.stack([u, v], axis=1)
 
-    def _at(self, time_s: float) -> _Moment:
-        """Moving objects at a time."""
+    def _at(self, time_s: float) -> tuple[SceneRays, NDArray[np.float32]]:
+        """Moving objects at a time, and their vertices (V, 3)."""
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
@@ -418,9 +401,9 @@ class Geometry:
             rays = SceneRays(of_shapes(loaded))
         else:
             farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
-            rays = self._moments.pop(farthest).rays
-            move_meshes(rays.scene, dict(enumerate(vertices)))
-        self._moments[time_s] = _Moment(rays, np.concatenate(vertices))
+            rays = self._moments.pop(farthest)[0]
+            move_meshes(rays.scene, {n: (places, None) for n, places in enumerate(vertices)})
+        self._moments[time_s] = rays, np.concatenate(vertices)
         return self._moments[time_s]
 
 
@@ -428,20 +411,14 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
-@dataclass(frozen=True)
-class Correspondence:
-    """Correspondence of N rays."""
-
-    displacement: Floats
-    """(N, 2): displacement in px from the image position of a ray's start; NaN if undefined."""
-    is_hidden: Mask
-    """(N,): True if something, or the surface's own other side, is between point and camera."""
-
-
 def correspondence(
     geometry: Geometry, camera: Camera, surface: Surface, image: Floats, other: View
-) -> Correspondence:
-    """Follow surface points (N) from image coordinates (N, 2) to another frame."""
+) -> tuple[Floats, Mask]:
+    """Follow surface points (N) from image coordinates (N, 2) to another frame.
+
+    Returns the displacement (N, 2) in px from a ray's start, NaN if undefined, and True (N,) if
+    something, or the surface's own other side, is between point and camera.
+    """
 
     def way(eyes: Eyes) -> Floats:
         return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)
@@ -453,4 +430,4 @@ def correspondence(
     distance = np.where(surface.is_sky, np.inf, 1.0)
     hidden = geometry.is_hidden(shown.origin, ways, distance, shown.time_s)
     hidden |= ~geometry.faces(surface, ways, shown.time_s)
-    return Correspondence(displacement, hidden)
+    return displacement, hidden

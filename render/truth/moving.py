@@ -140,11 +140,7 @@ class MovingTriangles:
             if bounds.start_s <= start_s and end_s <= bounds.end_s:
                 return bounds
         padding = _PADDING * (end_s - start_s) + 1e-6
-        times = start_s - padding, end_s + padding
-        self._bounds_kept = [self._bounds_within(*times), *self._bounds_kept[: _BOUNDS_KEPT - 1]]
-        return self._bounds_kept[0]
-
-    def _bounds_within(self, start_s: float, end_s: float) -> ClusterBounds:
+        start_s, end_s = start_s - padding, end_s + padding
         steps = math.ceil((end_s - start_s) / _STEP_S)
         count = min(max(steps, _FEWEST_STEPS), _MOST_STEPS) + 1
         every, starts = np.arange(len(self._motion_of)), self._first_vertex[:-1]
@@ -159,7 +155,9 @@ class MovingTriangles:
                 ways = np.maximum.reduceat(np.abs(places - before), starts)
                 longest = np.maximum(longest, ways)
             before = places
-        return ClusterBounds(start_s, end_s, low - longest, high + longest)
+        bounds = ClusterBounds(start_s, end_s, low - longest, high + longest)
+        self._bounds_kept = [bounds, *self._bounds_kept[: _BOUNDS_KEPT - 1]]
+        return bounds
 
 
 def _places_in_order(points: Floats) -> Ints:

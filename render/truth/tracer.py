@@ -132,12 +132,12 @@ class TruthTracer:
         size = np.array([self._camera.width, self._camera.height])
         points, occluded = [], []
         for other in others:
-            matched = correspondence(self._geometry, self._camera, surface, image, other)
-            place = image + matched.displacement
+            way, is_hidden = correspondence(self._geometry, self._camera, surface, image, other)
+            place = image + way
             if self._wraps:
                 place[:, 0] %= size[0]
             points.append(place)
-            occluded.append(matched.is_hidden | ~((place >= 0) & (place <= size)).all(axis=1))
+            occluded.append(is_hidden | ~((place >= 0) & (place <= size)).all(axis=1))
         return Tracks(np.stack(points, axis=1), np.stack(occluded, axis=1))
 
     def see(self, view: View) -> Surface:
@@ -150,9 +150,9 @@ class TruthTracer:
         if other is None:
             nowhere = np.full((*shape, 2), np.nan, np.float32)
             return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
-        matched = correspondence(self._geometry, self._camera, surface, self._image, other)
-        flow = matched.displacement.reshape(*shape, 2).astype(np.float32)
-        return Flow(flow, matched.is_hidden.reshape(shape), out_of_view(flow, self._wraps))
+        way, is_hidden = correspondence(self._geometry, self._camera, surface, self._image, other)
+        flow = way.reshape(*shape, 2).astype(np.float32)
+        return Flow(flow, is_hidden.reshape(shape), out_of_view(flow, self._wraps))
 
 
 def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> Mask:

@@ -94,4 +94,4 @@ def test_misses_see_the_sky():
     truth = SceneRenderer(scene, CAMERA, settings).truth(up.poses(), 0, up.times_s)
     assert (truth.object_id == 0).all()
     assert np.isinf(truth.depth).all()
-    assert truth.footprint.is_sky.all()
+    assert (truth.footprint.sky == 1).all()

@@ -11,7 +11,7 @@ import trimesh
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.cells import views
-from megalopta.render.baking.choice import Scatter, cost_reason, path_tracing_reason
+from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.motion import Drift, RigidMotion
@@ -188,7 +188,7 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     assert "too few" in reason(still, pixels=24**2)
     # 25 samples and baked light have an error of 10.2 %, for which paths would take 2384 samples:
     # 1.7 r + 0.7 · 25 = 1.5 · 2384 for each pixel.
-    cost = partial(cost_reason, pixels=1, scatter=Scatter(0.5, 5.0), settings=settings)
+    cost = partial(cost_reason, pixels=1, baked=0.5, traced=5.0, settings=settings)
     assert cost(2093) == ""
     assert "100% of the work of path tracing to the same error of 10.2%" in cost(2095)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
