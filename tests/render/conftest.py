@@ -4,7 +4,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.render import RenderSettings, RunningMean, SceneRenderer, mi
+from megalopta.render import RenderSettings, SceneRenderer, mi
 from megalopta.render.film import film_and_sampler, plugin, sensor_transform
 from megalopta.render.variant import choose_variant
 from megalopta.scenes import Trajectory
@@ -115,11 +115,3 @@ def plainly(scene, camera, pose, settings):
     sensor = mi.load_dict({**plugin(camera), "to_world": to_world, **parts})
     integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
     return lambda seed: mi.render(scene, sensor=sensor, integrator=integrator, seed=seed)
-
-
-def surface_error(passes):
-    """Stated error of surfaces from measured passes."""
-    mean = RunningMean()
-    for each in passes:
-        mean.add(each.radiance)
-    return mean.noise(1, passes[0]).surface

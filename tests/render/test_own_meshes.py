@@ -120,45 +120,6 @@ def assert_depth_and_flow(truth, distance, seen, points_in):
         assert np.abs(error[seen]).max() < 1e-4
 
 
-@pytest.fixture
-def yard(tmp_path):
-    """A file of nodes in nodes, stretched and mirrored, and all of its triangles, z up."""
-    scene = trimesh.Scene()
-    rng = np.random.default_rng(0)
-    scene.add_geometry(trimesh.creation.box((12, 0.2, 12)), "floor")
-    scene.graph.update("group", "world", matrix=np.diag([1, 1.5, -1, 1.0]))
-    shapes = [trimesh.creation.icosphere(2, 0.8), trimesh.creation.annulus(0.4, 0.8, 1.5)]
-    for number in range(14):
-        place = np.eye(4)
-        place[:3, :3] = Rotation.random(random_state=number).as_matrix()
-        place[:3, 3] = rng.uniform([-4, 0.5, -4], [4, 1.5, 4])
-        scene.add_geometry(shapes[number % 2], f"thing {number}", None, "group", transform=place)
-    scene.export(tmp_path / "yard.glb")
-    triangles, names = [], []
-    for name in ("floor", *(f"thing {number}" for number in range(14))):
-        matrix, geometry = scene.graph[name]
-        mesh = scene.geometry[geometry]
-        points = mesh.vertices.astype(np.float32) @ matrix[:3, :3].T + matrix[:3, 3]
-        triangles.append(points[mesh.faces])
-        names += [name] * len(mesh.faces)
-    x, y, z = np.moveaxis(np.concatenate(triangles), -1, 0)
-    return str(tmp_path / "yard.glb"), np.stack([x, -z, y], axis=-1), np.array(names)
-
-
-def test_truth_of_an_own_scene_is_that_of_an_independent_ray_caster(yard):
-    path, triangles, names = yard
-    scene = build_scene(Meshes(files=path), Light(), CAMERA, VIEW)
-    truth = truth_of(scene)
-    distance, points, which, _ = cast(triangles)
-    seen = which >= 0
-    assert 0.5 < seen.mean() < 1
-    # Rays that graze an edge may pass it on the other side in float32: none of these does.
-    np.testing.assert_array_equal(np.isfinite(truth.depth), seen)
-    kinds = np.array(["", *scene.kinds])[truth.kind_id]
-    assert (kinds[seen] == names[which[seen]]).all() and len({*kinds.flat}) > 6
-    assert_depth_and_flow(truth, distance, seen, lambda _: points)
-
-
 PLACE = np.array([-2.0, 0.2, 1.0])
 KEYS_S = np.array([0.0, 0.05, 0.3], np.float32)
 ANGLES_DEG = np.array([0.0, 20.0, 160.0])

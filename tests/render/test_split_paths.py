@@ -1,4 +1,4 @@
-"""Split paths against Mitsuba's path tracer, band by band, in every kind of light."""
+"""Our light paths, whole and split, against Mitsuba's path tracer in every kind of light."""
 
 import gc
 import weakref
@@ -7,9 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, mi
 from megalopta.render.film import Film
-from megalopta.render.path_tracing import PathIntegrator
+from megalopta.render.loading.scene import Layers
+from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
 from megalopta.render.split_paths import SplitPaths
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
@@ -77,17 +78,6 @@ def test_a_band_reads_the_same_beside_others_with_gaps_between():
 
 
 @vectorized
-@pytest.mark.slow
-def test_a_depth_limit_leaves_parts_out():
-    sky, once, twice = (
-        rendering("daylight", max_depth=depth).measured(PATH.poses()[0], 1) for depth in (1, 2, 3)
-    )
-    sky, once, twice = (each.radiance[each.sky == 0] for each in (sky, once, twice))
-    assert sky.sum() == 0 < once.sum() < twice.sum()
-    assert (twice >= once).all()
-
-
-@vectorized
 def test_a_renderer_is_freed_at_once():
     # A scene that the garbage collector frees while paths are traced ends the process.
     renderer = rendering("daylight")
@@ -98,3 +88,33 @@ def test_a_renderer_is_freed_at_once():
         assert integrator() is None
     finally:
         gc.enable()
+
+
+@vectorized
+def test_ctrl_c_in_the_loop_is_no_error_of_the_library(monkeypatch):
+    def interrupted(*arguments, **more):
+        raise KeyboardInterrupt
+
+    activate(choose_variant("auto"))
+    scene = mi.load_dict({"type": "scene", "light": {"type": "constant"}})
+    sensor = mi.load_dict({"type": "perspective", "film": {"type": "hdrfilm"}})
+    monkeypatch.setattr(Layers, "ray_intersect_preliminary", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        PathIntegrator(4).render(scene, sensor, seed=1, spp=1)
+
+
+@vectorized
+def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit():
+    settings = RenderSettings(samples_per_pixel=4, integrator="path")
+    renderer = rendering("natural daylight", samples_per_pixel=4)
+    film, pose, depth = Film(CAMERA, settings, 4), PATH.poses()[0], settings.max_depth
+    mitsubas = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": ROULETTE_DEPTH})
+
+    def trace(scene, sensor, seed, spp):
+        return np.array(mitsubas.render(scene, sensor, seed=seed, spp=spp), np.float32)
+
+    ours, expected = (
+        film.expose(each, renderer._view._loaded, renderer._local(pose), seed=7)
+        for each in (PathIntegrator(depth).render, trace)
+    )
+    np.testing.assert_array_equal(ours, expected)

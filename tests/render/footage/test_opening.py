@@ -100,9 +100,6 @@ def test_coded_floats_lie_between_0_and_1(tmp_path):
 )
 def test_other_arrays_are_refused(tmp_path, values, said):
     assert said in refused(saved(tmp_path, values), "linear")
-
-
-def test_an_array_that_ends_early_is_refused(tmp_path):
     path = saved(tmp_path, np.zeros((40, 60)))
     path.write_bytes(path.read_bytes()[:-100])
     assert "complete array" in refused(path, "linear")

@@ -60,21 +60,14 @@ def test_primaries_without_colors_are_refused_with_their_values(tmp_path, given)
     assert f"{given[0]:.4g}" in message and "primaries" in message
 
 
-def test_pixels_of_a_part_of_the_picture_are_refused(tmp_path):
-    stated = {"dataWindow": window(2, 1, 5, 3), "displayWindow": window(0, 0, 7, 4)}
-    assert "displayWindow" in refused(exr(tmp_path / "a.exr", rgb(), **stated))
-
-
 @pytest.mark.parametrize(
     ("stated", "told"),
     [
         ({"pixelAspectRatio": 2.0}, "2 times as wide as high"),
         ({"expTime": 0.5}, "expTime 0.5"),
-        ({"adoptedNeutral": (0.3, 0.31)}, "adoptedNeutral"),
         ({"isoSpeed": 800.0, "aperture": 2.8}, "isoSpeed 800"),
         ({"screenWindowWidth": 2.0}, "screenWindowWidth 2"),
-        ({"renderingTransform": "a.film"}, "renderingTransform a.film"),
-        ({"lookModTransform": "night"}, "lookModTransform"),
+        ({"lookModTransform": "night"}, "lookModTransform night"),
         ({"comments": "none", "owner": "me"}, ""),
     ],
 )
@@ -122,12 +115,6 @@ def test_spectra_of_other_renderers(tmp_path, channel):
     assert "omit the unit" in refused(path, "linear")
 
 
-@pytest.mark.parametrize("units", ["lx", "W.m^-2"])
-def test_spectra_in_other_units_are_refused(tmp_path, units):
-    planes = {f"S0.{each},0nm": PICTURE for each in (450, 500)}
-    assert units in refused(exr(tmp_path / "a.exr", planes, emissiveUnits=units))
-
-
 HALF = np.full((3, 8, 3), 0.5)
 
 
@@ -161,9 +148,15 @@ def test_the_header_of_radiance(tmp_path, lines, factor, told):
     assert told in note and bool(told) == bool(note)
 
 
-def test_a_turned_radiance_picture_is_refused(tmp_path):
+def test_what_is_not_supported_is_refused(tmp_path):
     turned = hdr(tmp_path / "a.hdr", size="+Y 9 +X 12", light=np.zeros((9, 12, 3)))
     assert "-Y … +X …" in refused(turned)
+    narrow = png(tmp_path / "a.png", np.zeros((4, 6, 3), np.uint8), (b"cICP", bytes([1, 8, 0, 0])))
+    assert "narrow range" in refused(narrow)
+    stated = {"dataWindow": window(2, 1, 5, 3), "displayWindow": window(0, 0, 7, 4)}
+    assert "displayWindow" in refused(exr(tmp_path / "a.exr", rgb(), **stated))
+    planes = {f"S0.{nm},0nm": PICTURE for nm in (450, 500)}
+    assert "W.m^-2" in refused(exr(tmp_path / "b.exr", planes, emissiveUnits="W.m^-2"))
 
 
 def png(path, codes, *chunks):
@@ -190,13 +183,10 @@ BT2020_CHRM = struct.pack(">8I", 31270, 32900, 70800, 29200, 17000, 79700, 13100
         ([(b"cHRM", SRGB_CHRM)], 0.2140, ""),
         ([(b"cHRM", BT2020_CHRM)], 0.2140, "primaries"),
         ([(b"cICP", bytes([1, 13, 0, 1]))], 0.2140, ""),
-        ([GAMMA, (b"cICP", bytes([1, 13, 0, 1]))], 0.2140, ""),
         ([(b"cICP", bytes([9, 8, 0, 1]))], 0.5, "primaries"),
-        ([(b"cICP", bytes([1, 8, 0, 0]))], (127.5 - 16) / 219, ""),
         ([(b"cICP", bytes([9, 16, 0, 1]))], 0.4544, "HDR (PQ)"),
         ([(b"cICP", bytes([9, 18, 0, 1]))], 1 / 12, "HDR (HLG)"),
         ([(b"pHYs", struct.pack(">IIB", 100, 200, 0))], 0.2140, "2 times as wide"),
-        ([(b"pHYs", struct.pack(">IIB", 2000, 1000, 1))], 0.2140, "0.5 times as wide"),
         ([(b"iCCP", b"x\0\0" + zlib.compress(bytes(200)))], 0.2140, "color profile"),
         ([(b"oFFs", struct.pack(">iiB", 5, 5, 0))], 0.2140, "oFFs"),
         ([(b"sTER", b"\0")], 0.2140, "sTER"),
@@ -231,7 +221,6 @@ DEEP = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
         (DEEP.astype(np.uint8), {"photometric": "miniswhite"}, None, ""),
         (np.stack([DEEP] * 3), {"photometric": "rgb", "planarconfig": "separate"}, DEEP / 65535, ""),
         (PICTURE.astype(np.float16), {"photometric": "minisblack"}, PICTURE, ""),
-        (PICTURE.astype(np.float64), {"photometric": "minisblack"}, PICTURE, ""),
         (np.stack([DEEP] * 3 + [DEEP // 2], -1), {"photometric": "rgb", "extrasamples": ["unspecified"]}, DEEP / 65535, "1 further value"),
         (np.stack([PICTURE] * 3 + [PICTURE * 0 + 0.5], -1), {"photometric": "rgb", "extrasamples": ["assocalpha"]}, PICTURE, "over black"),
         (np.stack([PICTURE] * 3 + [PICTURE * 0 + 0.5], -1), {"photometric": "rgb", "extrasamples": ["unassalpha"]}, PICTURE / 2, "over black"),
@@ -240,7 +229,6 @@ DEEP = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
         (DEEP, {"photometric": "minisblack", "extratags": [(286, 5, 1, (3, 1), True)]}, DEEP / 65535, "XPosition"),
         (DEEP, {"photometric": "minisblack", "extratags": [(318, 5, 2, (3, 10, 3, 10), True)]}, DEEP / 65535, "WhitePoint"),
         (DEEP, {"photometric": "minisblack", "iccprofile": bytes(128)}, DEEP / 65535, "color profile"),
-        (DEEP, {"photometric": "minisblack", "compression": "zlib", "predictor": True}, DEEP / 65535, ""),
     ],
 )  # fmt: skip
 def test_tags_of_tiff(tmp_path, values, stated, expected, told):

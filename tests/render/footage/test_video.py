@@ -112,13 +112,8 @@ def test_primaries_of_bt2020_become_those_of_bt709(film):
 def test_all_bits_are_kept(film, format, codec, name):
     bits = 10 if "10" in format else 12
     codes = np.repeat(np.arange(32) + (500 << (bits - 10)), 2)[None].repeat(48, 0)
-    path = film(
-        [(codes, 1 << (bits - 1), 1 << (bits - 1))],
-        name,
-        codec,
-        format,
-        colors=BT709 | {"color_trc": 8},
-    )
+    planes, linear = (codes, 1 << (bits - 1), 1 << (bits - 1)), BT709 | {"color_trc": 8}
+    path = film([planes], name, codec, format, colors=linear)
     with open_footage(path) as footage:
         expected = (codes - (64 << (bits - 10))) / (876 << (bits - 10))
         np.testing.assert_allclose(footage.frame(0)[..., 1], expected, atol=2e-5)
