@@ -20,10 +20,10 @@ import numpy as np
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
+from megalopta.render.loading.scene import SceneRays
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.render.truth.rays import SceneRays
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.cameras.panoramic import EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

@@ -21,7 +21,7 @@ from megalopta.render.film import FrameExposure
 from megalopta.render.footage.pictures import open_picture
 from megalopta.render.noise import Image, MeasuredPass
 from megalopta.render.settings import Bands
-from megalopta.render.surveys import Illuminance, LightSurvey
+from megalopta.render.surface_view import Illuminance, LightSurvey
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Environment, Scene, SkyPattern, Sun, pattern_directions
 from megalopta.scenes.spectra.color import band_means

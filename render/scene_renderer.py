@@ -17,11 +17,9 @@ from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, MovingScene, fill, is_layered, load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
-from megalopta.render.path_tracing import PathIntegrator
+from megalopta.render.path_tracing import PathIntegrator, SplitPaths, can_split
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
-from megalopta.render.split_paths import SplitPaths, can_split
-from megalopta.render.surface_view import Integrator, SurfaceView
-from megalopta.render.surveys import LightSurvey
+from megalopta.render.surface_view import Integrator, LightSurvey, SurfaceView
 from megalopta.render.truth.geometry import Geometry, Instant, Rolling
 from megalopta.render.truth.tracer import Flow, Tracks, Truth, TruthTracer, albedo_of
 from megalopta.render.variant import Variant, choose_variant

@@ -15,8 +15,8 @@ from megalopta.render import MEASURED_EVERY, RenderSettings, dr, mi
 from megalopta.render.baking.cells import views
 from megalopta.render.film import pixel_means
 from megalopta.render.noise import pairs
+from megalopta.render.path_tracing import Part
 from megalopta.render.settings import part_seed
-from megalopta.render.split_paths import Part
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Scene
 

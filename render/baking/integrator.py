@@ -24,10 +24,9 @@ from megalopta.render.baking.light import NOT_SURVEYED, BakedLight
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
-from megalopta.render.path_tracing import BandPaths, wavelength_groups
+from megalopta.render.path_tracing import BandPaths, SplitPaths, can_split, wavelength_groups
 from megalopta.render.settings import part_seed
 from megalopta.render.shading import SunLight, Textures, Weights
-from megalopta.render.split_paths import SplitPaths, can_split
 from megalopta.scenes.cameras.base import Camera
 
 # Samples of a frame for each that shows its fixed error once more.

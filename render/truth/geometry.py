@@ -16,9 +16,15 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import load_mesh, move_meshes, of_shapes
+from megalopta.render.loading.scene import (
+    Hits,
+    SceneRays,
+    load_mesh,
+    move_meshes,
+    of_shapes,
+    visibility_limits,
+)
 from megalopta.render.truth.moving import MovingTriangles
-from megalopta.render.truth.rays import Hits, SceneRays, visibility_limits
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
 

@@ -11,7 +11,7 @@ from megalopta.render.film import pass_seed
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.settings import bake_seed
-from megalopta.render.surveys import LightMeter
+from megalopta.render.surface_view import LightMeter
 from megalopta.scenes import Light, PerspectiveCamera, Scene, Trajectory
 from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.material import Material

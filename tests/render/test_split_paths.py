@@ -10,8 +10,7 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, mi
 from megalopta.render.film import Film
 from megalopta.render.loading.scene import Layers
-from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator
-from megalopta.render.split_paths import SplitPaths
+from megalopta.render.path_tracing import ROULETTE_DEPTH, PathIntegrator, SplitPaths
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 from .conftest import vectorized
