@@ -8,7 +8,7 @@ from .exr import (
     write_truth as write_truth,
 )
 from .footage.frames import Footage as Footage
-from .footage.opening import (
+from .footage.pictures import (
     SUFFIXES as SUFFIXES,
     is_footage as is_footage,
     open_footage as open_footage,

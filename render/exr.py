@@ -74,9 +74,8 @@ def write_radiance(
 ) -> None:
     """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm).
 
-    Half floats need light scaled to about 1: they cannot represent night.
-
-    Raises ValueError if there are not as many bands as edges.
+    Half floats need light scaled to about 1: they cannot represent night. Raises ValueError if
+    there are not as many bands as edges.
     """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(
@@ -140,10 +139,8 @@ def write_truth(
 ) -> None:
     """Write the ground truth of one frame, with attributes for the header.
 
-    Leaf clusters (H, W) are a further channel.
-
-    The origin is a world position near the camera. Positions are stored relative to it, so that
-    float32 is precise far from the world's origin.
+    Leaf clusters (H, W) are a further channel. Positions are stored relative to the origin, a world
+    position near the camera, so that float32 is precise far from the world's origin.
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}

@@ -19,25 +19,21 @@ from megalopta.render.settings import part_seed
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 
-TraceStrip = Callable[[int, int], NDArray[np.floating]]
-"""Function that renders the strip (rows, W, B) from a given row on, with a given seed."""
-
 
 @dataclass(frozen=True)
 class Passes:
-    """Division of a frame into passes."""
+    """Division of a frame into strips of rows, each repeated with some samples per pixel.
+
+    The last strip may extend beyond the frame.
+    """
 
     height: int
-    """Rows of the frame."""
     rows: int
-    """Rows of a strip; the last one may extend beyond the frame."""
     samples: int
-    """Light paths per pixel and pass."""
     repeats: int
-    """Number of passes over each strip."""
 
-    def render(self, trace: TraceStrip, seed: int) -> Floats:
-        """Assemble a frame (H, W, B); the first pass has its seed, others derive theirs."""
+    def render(self, trace: Callable[[int, int], NDArray[np.floating]], seed: int) -> Floats:
+        """Assemble a frame (H, W, B) of strips, traced from a row on with a seed."""
         strips = [
             sum(
                 trace(first, pass_seed(seed, number * self.repeats + repeat)).astype(np.float64)
@@ -185,10 +181,6 @@ class Rows(_PythonSensor):
         return ray, weight
 
 
-Trace = Callable[..., NDArray[np.float32]]
-"""`render` or `measured` of an integrator: image (H, W, n) of a scene, sensor, seed and samples per
-pixel."""
-
 # At most a second's work on a small machine, so that Ctrl-C acts soon.
 SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
@@ -252,7 +244,7 @@ class Film:
 
     def expose(
         self,
-        trace: Trace,
+        trace: Callable[..., NDArray[np.float32]],
         scene: Any,
         poses: Floats,
         seed: int,
@@ -260,7 +252,8 @@ class Film:
     ) -> NDArray[np.float32]:
         """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, lines, 4, 4).
 
-        These have one line for all, or each. `before_rows` is called with the rows of each pass.
+        These have one line for all, or each. `trace` is `render` or `measured` of an integrator;
+        `before_rows` is called with the rows of each pass.
         """
 
         def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:

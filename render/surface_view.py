@@ -80,8 +80,8 @@ class LightMeter:
         """Measure above and below camera positions (N, 3), m."""
         below = []
         for position in positions:
-            hits = self._rays.nearest(position, np.array([[0.0, 0.0, -1.0]]))
-            distance = float(hits.distance[0])
+            distances, _, _ = self._rays.nearest(position, np.array([[0.0, 0.0, -1.0]]))
+            distance = float(distances[0])
             if np.isfinite(distance):
                 below.append(position - [0, 0, max(distance - _CLEARANCE_M, 0)])
         above_haze = LightMeter(self._scene, self._lighting, self._max_depth)
@@ -276,14 +276,11 @@ def lines_of_a_pose(
 ) -> int:
     """Return the number of lines that may share a pose, for a frame with line times (L,), s.
 
-    Moving a scene to another pose takes as long as at least some 10⁵ light paths. Lines share one
-    if nothing visible moves by more than `SHARED_PX` between them: moving objects are then less
-    than half of that from their position at the line's time. This is determined for each frame,
-    from all moving triangles that are visible in its first, middle or last line, between moments at
-    most `_STEP_S` apart; `_RESERVE` covers motion between these. A shadow moves as far as its
-    object, in meters: it may move by more in px where it falls nearer.
-
-    The pose (4, 4) of the camera, relative to the scene's origin, is that of the middle line.
+    Lines share one if nothing visible moves by more than `SHARED_PX` between them, as a move takes
+    as long as some 10⁵ light paths. All moving triangles count that are visible in the first,
+    middle or last line, between moments at most `_STEP_S` apart; `_RESERVE` covers motion between
+    these. A shadow moves as far as its object, in meters. The pose (4, 4) is that of the middle
+    line, relative to the scene's origin.
     """
     start, end, lines = times_s[0], times_s[-1], len(times_s)
     steps = min(max(math.ceil(abs(end - start) / _STEP_S), _FEWEST_STEPS), _MOST_STEPS)

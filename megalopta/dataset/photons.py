@@ -95,7 +95,7 @@ def _mean(footage: "Footage") -> Floats:
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":
     from megalopta.render import open_footage
-    from megalopta.render.footage.opening import ArrayFrames
+    from megalopta.render.footage.pictures import ArrayFrames
 
     if isinstance(images, str | Path):
         return open_footage(Path(images), unit)

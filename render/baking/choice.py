@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.render import MEASURED_EVERY, RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import views
 from megalopta.render.film import pixel_means
 from megalopta.render.noise import pairs
@@ -189,19 +189,13 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
 GROUPS = 8
 GROUP = 64
 """Paths per pixel and group."""
-_SHARE = 0.03
+SHARE_TO_COMPARE = 0.03
 """Share of a sequence's work spent on comparing."""
-_FEWEST = 128
+FEWEST_TO_COMPARE = 128
+"""Fewest pixels of a measured frame that are compared."""
 
 Differences = Callable[[Any, Any, Any], list[Any]]
 """Baked light minus that of paths in each band, from the arguments of a `Look`."""
-
-
-def share_to_compare(work: float, frames: int, pixels: int) -> float:
-    """Share of a measured frame's pixels to compare, for the work of all frames."""
-    measured = -(-frames // MEASURED_EVERY)
-    paths = _SHARE * work / (WHOLE_PATH + SAMPLE) / measured
-    return min(1.0, max(int(paths / (GROUPS * GROUP)), _FEWEST) / pixels)
 
 
 def compared(

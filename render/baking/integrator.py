@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import silent, step
-from megalopta.render import RenderSettings, dr, mi
+from megalopta.render import MEASURED_EVERY, RenderSettings, dr, mi
 from megalopta.render.baking import choice
 from megalopta.render.baking.cells import VIEWS, CellFinder, Cells, CellSight, survey, views
 from megalopta.render.baking.gathering import Gatherer
@@ -108,9 +108,12 @@ class BakedLightIntegrator:
         if not self.reason:
             with step("baking light"):
                 self._light.compute_all(density)
-        work = choice.BAKE * rays_in_all
-        work += choice.SAMPLE * len(poses) * pixels * settings.samples_per_pixel
-        self._compared = choice.share_to_compare(work, len(poses), pixels)
+        samples = len(poses) * pixels * settings.samples_per_pixel
+        work = choice.BAKE * rays_in_all + choice.SAMPLE * samples
+        measured = -(-len(poses) // MEASURED_EVERY)
+        paths = choice.SHARE_TO_COMPARE * work / (choice.WHOLE_PATH + choice.SAMPLE) / measured
+        several = max(int(paths / (choice.GROUPS * choice.GROUP)), choice.FEWEST_TO_COMPARE)
+        self._compared = min(1.0, several / pixels)
 
     def move_to(self, time_s: float) -> None:
         """Update the positions of moving objects to a time."""

@@ -1,4 +1,4 @@
-"""Pictures in OpenEXR, Radiance and TIFF.
+"""Pictures in OpenEXR, Radiance, TIFF and PNG.
 
 EXR: R, G, B, or Y, in the main layer or, without it, in the first that has them; or spectra in the
 layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021). Radiance: light is divided by every
@@ -8,6 +8,7 @@ TIFF: pages like the first are frames; ImageJ states the time between them.
 
 import logging
 import re
+import struct
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -22,6 +23,7 @@ from tifffile import PHOTOMETRIC, TiffFile
 
 from megalopta.core.bounded import ARRAY_BYTES, check_count, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.pictures import checked_png, opened_picture, png_parts
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage import frames
 from megalopta.scenes.spectra.color import Bands
@@ -113,50 +115,44 @@ def exr_light(path: Path) -> tuple[NDArray[Any], bool]:
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     """Return the picture to read: spectra, else the main layer's colors, else another layer's."""
+    flat = {
+        part: header
+        for part, header in enumerate(headers)
+        if not str(header["type"]).rpartition(".")[2].startswith("deep")
+    }
+    channels = [
+        (part, str(channel.name)) for part, header in flat.items() for channel in header["channels"]
+    ]
     candidates: list[tuple[Any, ...]] = []
-    all_names = []
-    for part, attributes in enumerate(headers):
-        if str(attributes["type"]).rpartition(".")[2].startswith("deep"):
-            continue
-        names = [str(channel.name) for channel in attributes["channels"]]
-        all_names.append((part, names))
-        layers: dict[str, dict[str, str]] = {}
-        for name in names:
-            layer, _, last = name.rpartition(".")
-            layers.setdefault(layer, {})[last] = name
+    for part in flat:
+        names = [name for number, name in channels if number == part]
         matches = [match for match in map(_SPECTRAL.fullmatch, names) if match]
         if matches:
             first = min(match[1] or "" for match in matches)
             of_first = [match for match in matches if (match[1] or "") == first]
             known = sorted((float(match[2].replace(",", ".")), match[0]) for match in of_first)
             wavelengths_nm, spectral = zip(*known, strict=True)
-            candidates.append((0, part, attributes, spectral, None, wavelengths_nm))
-        for layer, channels in layers.items():
-            for rank, colors in enumerate(("R G B", "Y"), 1):
-                if set(colors.split()) <= channels.keys():
-                    used = tuple(channels[name] for name in colors.split())
-                    candidates.append(
-                        (rank + 2 * bool(layer), part, attributes, used, channels.get("A"), ())
-                    )
+            candidates.append((0, part, spectral, None, wavelengths_nm))
+        for layer in dict.fromkeys(name.rpartition(".")[0] for name in names):
+            prefix = f"{layer}." if layer else ""
+            alpha = f"{prefix}A" if f"{prefix}A" in names else None
+            for rank, colors in enumerate(("RGB", "Y"), 1 + 2 * bool(layer)):
+                used = tuple(prefix + color for color in colors)
+                if set(used) <= set(names):
+                    candidates.append((rank, part, used, alpha, ()))
                     break
     if not candidates:
-        if not all_names:
+        if not flat:
             raise DamagedFileError(f"{path} holds deep data; flatten it, and save it again")
-        listed = ", ".join(name for _, names in all_names for name in names)
+        listed = ", ".join(name for _, name in channels)
         raise DamagedFileError(
             f"{path} has the channels {quoted(listed)}; give one with R, G, B, or Y, or spectra "
             "S0.<wavelength>nm"
         )
-    _, part, attributes, used, alpha, wavelengths_nm = min(candidates, key=lambda c: c[:2])
-    omitted = [
-        name
-        for number, names in all_names
-        for name in names
-        if number != part or name not in (*used, alpha)
-    ]
-    if len(headers) > len(all_names):
-        omitted.append("deep data")
-    return _Picture(part, attributes, used, alpha, wavelengths_nm, tuple(omitted))
+    _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
+    others = [name for number, name in channels if number != part or name not in (*used, alpha)]
+    others += ["deep data"] * (len(headers) > len(flat))
+    return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(others))
 
 
 def _bands_nm(path: Path, picture: _Picture) -> Bands:
@@ -384,4 +380,62 @@ def _depth(path: Path, page: Any) -> frames.Depth:
     raise DamagedFileError(
         f"{path} has {bits} bits of {kind} and colors {colors.name}, which are not read; save it "
         "as gray or RGB, of 8 or 16 bits or in float32"
+    )
+
+
+_PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
+"""Chunks on place and light without effect."""
+
+
+def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
+    """Return a header with the colors that a PNG states, cICP first, and what has no effect."""
+    chunks: dict[bytes, bytes] = {}
+    for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
+        if name not in (b"IDAT", b"fdAT"):
+            chunks[name] = chunk[8:-4]
+    statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
+    if b"cICP" in chunks:
+        primaries, number, matrix, is_full = chunks[b"cICP"]
+        is_known = number in frames.TRANSFERS and primaries in frames.PRIMARIES
+        if not is_known or matrix or not is_full:
+            raise DamagedFileError(
+                f"{path} has primaries {primaries}, transfer function {number}, color matrix "
+                f"{matrix} of H.273 and {'full' if is_full else 'narrow'} range, which are not "
+                "supported; save it in sRGB"
+            )
+        xy, notes = frames.converted(path, frames.PRIMARIES[primaries][1])
+        header = header._replace(transfer=frames.TRANSFERS[number], chromaticities=xy, notes=notes)
+        return header, statements
+    if b"iCCP" in chunks or b"sRGB" in chunks:
+        return header, statements
+    if b"gAMA" in chunks:
+        (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
+        if not gamma:
+            raise DamagedFileError(f"{path} states a gamma of 0; save it again")
+        transfer = "linear" if gamma == 100_000 else f"gamma {100_000 / gamma:.6g}"
+        header = header._replace(transfer=transfer)
+    if b"cHRM" in chunks:
+        white_x, white_y, *colors = (
+            number / 100_000 for number in struct.unpack(">8I", chunks[b"cHRM"])
+        )
+        xy, notes = frames.converted(path, (*colors, white_x, white_y))
+        header = header._replace(chromaticities=xy, notes=notes)
+    return header, statements
+
+
+def png_numbers(path: Path) -> tuple[NDArray[Any], int]:
+    """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
+    # libpng may complain about other parts
+    plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
+    with frames.without_log():
+        numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
+    if numbers is None:
+        raise ValueError("damaged")
+    with opened_picture(path) as image:
+        turn = TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
+    numbers = frames.turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
+    channels = numbers.shape[-1]
+    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], STRAIGHT * int(
+        channels == 4
     )

@@ -1,24 +1,31 @@
-"""Single pictures, pictures in a folder, and animations."""
+"""Pictures, folders of them, animations, arrays and films as footage, by suffix."""
 
 import math
 import re
-import struct
+import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import ARRAY_BYTES, check_count, check_file, quoted, read_bytes
-from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.pictures import checked_png, opened_picture, png_parts, readable
+from megalopta.core.bounded import (
+    ARRAY_BYTES,
+    check_count,
+    check_file,
+    mapped_array,
+    quoted,
+    read_bytes,
+)
+from megalopta.core.errors import DamagedFileError, UserError, machine_problem
+from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
 from megalopta.render.footage import formats, frames
+from megalopta.render.footage.film import DEMUXERS, Film
 
 KINDS: Mapping[str, str] = {
     ".png": "PNG",
@@ -33,6 +40,8 @@ KINDS: Mapping[str, str] = {
 }
 """Kind of picture by the suffix of its file."""
 
+SUFFIXES = (*KINDS, *DEMUXERS, ".npy")
+"""Suffixes of supported files."""
 _UNITS: Mapping[frames.Depth, tuple[frames.Unit, ...]] = {
     "8 bits": ("srgb",),
     "16 bits": ("srgb", "linear"),
@@ -41,9 +50,6 @@ _UNITS: Mapping[frames.Depth, tuple[frames.Unit, ...]] = {
 """Possible units of each depth, the default first."""
 _ORIENTATION, _EXIF, _GPS = 0x0112, 0x8769, 0x8825
 _EXIF_TOLD = {0x829A: "ExposureTime", 0x829D: "FNumber", 0x8827: "ISO", 0xA500: "Gamma"}
-_PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-_PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
-"""Chunks on place and light without effect."""
 _MOST_FRAMES = 10_000
 _SHORTEST_S = 0.1
 """Duration that browsers use for a frame with a duration of zero."""
@@ -109,7 +115,9 @@ class PictureFiles(frames.Footage):
             image = self._image[1]
             image.seek(page)
             return over_black(ImageOps.exif_transpose(image))
-        numbers, alpha = formats.tiff_numbers(path, page) if kind == "TIFF" else _png_numbers(path)
+        numbers, alpha = (
+            formats.tiff_numbers(path, page) if kind == "TIFF" else formats.png_numbers(path)
+        )
         if not alpha:
             return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
         top = np.iinfo(numbers.dtype).max if numbers.dtype.kind == "u" else 1.0
@@ -119,6 +127,71 @@ class PictureFiles(frames.Footage):
             over = colors * share
             colors = (np.rint(over) if self.depth != "light" else over).astype(numbers.dtype)
         return colors[..., 0] if colors.shape[-1] == 1 else colors, is_transparent
+
+
+_NAMES: Mapping[frames.Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
+
+
+class ArrayFrames(frames.Footage):
+    """Frames of an array (H, W), (T, H, W), (H, W, 3) or (T, H, W, 3).
+
+    `path` names it in messages. Raises UserError.
+    """
+
+    def __init__(self, values: NDArray[Any], unit: frames.Unit, path: Path) -> None:
+        self._values = values
+        if values.ndim == 2 or (values.ndim == 3 and values.shape[-1] == 3):
+            self._values = values[None]
+        shape = self._values.shape
+        is_gray = len(shape) == 3 and shape[-1] not in (1, 2, 4)
+        if 0 in shape or not (is_gray or (len(shape) == 4 and shape[-1] == 3)):
+            raise DamagedFileError(
+                f"{path} has the shape {shape}; give (H, W), (T, H, W), (H, W, 3) or "
+                "(T, H, W, 3), without an alpha channel"
+            )
+        frames.check_size(path, shape[1:])
+        dtype, coding = values.dtype, frames.Coding(_NAMES[unit], unit)
+        if dtype.kind != "f":
+            if dtype.kind != "u" or dtype.itemsize > 2:
+                raise DamagedFileError(
+                    f"{path} holds {dtype}; give uint8, uint16 or floating-point numbers"
+                )
+            codes = 256**dtype.itemsize
+            coding = frames.coding_of("sRGB" if unit == "srgb" else "linear", codes)
+            if unit == "cd/m2":
+                coding = replace(coding, table=np.arange(codes, dtype=np.float32))
+            coding = replace(coding, name=_NAMES[unit], unit=unit)
+        super().__init__(path=path, files=(path,), count=shape[0], shape=shape[1:3], coding=coding)
+
+    def _numbers(self, index: int) -> NDArray[Any]:
+        numbers = np.asarray(self._values[index])
+        if self.coding.table is not None:
+            return numbers.astype(numbers.dtype.newbyteorder("="))
+        if self.unit != "srgb":
+            return self._as_light(numbers, self.path)
+        if not ((numbers >= 0) & (numbers <= 1)).all():
+            raise DamagedFileError(
+                f"{self.path} has values that are not between 0 and 1; scale them, or give the "
+                "unit linear"
+            )
+        return self._as_light(frames.light_of("sRGB", numbers.astype(np.float64)), self.path)
+
+
+def open_array(path: Path, unit: frames.Unit | None) -> ArrayFrames:
+    """Return the array of a file as frames. Raises UserError."""
+    if unit is None:
+        raise UserError(
+            f"{path}: an array does not state its unit; give the unit srgb (coded as in "
+            "pictures), linear (proportional to light) or cd/m2 (luminance)"
+        )
+    check_file(path, sys.maxsize)  # read frame by frame
+    try:
+        values = mapped_array(path)
+    except Exception:  # a damaged header can raise anything
+        raise DamagedFileError(
+            f"{path} is not a complete array of numbers; write it with numpy.save"
+        ) from None
+    return ArrayFrames(values, unit, path)
 
 
 def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
@@ -271,7 +344,7 @@ def pillow_header(path: Path) -> frames.Header:
             notes.append(f"{path} holds several pictures; the first is read")
         header = frames.Header((rows, columns), depth)
         if image.format == "PNG":
-            header, statements = _png_colors(path, header)
+            header, statements = formats.png_colors(path, header)
             stated |= statements
         if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
             notes += frames.not_square(path, (aspect + 15) / 64)
@@ -310,54 +383,40 @@ def _animated(path: Path, image: Image.Image, header: frames.Header) -> frames.H
     )
 
 
-def _png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
-    """Return a header with the colors that a PNG states, cICP first, and what has no effect."""
-    chunks: dict[bytes, bytes] = {}
-    for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
-        if name not in (b"IDAT", b"fdAT"):
-            chunks[name] = chunk[8:-4]
-    statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
-    if b"cICP" in chunks:
-        primaries, number, matrix, is_full = chunks[b"cICP"]
-        is_known = number in frames.TRANSFERS and primaries in frames.PRIMARIES
-        if not is_known or matrix or not is_full:
-            raise DamagedFileError(
-                f"{path} has primaries {primaries}, transfer function {number}, color matrix "
-                f"{matrix} of H.273 and {'full' if is_full else 'narrow'} range, which are not "
-                "supported; save it in sRGB"
+def open_footage(path: Path, unit: frames.Unit | None = None) -> frames.Footage:
+    """Return a picture, a folder of pictures, a video, an animation or an array as frames of light.
+
+    `unit` is the unit of the values: required for arrays, and for 16-bit or floating-point pictures
+    in an unusual unit. Close the returned footage.
+
+    Raises UserError, in one sentence, for what cannot be read.
+    """
+    try:
+        if path.is_dir():
+            return open_folder(path, unit)
+        check_file(path, at_most=2**63 - 1)  # each reader has its own limit
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise UserError(
+                f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
+                f"folder of pictures, or one of {', '.join(SUFFIXES)}"
             )
-        xy, notes = frames.converted(path, frames.PRIMARIES[primaries][1])
-        header = header._replace(transfer=frames.TRANSFERS[number], chromaticities=xy, notes=notes)
-        return header, statements
-    if b"iCCP" in chunks or b"sRGB" in chunks:
-        return header, statements
-    if b"gAMA" in chunks:
-        (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
-        if not gamma:
-            raise DamagedFileError(f"{path} states a gamma of 0; save it again")
-        transfer = "linear" if gamma == 100_000 else f"gamma {100_000 / gamma:.6g}"
-        header = header._replace(transfer=transfer)
-    if b"cHRM" in chunks:
-        white_x, white_y, *colors = (
-            number / 100_000 for number in struct.unpack(">8I", chunks[b"cHRM"])
-        )
-        xy, notes = frames.converted(path, (*colors, white_x, white_y))
-        header = header._replace(chromaticities=xy, notes=notes)
-    return header, statements
+        if not path.stat().st_size:
+            raise UserError(f"{path} is empty; copy it again")
+        if suffix == ".npy":
+            return open_array(path, unit)
+        if suffix in KINDS:
+            return open_picture(path, unit)
+        if unit not in (None, "srgb"):
+            raise UserError(f"{path} states how its codes become light; omit the unit {unit}")
+        return Film(path)
+    except OSError as problem:
+        unreadable = f"{path}: cannot be read ({problem.strerror}); repair it"
+        raise UserError(machine_problem(problem) or unreadable) from None
 
 
-def _png_numbers(path: Path) -> tuple[NDArray[Any], int]:
-    """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
-    # libpng may complain about other parts
-    plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
-    with frames.without_log():
-        numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
-    if numbers is None:
-        raise ValueError("damaged")
-    with opened_picture(path) as image:
-        turn = formats.TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
-    numbers = frames.turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
-    channels = numbers.shape[-1]
-    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], formats.STRAIGHT * int(
-        channels == 4
-    )
+def is_footage(path: Path) -> bool:
+    """True for a file with one of `SUFFIXES`, or a folder with a picture."""
+    if path.is_dir():
+        return any(picture_kind(file) and file.is_file() for file in path.iterdir())
+    return path.suffix.lower() in SUFFIXES

@@ -163,18 +163,6 @@ class MeshIndex:
 VISIBILITY_MARGIN = 2e-4
 
 
-@dataclass(frozen=True)
-class Hits:
-    """Nearest hits of N rays."""
-
-    distance: Floats
-    """(N,): distance in units of the direction; infinite without a hit."""
-    mesh: Ints
-    """(N,): index of the mesh hit, as loaded."""
-    triangle: Ints
-    """(N,): index of the triangle in that mesh."""
-
-
 class SceneRays:
     """Custom rays through one loaded scene."""
 
@@ -182,8 +170,12 @@ class SceneRays:
         self.scene, self._is_scalar = scene, is_scalar()
         self._index = None if self._is_scalar else MeshIndex(scene)
 
-    def nearest(self, origin: Floats, directions: Floats) -> Hits:
-        """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
+    def nearest(self, origin: Floats, directions: Floats) -> tuple[Floats, Ints, Ints]:
+        """Nearest hits of rays from one origin (3,) or N of them, along directions (N, 3).
+
+        Returns distances (N,) in units of these, infinite without a hit, the meshes hit (N,), as
+        loaded, and triangles (N,) of these.
+        """
         if self._index is None:
             distance = np.full(len(directions), np.inf)
             mesh, triangle = np.zeros((2, len(directions)), np.int64)
@@ -192,7 +184,7 @@ class SceneRays:
                 if hit.is_valid():
                     distance[ray] = hit.t
                     mesh[ray], triangle[ray] = hit.shape_index, hit.prim_index
-            return Hits(distance, mesh, triangle)
+            return distance, mesh, triangle
         hits = self.scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
         # Other values of rays without a hit are left over from other work: they are set to zero.
         valid = hits.is_valid()
@@ -200,8 +192,10 @@ class SceneRays:
         mesh, triangle = self._index.of(hits), dr.select(valid, hits.prim_index, 0)
         # All at once: delayed evaluation would trace the rays again.
         dr.eval(distance, mesh, triangle)
-        return Hits(
-            np.array(distance, np.float64), np.array(mesh, np.int64), np.array(triangle, np.int64)
+        return (
+            np.array(distance, np.float64),
+            np.array(mesh, np.int64),
+            np.array(triangle, np.int64),
         )
 
     def is_hidden(self, origin: Floats, directions: Floats, distances: Floats) -> Mask:

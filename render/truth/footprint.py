@@ -176,11 +176,10 @@ def ray_weights(
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
     Shares are equal, unless a pixel contains two objects and the outline of the nearer one is
-    known. Then its triangles are clipped to the pixel, which gives its share exactly even for few
-    rays. The outline counts as known if every ray of the pixel, except on edges, hits the nearer
-    object exactly where one of these triangles is. Rays in the corners find any part that a
-    straight outline cuts off. A triangle covers the directions between the planes through the
-    camera and its edges; in a panorama these are approximated as straight within a pixel.
+    known: its triangles are then clipped to the pixel, exactly even for few rays. It is known if
+    every ray, except on edges, hits the nearer object exactly where one of these triangles is. Rays
+    in the corners find any part that a straight outline cuts off. In a panorama, planes through the
+    camera and an edge are approximated as straight within a pixel.
 
     There are P eyes, a surface seen by P·K rays, and the pixels' upper left corners (P, 2). Rays
     are at `offsets` (K, 2) in a pixel, with shares `alike` (K,) where no outline is known.

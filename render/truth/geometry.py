@@ -17,7 +17,6 @@ from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import (
-    Hits,
     SceneRays,
     load_mesh,
     move_meshes,
@@ -175,14 +174,8 @@ class Surface:
 
     def of(self, ray: Mask) -> "Surface":
         """Return the surface points of some of the rays."""
-        return Surface(
-            self.triangle[ray],
-            self.points[ray],
-            self.directions[ray],
-            self.barycentric[ray],
-            self.distance[ray],
-            of_rays(self.time_s, ray),
-        )
+        values = self.triangle, self.points, self.directions, self.barycentric, self.distance
+        return Surface(*(value[ray] for value in values), of_rays(self.time_s, ray))
 
 
 @compiled
@@ -262,13 +255,13 @@ class Geometry:
 
     def glimpsed(self, origin: Floats, directions: Floats, time_s: Times) -> Surface:
         """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
-        hits = self._rays.nearest(origin, directions)
-        triangle, distance = self._rows(hits, 0), hits.distance
+        distance, *hits = self._rays.nearest(origin, directions)
+        triangle = self._rows(distance, *hits)
         if self._moving and isinstance(time_s, float):
-            moving = self._at(time_s)[0].nearest(origin, directions)
-            rows, nearer = self._rows(moving, self._meshes_at_rest), moving.distance < distance
-            triangle = np.where(nearer, rows, triangle)
-            distance = np.where(nearer, moving.distance, distance)
+            of_moving, mesh, number = self._at(time_s)[0].nearest(origin, directions)
+            rows = self._rows(of_moving, self._meshes_at_rest + mesh, number)
+            triangle = np.where(of_moving < distance, rows, triangle)
+            distance = np.minimum(of_moving, distance)
         elif self._moving:
             starts = np.broadcast_to(origin, directions.shape)
             distance, rows = self._rolling.nearest(starts, directions, time_s, distance)
@@ -345,11 +338,8 @@ class Geometry:
         """Moving triangles for rays that each have their own time."""
         return MovingTriangles(self._moving, self._triangles_at_rest)
 
-    def _rows(self, hits: Hits, first_mesh: int) -> Ints:
-        hit = np.isfinite(hits.distance)
-        rows = np.full(len(hit), -1, dtype=np.int64)
-        rows[hit] = self._first[first_mesh + hits.mesh[hit]] + hits.triangle[hit]
-        return rows
+    def _rows(self, distance: Floats, mesh: Ints, triangle: Ints) -> Ints:
+        return np.asarray(np.where(np.isfinite(distance), self._first[mesh] + triangle, -1))
 
     def corners(self, triangle: Ints, time_s: Times) -> Floats:
         """Vertices (n, 3, 3) of triangles (n,) at a time, or each at its own (n,)."""

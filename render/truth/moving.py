@@ -38,15 +38,6 @@ class ClusterBounds(NamedTuple):
     high: Floats
 
 
-class _Bundle(NamedTuple):
-    """Some rays in the box `low` to `high` about their axis; `sides` (5, 3) point inward."""
-
-    rays: Ints
-    axes: Floats
-    places: Floats
-    sides: Floats
-
-
 class MovingTriangles:
     """Triangles of moving meshes, numbered from `first` on in order."""
 
@@ -98,26 +89,24 @@ class MovingTriangles:
         rays_known = np.flatnonzero(known)
         in_time = rays_known[np.argsort(times_s[rays_known], kind="stable")]
         for rays in np.split(in_time, np.flatnonzero(np.diff(times_s[in_time])) + 1):
-            for bundle in _bundles(directions, rays):
+            for members, axes, across, sides in _bundles(directions, rays):
                 start, time = origin[rays[0]], float(times_s[rays[0]])
                 # Boxes that the bundle may hit.
                 middle, half = (
                     (bounds.low + bounds.high) / 2 - start,
                     (bounds.high - bounds.low) / 2,
                 )
-                farthest = np.einsum("sj,cj->cs", bundle.sides, middle)
-                farthest += np.einsum("sj,cj->cs", np.abs(bundle.sides), half)
+                farthest = np.einsum("sj,cj->cs", sides, middle)
+                farthest += np.einsum("sj,cj->cs", np.abs(sides), half)
                 clusters = np.flatnonzero((farthest >= 0).all(axis=1))
                 rows, first = _rows_of(self._first_vertex, clusters)
                 faces, first_face = _rows_of(self._first_face, clusters)
                 moved = self._carried(rows, first, clusters, time)
                 shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
                 corners, number = moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
-                members = bundle.rays
                 far = distance[members]
                 met = _meet(
-                    bundle.places, directions[members], bundle.axes, bundle.sides,
-                    corners - start, far,
+                    across, directions[members], axes, sides, corners - start, far,
                 )  # fmt: skip
                 hit = met >= 0
                 distance[members], triangle[members[hit]] = far, number[met[hit]]
@@ -179,8 +168,8 @@ def _rows_of(first: Ints, clusters: Ints) -> tuple[Ints, Ints]:
     return np.arange(begins[-1]) + shift, begins
 
 
-def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
-    """Yield rays in narrow bundles, each in order of position across the bundle."""
+def _bundles(directions: Floats, rays: Ints) -> Iterator[tuple[Ints, Floats, Floats, Floats]]:
+    """Yield narrow bundles: rays, axes (3, 3), ascending places across, sides (5, 3) of a box."""
     unit = directions[rays] / np.linalg.norm(directions[rays], axis=1, keepdims=True)
     mean = unit.mean(axis=0)
     across = np.linalg.eigh(np.einsum("ni,nj->ij", unit - mean, unit - mean))[1]
@@ -203,7 +192,7 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[_Bundle]:
         [axes[:2] - low[:, None] * along, high[:, None] * along - axes[:2], [along]]
     )
     order = np.argsort(places[:, 0])
-    yield _Bundle(rays[order], axes, places[order, 0], sides)
+    yield rays[order], axes, places[order, 0], sides
 
 
 @compiled

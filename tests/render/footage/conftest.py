@@ -8,7 +8,7 @@ import OpenEXR
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.render.footage.opening import open_footage
+from megalopta.render.footage.pictures import open_footage
 
 LOSSLESS = {
     "libx264": {"qp": "0"},
