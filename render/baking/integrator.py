@@ -7,7 +7,7 @@ irradiance of a point at rest. Where this exceeds 0.01, paths are traced.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -33,22 +33,6 @@ from megalopta.scenes.cameras.base import Camera
 _FIXED_EVERY = 4
 # Rays per view of a cluster, to estimate how many the target error takes.
 _PILOT_DENSITY = 1.0
-
-
-@dataclass(frozen=True)
-class Light:
-    """Light along N rays, by band, and where it comes from."""
-
-    emitted: list[Any]
-    baked: list[Any]
-    """Baked light, and that of the sun, of surfaces that have it."""
-    standing: list[Any]
-    """A draw of the fixed error of baked light."""
-    sky: Any
-    """1 where a ray hits nothing."""
-    is_baked: Any
-    needs_paths: Any
-    """True for surfaces without baked light."""
 
 
 class BakedLightIntegrator:
@@ -153,16 +137,17 @@ class BakedLightIntegrator:
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Difference of baked light from that of paths, per band."""
-        light = self._look(scene, ray, place, sampler)
-        paths = self._paths.radiance(scene, ray, place, sampler, light.is_baked)
-        return [baked - path for baked, path in zip(light.baked, paths, strict=True)]
+        _, baked, _, _, is_baked, _ = self._look(scene, ray, place, sampler)
+        paths = self._paths.radiance(scene, ray, place, sampler, is_baked)
+        return [light - path for light, path in zip(baked, paths, strict=True)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Radiance of each band along rays, a draw of its fixed error, and 1 for the sky."""
-        light = self._look(scene, ray, place, sampler)
-        paths = self._paths.radiance(scene, ray, place, sampler, light.needs_paths)
-        parts = zip(light.emitted, light.baked, paths, strict=True)
-        return [*(sum(of_band) for of_band in parts), *light.standing, light.sky]
+        emitted, baked, standing, sky, is_baked, surface = self._look(scene, ray, place, sampler)
+        # Paths of surfaces without baked light.
+        paths = self._paths.radiance(scene, ray, place, sampler, surface & ~is_baked)
+        parts = zip(emitted, baked, paths, strict=True)
+        return [*(sum(of_band) for of_band in parts), *standing, sky]
 
     def _surface(self, scene: Any, ray: Any) -> tuple[CellSight, Any, Weights]:
         """Surfaces seen, True where they are away from moving objects, and textures' weights."""
@@ -170,7 +155,8 @@ class BakedLightIntegrator:
         at_rest = sight.shaded & ~self._moving.holds(sight.point.p)
         return sight, at_rest, self._textures.weights(sight)
 
-    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> Light:
+    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> tuple[Any, ...]:
+        """Emitted and baked light by band, a draw of its error, sky, baked and other surfaces."""
         sight, at_rest, weights = self._surface(scene, ray)
         direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
@@ -191,7 +177,7 @@ class BakedLightIntegrator:
         baked = self._light.radiance(cluster, weights, is_baked)
         baked = [a + dr.select(is_baked, b, 0.0) for a, b in zip(baked, direct, strict=True)]
         standing = self._light.standing(cluster, weights, is_baked)
-        return Light(emitted, baked, standing, sky, is_baked, surface & ~is_baked)
+        return emitted, baked, standing, sky, is_baked, surface
 
 
 _LARGEST_SHARE = 0.01

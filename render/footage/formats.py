@@ -178,17 +178,10 @@ _RESOLUTION = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 _HEADER_BYTES = 65536
 
 
-class _Radiance(NamedTuple):
-    shape: tuple[int, int]
-    divisor: NDArray[np.float32]
-    """(3,): product of exposures and corrections"""
-    stated: dict[str, str]
-    """Other statements"""
-    end: int
-    """Bytes of header and resolution line"""
-
-
-def _radiance(path: Path, content: bytes) -> _Radiance:
+def _radiance(
+    path: Path, content: bytes
+) -> tuple[tuple[int, int], NDArray[np.float32], dict[str, str], int]:
+    """Return rows and columns, product of exposures (3,), other statements, bytes of the header."""
     size = _RESOLUTION.search(content[:_HEADER_BYTES])
     if not (content.startswith(b"#?") and size):
         raise DamagedFileError(f"{path} is no Radiance picture (-Y … +X …); save it again")
@@ -201,43 +194,43 @@ def _radiance(path: Path, content: bytes) -> _Radiance:
             stated[name] = value
     if not ((divisor > 0) & (divisor < np.inf)).all():
         raise DamagedFileError(f"{path} states an exposure that is not positive; correct it")
-    return _Radiance((int(size[1]), int(size[2])), divisor.astype("f4"), stated, size.end())
+    return (int(size[1]), int(size[2])), divisor.astype("f4"), stated, size.end()
 
 
 def radiance_header(path: Path) -> frames.Header:
     """Return what a Radiance file states. Raises DamagedFileError."""
     with path.open("rb") as file:
-        picture = _radiance(path, file.read(_HEADER_BYTES))
-    stated, notes = picture.stated, list[str]()
+        shape, divisor, stated, _ = _radiance(path, file.read(_HEADER_BYTES))
+    notes = list[str]()
     layout = stated.pop("FORMAT", "32-bit_rle_rgbe")
     if layout not in ("32-bit_rle_rgbe", "32-bit_rle_xyze"):
         raise DamagedFileError(f"{path} is of {quoted(layout)}; save it as 32-bit_rle_rgbe")
     xy = tuple(map(float, stated.pop("PRIMARIES", "").split()))
     xy = frames.XYZ_XY if layout == "32-bit_rle_xyze" else xy
     chromaticities, note = frames.converted(path, xy) if xy else (None, ())
-    if not (picture.divisor == 1).all():
-        factors = ", ".join(f"{value:.4g}" for value in dict.fromkeys(picture.divisor.tolist()))
+    if not (divisor == 1).all():
+        factors = ", ".join(f"{value:.4g}" for value in dict.fromkeys(divisor.tolist()))
         notes.append(f"{path} states exposures; its values are divided by {factors}")
     notes += (*note, *frames.not_square(path, 1 / float(stated.pop("PIXASPECT", 1))))
     stated.pop("SOFTWARE", None)
     notes += frames.unused(path, stated)
-    return frames.Header(picture.shape, "light", chromaticities=chromaticities, notes=tuple(notes))
+    return frames.Header(shape, "light", chromaticities=chromaticities, notes=tuple(notes))
 
 
 def radiance_light(path: Path) -> tuple[NDArray[Any], bool]:
     """Return light (H, W, 3), upright, and False: nothing is transparent."""
     content = read_bytes(path, ARRAY_BYTES)
-    picture = _radiance(path, content)
+    shape, divisor, _, end = _radiance(path, content)
     # OpenCV reads files only, and only this header.
-    plain = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n".format(*picture.shape)
+    plain = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n".format(*shape)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "plain.hdr"
-        file.write_bytes(plain.encode() + content[picture.end :])
+        file.write_bytes(plain.encode() + content[end:])
         with frames.without_log():
             numbers = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
-    return numbers[..., ::-1] / picture.divisor, False
+    return numbers[..., ::-1] / divisor, False
 
 
 _ORIENTATION = 274

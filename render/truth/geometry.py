@@ -306,8 +306,7 @@ class Geometry:
     ) -> Mask:
         """True if anything is nearer than distances (N,), in units of directions (N, 3).
 
-        The rays start at an origin (3,) or at their own (N, 3), at one time or each at its own
-        (N,).
+        The rays start at an origin (3,) or each at its own (N, 3), and so with times.
         """
         hidden = self._rays.is_hidden(origin, directions, distances)
         if not self._moving:

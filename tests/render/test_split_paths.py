@@ -61,22 +61,6 @@ def test_every_band_has_the_mean_of_mitsubas_path_tracer(name):
 
 
 @vectorized
-@pytest.mark.slow
-def test_a_band_reads_the_same_beside_others_with_gaps_between():
-    def mean(*bands):
-        renderer, pose = rendering("starlight", bands_nm=bands), PATH.poses()[0]
-        images = [renderer.radiance(pose, seed)[..., -1] for seed in range(4)]
-        means = np.mean(images, axis=(1, 2), dtype=np.float64)
-        return means.mean(), means.std(ddof=1) / 2
-
-    alone, scatter = mean((750, 900))
-    beside, other = mean((400, 500), (750, 900))
-    assert scatter < 0.01 * alone
-    # Where 13 % would be an error; of two scatters from 3 degrees of freedom each, 20 are 1e-6.
-    assert abs(beside - alone) < min(20 * np.hypot(scatter, other), 0.06 * alone)
-
-
-@vectorized
 def test_a_renderer_is_freed_at_once():
     # A scene that the garbage collector frees while paths are traced ends the process.
     renderer = rendering("daylight")
