@@ -223,7 +223,7 @@ def read_headers(path: Path) -> list[dict[str, Any]]:
     try:
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             headers = [dict(part.header) for part in file.parts]
-        channels = sum(len(each["channels"]) for each in headers)
+        channels = sum(len(header["channels"]) for header in headers)
         check_count(path, "channels", channels, _MOST_CHANNELS)
         for header in headers:  # all parts are decoded
             check_decoded(path, (*size_in(header), channels), VALUE_BYTES)

@@ -125,28 +125,28 @@ class LightPaths:
         layers = self._layers or Layers(scene)
         while active:
             hit = layers.ray_intersect_preliminary(ray, active=active)
-            here = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
-            shining = _shining(scene, here, before, before_pdf, before_delta)
+            point = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
+            shining = _shining(scene, point, before, before_pdf, before_delta)
             light = dr.fma(throughput, shining, light)
-            goes_on = (depth + 1 < self._max_depth) & here.is_valid() & active
-            surface = here.bsdf(ray)
+            goes_on = (depth + 1 < self._max_depth) & point.is_valid() & active
+            surface = point.bsdf(ray)
             smooth = goes_on & mi.has_flag(surface.flags(), mi.BSDFFlags.Smooth)
-            toward, weight = scene.sample_emitter_direction(here, sampler.next_2d(), False, smooth)
+            toward, weight = scene.sample_emitter_direction(point, sampler.next_2d(), False, smooth)
             smooth &= toward.pdf != 0
-            smooth &= ~layers.ray_test(here.spawn_ray_to(toward.p), smooth)
+            smooth &= ~layers.ray_test(point.spawn_ray_to(toward.p), smooth)
             value, pdf, drawn, drawn_weight = surface.eval_pdf_sample(
-                context, here, here.to_local(toward.d), sampler.next_1d(), sampler.next_2d(),
+                context, point, point.to_local(toward.d), sampler.next_1d(), sampler.next_2d(),
                 goes_on,
             )  # fmt: skip
             share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
             light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
-            ray = here.spawn_ray(here.to_world(drawn.wo))
+            ray = point.spawn_ray(point.to_world(drawn.wo))
             throughput *= drawn_weight
             eta *= drawn.eta
-            valid |= active & here.is_valid()
-            before, before_pdf = here, drawn.pdf
+            valid |= active & point.is_valid()
+            before, before_pdf = point, drawn.pdf
             before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
-            depth += dr.select(here.is_valid(), mi.UInt32(1), mi.UInt32(0))
+            depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
             most: Any = dr.max(throughput)
             stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
             roulette = depth >= ROULETTE_DEPTH
@@ -156,18 +156,18 @@ class LightPaths:
         return light, valid
 
 
-def _shining(scene: Any, here: Any, before: Any, pdf: Any, delta: Any) -> Any:
+def _shining(scene: Any, point: Any, before: Any, pdf: Any, delta: Any) -> Any:
     """Emission of the hit itself, weighted against next-event estimation."""
-    source = mi.DirectionSample3f(scene, here, before)
+    source = mi.DirectionSample3f(scene, point, before)
     looked = scene.pdf_emitter_direction(before, source, ~delta)
-    light: Any = source.emitter.eval(here, pdf > 0)
+    light: Any = source.emitter.eval(point, pdf > 0)
     return light * _share(pdf, dr.select(delta, 0.0, looked))
 
 
-def _share(pdf: Any, other: Any) -> Any:
+def _share(pdf: Any, other_pdf: Any) -> Any:
     """Weight of a sample by the power heuristic (Veach, 1997)."""
-    pdf, other = pdf * pdf, other * other
-    weight = pdf / (pdf + other)
+    pdf, other_pdf = pdf * pdf, other_pdf * other_pdf
+    weight = pdf / (pdf + other_pdf)
     return dr.select(dr.isfinite(weight), weight, 0.0)
 
 

@@ -87,16 +87,16 @@ def llvm_in_use() -> tuple[str, str]:
     The first call chooses, unless Dr.Jit was imported before and has already chosen.
     """
     if "drjit" not in sys.modules:
-        library, found = find_llvm()
+        library, version = find_llvm()
         if library:
             os.environ["DRJIT_LIBLLVM_PATH"] = library
-        return library, found
+        return library, version
     from drjit.detail import llvm_version as bound_version
 
-    version = bound_version()
-    if version[0] in TRIED_LLVM:
-        return "libLLVM of Dr.Jit's own choice", ".".join(map(str, version))
-    refusal = _refusal(version) if version[0] > 0 else "is none"
+    bound = bound_version()
+    if bound[0] in TRIED_LLVM:
+        return "libLLVM of Dr.Jit's own choice", ".".join(map(str, bound))
+    refusal = _refusal(bound) if bound[0] > 0 else "is none"
     remedy = "take Mitsuba from megalopta.render, as mi, before importing it"
     return "", f"the LLVM that Dr.Jit found {refusal}; {remedy}"
 
@@ -166,4 +166,4 @@ def llvm_libraries() -> Iterator[Path]:
         number = re.search(r"\d+", library.name) or re.search(r"(?<=llvm-)\d+", str(library))
         return -int(number.group()) if number else 0, str(library)
 
-    yield from sorted((each for each in libraries if name.fullmatch(each.name)), key=newest_first)
+    yield from sorted((path for path in libraries if name.fullmatch(path.name)), key=newest_first)

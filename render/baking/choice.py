@@ -68,7 +68,7 @@ def path_tracing_reason(
         return f"{len(moving)} objects move and change light and shadow on all others"
     if len(moving) == len(scene.placements):
         return "there is no surface at rest for baked light"
-    materials = (name for each in moving for name in scene.assets[each.asset].parts)
+    materials = (name for thing in moving for name in scene.assets[thing.asset].parts)
     if any(scene.materials[name].emission for name in materials):
         return "a glowing object moves, and with it its light on all others"
     glowing = any(material.emission for material in scene.materials.values())

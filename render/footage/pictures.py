@@ -285,7 +285,7 @@ def _common_header(files: tuple[Path, ...]) -> frames.Header:
         if len(header.pages) > 1:
             raise DamagedFileError(f"{path} holds {len(header.pages)} pictures; give it alone")
         if header.shape != first.shape:
-            sizes = ("{1} × {0}".format(*each.shape) for each in (first, header))
+            sizes = ("{1} × {0}".format(*size.shape) for size in (first, header))
             raise UserError(
                 f"{files[0]} and {path.name} differ in size ({' and '.join(sizes)} px); "
                 "give pictures of one size"

@@ -257,11 +257,11 @@ def _covered(  # type: ignore[no-untyped-def]
 def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
     """Set lines (3, 3): a + b·x + c·y is the distance of a place inside each edge, px."""
     for edge in range(3):
-        u, v, rest = triangle[edge], triangle[(edge + 1) % 3], triangle[(edge + 2) % 3]
+        u, v, w = triangle[edge], triangle[(edge + 1) % 3], triangle[(edge + 2) % 3]
         x = u[1] * v[2] - u[2] * v[1]
         y = u[2] * v[0] - u[0] * v[2]
         z = u[0] * v[1] - u[1] * v[0]
-        side = np.sign(x * rest[0] + y * rest[1] + z * rest[2])
+        side = np.sign(x * w[0] + y * w[1] + z * w[2])
         for corner in range(3):
             a = axes[corner]
             lines[edge, corner] = side * (x * a[0] + y * a[1] + z * a[2])

@@ -181,7 +181,7 @@ class Surface:
 @compiled
 def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
     """True if both directions (N, 3) hit the same side of triangles at rest, or the sky."""
-    found = np.ones(len(triangle), np.bool_)
+    is_same = np.ones(len(triangle), np.bool_)
     u, v = np.empty(3), np.empty(3)
     for ray in range(len(triangle)):
         if not 0 <= triangle[ray] < at_rest:
@@ -194,8 +194,8 @@ def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no
         y = u[2] * v[0] - u[0] * v[2]
         z = u[0] * v[1] - u[1] * v[0]
         once = x * seen[ray, 0] + y * seen[ray, 1] + z * seen[ray, 2]
-        found[ray] = once * (x * way[ray, 0] + y * way[ray, 1] + z * way[ray, 2]) > 0
-    return found
+        is_same[ray] = once * (x * way[ray, 0] + y * way[ray, 1] + z * way[ray, 2]) > 0
+    return is_same
 
 
 # A frame, the next and the previous one.

@@ -198,7 +198,7 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[tuple[Ints, Floats, Flo
 @compiled
 def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-untyped-def]
     """Triangles (R,) that rays hit, nearer than distances (R,), which are lowered; else -1."""
-    found = np.full(len(ways), -1)
+    met = np.full(len(ways), -1)
     a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for triangle in range(len(corners)):
         corner = corners[triangle]
@@ -218,8 +218,8 @@ def _meet(places, ways, axes, sides, corners, distance):  # type: ignore[no-unty
             u = -(corner[0, 0] * p[0] + corner[0, 1] * p[1] + corner[0, 2] * p[2]) / size
             v = (way[0] * q[0] + way[1] * q[1] + way[2] * q[2]) / size
             if u >= 0 and v >= 0 and u + v <= 1 and 0 < along / size < distance[ray]:
-                distance[ray], found[ray] = along / size, triangle
-    return found
+                distance[ray], met[ray] = along / size, triangle
+    return met
 
 
 @compiled
