@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from megalopta.render.variant import Variant, llvm_in_use
 
 llvm_in_use()
-if "drjit" not in sys.modules:
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
+sys.stderr.flush()
+kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+try:
+    os.dup2(nowhere, 2)
+    import drjit as dr
+finally:
+    os.dup2(kept, 2)
+    os.close(kept)
+    os.close(nowhere)
 
-import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 # Warnings, such as that samplers round up, are in the settings' help; errors are raised anyway.
