@@ -48,6 +48,11 @@ def recurrence(index: Any, key: Any) -> list[Any]:
     ]
 
 
+def _generator(*state: Any) -> Any:
+    pcg32: Any = mi.PCG32
+    return pcg32(*state)
+
+
 class _KeyedSampler(PlugIn):
     """Random numbers seeded by a key and a sample's index."""
 
@@ -55,11 +60,11 @@ class _KeyedSampler(PlugIn):
 
     def __init__(self, properties: Any) -> None:
         self.above.__init__(self, properties)
-        self.generator: Any = mi.PCG32()
+        self.generator = _generator()
 
     def start(self, key: Any, sample: Any) -> None:
         state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-        self.generator = mi.PCG32(1, state, stream)
+        self.generator = _generator(1, state, stream)
 
     def schedule_state(self) -> None:
         dr.schedule(self.generator)

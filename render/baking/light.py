@@ -180,9 +180,10 @@ class BakedLight:
         shares = self._shares(density)[clusters]
         rows = np.zeros((len(clusters), 2 * self._columns), np.float32)
         launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
-        parts = np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
+        ends = np.flatnonzero(np.diff(launch)) + 1
+        parts = np.split(np.arange(len(launch)), ends) if len(launch) else []
         with progress("Computing light on surfaces", len(parts), "part") as advance:
-            for part in parts if len(clusters) else []:
+            for part in parts:
                 chosen = clusters[part]
                 leaders, drawn = self._clusters.leaders[chosen], self._clusters.draws(chosen)
                 halves = self._gatherer.leaving(

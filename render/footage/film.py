@@ -61,7 +61,8 @@ class Film(frames.Footage):
         bounded.check_file(path, _MOST_BYTES)
         self.path, self._demuxer = path, DEMUXERS[path.suffix.lower()]
         self._problem, self._reformatter = FFmpegError, VideoReformatter()
-        self._file, self._container = path.open("rb"), None
+        self._file = path.open("rb")
+        self._container: Any = None
         try:
             with working(f"frames of {path}"):
                 self._begin()

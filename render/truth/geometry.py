@@ -174,8 +174,8 @@ class Surface:
 
     def of(self, ray: Mask) -> "Surface":
         """Return the surface points of some of the rays."""
-        values = self.triangle, self.points, self.directions, self.barycentric, self.distance
-        return Surface(*(value[ray] for value in values), of_rays(self.time_s, ray))
+        parts = self.points[ray], self.directions[ray], self.barycentric[ray], self.distance[ray]
+        return Surface(self.triangle[ray], *parts, of_rays(self.time_s, ray))
 
 
 @compiled
@@ -257,15 +257,15 @@ class Geometry:
         """Surface seen by rays, as `seen`, to the renderer's own float32 precision."""
         distance, *hits = self._rays.nearest(origin, directions)
         triangle = self._rows(distance, *hits)
-        if self._moving and isinstance(time_s, float):
+        if self._moving and not isinstance(time_s, float):
+            starts = np.broadcast_to(origin, directions.shape)
+            distance, rows = self._rolling.nearest(starts, directions, time_s, distance)
+            triangle = np.where(rows >= 0, rows, triangle)
+        elif self._moving and isinstance(time_s, float):
             of_moving, mesh, number = self._at(time_s)[0].nearest(origin, directions)
             rows = self._rows(of_moving, self._meshes_at_rest + mesh, number)
             triangle = np.where(of_moving < distance, rows, triangle)
             distance = np.minimum(of_moving, distance)
-        elif self._moving:
-            starts = np.broadcast_to(origin, directions.shape)
-            distance, rows = self._rolling.nearest(starts, directions, time_s, distance)
-            triangle = np.where(rows >= 0, rows, triangle)
         is_sky = triangle < 0
         points = np.where(is_sky, 1.0, distance)[:, None] * directions
         points += np.where(is_sky[:, None], 0.0, origin)
