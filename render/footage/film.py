@@ -79,7 +79,7 @@ class Film(frames.Footage):
                 shape=(first.width, first.height)[:: 1 if self._turn[0] else -1],
                 coding=coding,
                 times_s=times_s,
-                notes=(*self._notes(first, coding), *self._notes_of_stream(times_s)),
+                notes=tuple(self._notes(first, coding, times_s)),
             )
         except FFmpegError as problem:
             self._free()
@@ -101,8 +101,10 @@ class Film(frames.Footage):
         with self._decoding:
             place = self._file.tell()
             self._file.seek(0)
-            yield self._file
-            self._file.seek(place)
+            try:
+                yield self._file
+            finally:
+                self._file.seek(place)
 
     def _free(self) -> None:
         if self._container is not None:
@@ -227,25 +229,7 @@ class Film(frames.Footage):
             self._stamps = self._stamps[self._parted :]
         return self._stamps
 
-    def _notes_of_stream(self, times_s: Floats) -> Iterator[str]:
-        """Yield notes on the frames for the user."""
-        if (streams := len(self._container.streams.video)) > 1:
-            yield f"{self.path} holds {streams} films or pictures; one is read"
-        if self._stream.sample_aspect_ratio:
-            yield from frames.not_square(self.path, float(self._stream.sample_aspect_ratio))
-        if self._parted:
-            yield (
-                f"{self.path} is cut within a group of frames: the first {self._parted} cannot be "
-                "decoded and are omitted"
-            )
-        ends_s = (self._container.duration or 0) / 1e6
-        if ends_s > times_s[-1] + 1 + 2 * np.diff(times_s, prepend=0).max():
-            yield (
-                f"{self.path} promises {ends_s:.1f} s, but its frames end at {times_s[-1]:.1f} s: "
-                "it may be truncated, or only its sound continues"
-            )
-
-    def _notes(self, first: Any, coding: frames.Coding) -> Iterator[str]:
+    def _notes(self, first: Any, coding: frames.Coding, times_s: Floats) -> Iterator[str]:
         """Yield notes on assumptions and changes."""
         primaries = first.color_primaries
         if first.color_trc == frames.UNSTATED:
@@ -269,6 +253,21 @@ class Film(frames.Footage):
         yield from frames.unused(self.path, {name: "" for name in names if name in _TOLD})
         if first.interlaced_frame:
             yield f"{self.path} is interlaced: each frame holds two moments; deinterlace it first"
+        if (streams := len(self._container.streams.video)) > 1:
+            yield f"{self.path} holds {streams} films or pictures; one is read"
+        if self._stream.sample_aspect_ratio:
+            yield from frames.not_square(self.path, float(self._stream.sample_aspect_ratio))
+        if self._parted:
+            yield (
+                f"{self.path} is cut within a group of frames: the first {self._parted} cannot be "
+                "decoded and are omitted"
+            )
+        ends_s = (self._container.duration or 0) / 1e6
+        if ends_s > times_s[-1] + 1 + 2 * np.diff(times_s, prepend=0).max():
+            yield (
+                f"{self.path} promises {ends_s:.1f} s, but its frames end at {times_s[-1]:.1f} s: "
+                "it may be truncated, or only its sound continues"
+            )
 
     def _decoded(self, index: int) -> Any:
         """Return a decoded frame. Raises DamagedFileError if it is damaged or missing."""
