@@ -130,7 +130,7 @@ class Film(frames.Footage):
         is_full = first.color_range == _FULL or first.format.name.startswith("yuvj")
         matrix = None if is_rgb else _matrix(self.path, first, is_gray)
         way = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
-        self._conversion = {
+        self._conversion: dict[str, Any] = {
             "format": "rgb48le" if is_deep else "rgb24",
             "src_colorspace": matrix,
             "dst_colorspace": matrix,
