@@ -34,7 +34,7 @@ from megalopta.core.bounded import file_content, named_path
 from megalopta.core.compiling import compiled
 from megalopta.core.curve_file import curve_of
 from megalopta.core.record import Record
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
@@ -83,9 +83,6 @@ class Transmission(WavelengthCurve, frozen=True):
 class Lens(Effect, frozen=True):
     """Lens in front of the pixels."""
 
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = "radiance becomes photons per second on the pixel"
-
     f_number: Annotated[float, Field(gt=0)] = 1.4
     """Focal length over aperture diameter."""
     transmission: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -119,8 +116,6 @@ class FilterCurve(WavelengthCurve, frozen=True):
 class ColorFilters(Effect, frozen=True):
     """Mosaic of color filters; none by default."""
 
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = "every pixel sees light through its filter of the mosaic"
     switch: ClassVar[str] = "mosaic"
 
     mosaic: tuple[Annotated[str, Field(pattern="^[RGBW]{1,16}$")], ...] = Field((), max_length=16)
@@ -185,10 +180,6 @@ class Efficiency(WavelengthCurve, Effect, frozen=True):
     """Photon detection probability over wavelength; a constant is a curve of two points."""
 
     field: ClassVar[str] = "efficiency"
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = (
-        "a fraction of the photons on the active area, by wavelength, starts an avalanche"
-    )
 
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
     """Detected fraction of the photons on the active area (PDP = PDE over fill factor)."""

@@ -21,14 +21,12 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 
 class Afterpulsing(Effect, frozen=True):
     """Trapped carriers and their release; off by default."""
 
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
     switch: ClassVar[str] = "mean_carriers"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0

@@ -25,7 +25,7 @@ from scipy.sparse import csr_matrix, diags, identity
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import file_content, named_path, plain_array
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 REACH = 3
 """Largest distance of direct crosstalk along a row or column, pixels."""
@@ -42,8 +42,6 @@ Kernels = tuple[tuple[tuple[tuple[Weight, ...], ...], ...], ...]
 class Crosstalk(Effect, frozen=True):
     """Probabilities that avalanches fire neighboring pixels; off by default."""
 
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "avalanches send light to neighboring pixels"
     switch: ClassVar[str] = "mean_fired_neighbors"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
