@@ -197,7 +197,6 @@ CTIA_PRESETS: dict[str, CtiaSensor] = {
     name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
 PHOTODIODES = {name.removeprefix("ctia_"): sensor.diode for name, sensor in CTIA_PRESETS.items()}
-TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 
 
 def ctia_preset(name: str) -> CtiaSensor:

@@ -72,16 +72,13 @@ class Crosstalk(Effect, frozen=True):
             weights = np.array(self.kernel)
         except ValueError:  # lists of different lengths
             weights = np.empty(0)
-        if weights.ndim != 4 or not weights.any() or weights.size > _MOST_NUMBERS:
+        rows, columns = weights.shape[2:] if weights.ndim == 4 else (0, 0)
+        has_middle = rows % 2 and columns % 2 and weights.any() and weights.size <= _MOST_NUMBERS
+        if not has_middle or weights[:, :, rows // 2, columns // 2].any():
             raise ValueError(
                 f"crosstalk.kernel: shape {weights.shape}; give (P, Q, rows, columns) numbers, "
-                f"{_MOST_NUMBERS} at most, not all 0"
-            )
-        rows, columns = weights.shape[2:]
-        if not rows % 2 or not columns % 2 or weights[:, :, rows // 2, columns // 2].any():
-            raise ValueError(
-                f"crosstalk.kernel: {rows} × {columns} around a pixel; give odd numbers of rows "
-                "and columns with 0 in the middle"
+                f"{_MOST_NUMBERS} at most and not all 0, around a pixel: of odd rows and columns "
+                "with 0 in the middle"
             )
         if self.most_fired > _MOST_FIRED:
             raise ValueError(

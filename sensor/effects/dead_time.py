@@ -60,15 +60,11 @@ class DeadTime(Effect, frozen=True):
                 f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
                 f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
-        if self.kind != "nonparalyzable" and not self.is_closed_form:
+        is_known = self.kind == "nonparalyzable" and 0 in (self.twilight_s, self.recharge_s)
+        if not self.is_closed_form and not is_known:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                f"with kind {self.kind!r}; omit them or use kind 'nonparalyzable'"
-            )
-        if self.twilight_s > 0 and self.recharge_s > 0:
-            raise ValueError(
-                f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                "are alternatives; give one of them"
+                f"with kind {self.kind!r}; give one of them, with kind 'nonparalyzable'"
             )
         if self.twilight_s > self.dead_time_s / 2:
             raise ValueError(
