@@ -174,8 +174,9 @@ class Shot:
         """Mean radiance (T, H, W, B), and for single photons the rate in every part, Hz."""
         is_spad = isinstance(self.sensor, Sensor)
         if self.following is None:
-            rate_hz = detection_rate(self.radiance, self.bands_nm, self._spad) if is_spad else None
-            return self.radiance, np.asarray(rate_hz)
+            if not is_spad:
+                return self.radiance, np.empty(0)
+            return self.radiance, detection_rate(self.radiance, self.bands_nm, self._spad)
         means, rates_hz = [], []
         for frame in range(len(self.radiance)):
             parts = self._parts(frame, self.sensor.exposure_s / self.period_s)
@@ -225,39 +226,43 @@ class Shot:
         """
         if kind == "readings":
             yield self.readings(state, is_stated)
-            return
-        sensor, (radiance, rate_hz) = self._spad, self._light
-        if kind == "bits":
-            yield self._expose(rate_hz, sensor, self.draw, "bits", state=state)
-            return
-        if kind == "events":
+        elif kind == "bits":
+            yield self._expose(self._light[1], self._spad, self.draw, "bits", state=state)
+        elif kind == "burst":
+            yield from self._burst(state)
+        elif kind == "events":
             self.check_events()
-        elif kind == "histograms":
-            rate_hz = detection_rate(radiance, self.bands_nm, sensor)
-        else:
-            sensor = changed(sensor, exposure_s=self.period_s / self.burst_frames)
-            part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
-        for frame in range(len(radiance)):
-            number, now = self.draw.first_frame + frame, slice(frame, frame + 1)
-            draw = self.draw._replace(first_frame=number)
-            if kind == "events":
-                events, state = self._expose(rate_hz[now], sensor, draw, "events", state=state)
+            for frame, rate_hz in enumerate(self._light[1]):
+                draw = self.draw._replace(first_frame=self.draw.first_frame + frame)
+                events, state = self._expose(
+                    rate_hz[np.newaxis], self._spad, draw, kind, state=state
+                )
                 yield events, state
-            elif kind == "histograms":
-                later_s = None if self.later_s is None else self.later_s[now]
-                named = {"seed": draw.seed, "stream": draw.stream, "first_frame": number}
+        else:
+            rate_hz = detection_rate(self._light[0], self.bands_nm, self._spad)
+            for frame in range(len(rate_hz)):
                 counts = histograms.expose_histograms(
-                    rate_hz[now], sensor, **named, later_s=later_s
+                    rate_hz[frame : frame + 1],
+                    self._spad,
+                    seed=self.draw.seed,
+                    stream=self.draw.stream,
+                    first_frame=self.draw.first_frame + frame,
+                    later_s=None if self.later_s is None else self.later_s[frame : frame + 1],
                 )
                 yield counts, None
-            else:
-                parts_hz = detection_rate(self._parts(frame, 1.0), self.bands_nm, sensor)
-                for start in range(0, self.burst_frames, _BITS_AT_ONCE):
-                    first = number * self.burst_frames + start
-                    draw = Draw(self.draw.seed, f"{self.draw.stream}/burst", first)
-                    piece_hz = parts_hz[part_of[start : start + _BITS_AT_ONCE]]
-                    bits, state = self._expose(piece_hz, sensor, draw, "bits", state=state)
-                    yield bits, state
+
+    def _burst(self, state: PixelState | None) -> Iterator[tuple[Any, PixelState | None]]:
+        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces."""
+        sensor = changed(self._spad, exposure_s=self.period_s / self.burst_frames)
+        part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
+        for frame in range(len(self.radiance)):
+            rate_hz = detection_rate(self._parts(frame, 1.0), self.bands_nm, sensor)
+            first = (self.draw.first_frame + frame) * self.burst_frames
+            for start in range(0, self.burst_frames, _BITS_AT_ONCE):
+                draw = Draw(self.draw.seed, f"{self.draw.stream}/burst", first + start)
+                piece_hz = rate_hz[part_of[start : start + _BITS_AT_ONCE]]
+                bits, state = self._expose(piece_hz, sensor, draw, "bits", state=state)
+                yield bits, state
 
     @property
     def _expose(self) -> Callable[..., tuple[Any, PixelState | None]]:

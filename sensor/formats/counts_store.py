@@ -193,8 +193,8 @@ class OpenedCounts(Origin):
     def exposure(self, frames: Frames = slice(None)) -> Exposure:
         """Read frames, by default all, with their expectation if it was stored."""
         arrays = {name: stored[frames] for name, stored in self.arrays.items()}
-        readings = [arrays.pop(name) for name in READINGS]
-        return Exposure(*readings, Expectation(**arrays) if arrays else None)
+        counts, saturated = (arrays.pop(name) for name in READINGS)
+        return Exposure(counts, saturated, Expectation(**arrays) if arrays else None)
 
 
 def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> OpenedCounts:
