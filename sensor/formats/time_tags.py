@@ -173,10 +173,8 @@ def _photon_hdf5(path: Path) -> TimeTags:
 def _channels(file: h5py.File, detectors: list[Ints]) -> tuple[Ints, int]:
     """Return the channel of each event, and their number: as listed, as stated, or the largest."""
     if is_in(file, "setup/detectors/id"):
-        listed, detector = (
-            numbers_in(file, "setup/detectors/id", "iu", 1),
-            np.concatenate(detectors),
-        )
+        listed = numbers_in(file, "setup/detectors/id", "iu", 1)
+        detector = np.concatenate(detectors)
         order = np.argsort(listed)
         place = order[np.searchsorted(listed, detector, sorter=order).clip(max=listed.size - 1)]
         if (listed[place] != detector).any():
