@@ -41,11 +41,8 @@ from .exposure import (
 )
 from .formats.counts_store import (
     OpenedCounts as OpenedCounts,
-    StoredCounts as StoredCounts,
     StoredFrames as StoredFrames,
     open_counts as open_counts,
-    read_counts as read_counts,
-    write_counts as write_counts,
 )
 from .formats.events import (
     EventOrigin as EventOrigin,

@@ -16,24 +16,6 @@ from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.moments import count_moments
 from megalopta.sensor.spad.readings import moments_of_readings
 
-PARTS_ERROR = (
-    "with dead time alone mean_events by at most one count a part, times the share of time dead; "
-    "with afterpulsing by as much over one less mean_carriers, and the carriers that wait; "
-    "events_variance by 0.1 counts squared a part, as simulated; exact without either"
-)
-"""Error of the moments of events where light changes within an exposure. `count_moments` derives
-the bound of the mean, of which 0.4 was found. The bound of the variance is from simulations with
-light in one of two and of eight parts, and in every other one, at r·τ of 0.1, 1 and 3 for both
-kinds of dead time, with up to 0.2 carriers."""
-
-RUNNING_ERROR = (
-    "stated for pixels that have run in the light of the frame for long; where light changes "
-    "between frames, and in the first, mean_events are off by at most one count, times the share "
-    "of time dead; with afterpulsing by as much over one less mean_carriers, and the carriers that "
-    "wait; exact without either"
-)
-"""Error of the moments of events of an array that runs continuously."""
-
 
 def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Floats]:
     """Mean and variance of the events of an exposure, dark counts included, each (T, H, W).
@@ -42,7 +24,10 @@ def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Flo
     ----------
     detections_hz : (T, H, W) or (T, S, H, W) array
         Detection rate of always-live pixels, Hz (`detection_rate`), constant or in S equal parts of
-        the exposure; for the error of the latter see `PARTS_ERROR`.
+        the exposure. In parts, with dead time alone means are off by at most one count a part,
+        times the share of time dead (`count_moments` derives it; 0.4 of it was found); with
+        afterpulsing by as much over one less mean_carriers, and the carriers that wait; variances
+        by 0.1 counts² a part, as simulated at r·τ of 0.1 to 3; exact without either.
     """
     mean, variance, _, _ = _all_moments(detections_hz, sensor)
     return mean, variance
@@ -84,7 +69,10 @@ def expectation(
 
 
 def settled(sensor: Sensor) -> Sensor:
-    """Return the sensor with a stationary start of every exposure."""
+    """Return the sensor with a stationary start of every exposure, as of an array that runs.
+
+    Where light changes between frames, errors are those of parts in `event_moments`.
+    """
     return changed(sensor, dead_time={"start": "stationary"})
 
 

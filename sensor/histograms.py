@@ -35,14 +35,16 @@ def check_histograms(sensor: Sensor) -> None:
             f"exposure_s: {sensor.exposure_s:g} is more than {_MOST_PERIODS:g} periods of "
             f"{tcspc.period_s:g} s (tcspc.period_s); expose for less time"
         )
-    longest = _MOST_WRAPPED * sensor.tcspc.period_s
-    for field in ("tcspc.pulse_sigma_s", "tcspc.decay_s", "jitter.sigma_s", "jitter.tail_s"):
-        part, key = field.split(".")
-        value = getattr(getattr(sensor, part), key)
-        if value > longest:
+    for field, time_s in (
+        ("tcspc.pulse_sigma_s", tcspc.pulse_sigma_s),
+        ("tcspc.decay_s", tcspc.decay_s),
+        ("jitter.sigma_s", sensor.jitter.sigma_s),
+        ("jitter.tail_s", sensor.jitter.tail_s),
+    ):
+        if time_s > _MOST_WRAPPED * tcspc.period_s:
             raise ValueError(
-                f"{field}: {value:g} is longer than {_MOST_WRAPPED} periods of "
-                f"{sensor.tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
+                f"{field}: {time_s:g} is longer than {_MOST_WRAPPED} periods of "
+                f"{tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
             )
     if sensor.dead_time.dead_time_s > tcspc.period_s:
         raise ValueError(
@@ -88,13 +90,12 @@ def _shares(detections_hz: ArrayLike, sensor: Sensor, later_s: ArrayLike | None)
         )
     pulsed = rate * tcspc.pulsed_share * tcspc.period_s
     constant = (rate * (1 - tcspc.pulsed_share) + device.dark_counts_hz) * tcspc.period_s
-    later = None
     if later_s is not None:
-        later = np.broadcast_to(np.asarray(later_s, np.float64), rate.shape)
-        returns = np.isfinite(later)
+        later_s = np.broadcast_to(np.asarray(later_s, np.float64), rate.shape)
+        returns = np.isfinite(later_s)
         constant = constant + np.where(returns, 0, pulsed)
-        pulsed, later = np.where(returns, pulsed, 0), np.where(returns, later, 0)
-    return first_photon_shares(pulsed, constant, tcspc, sensor.jitter, later)
+        pulsed, later_s = np.where(returns, pulsed, 0), np.where(returns, later_s, 0)
+    return first_photon_shares(pulsed, constant, tcspc, sensor.jitter, later_s)
 
 
 def periods(sensor: Sensor) -> int:

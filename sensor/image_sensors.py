@@ -14,7 +14,7 @@ from pydantic import Field
 from megalopta.core.arrays import Floats
 from megalopta.core.plug_ins import plug_ins
 from megalopta.sensor.ctia.model import CTIA_PRESETS, CtiaSensor, pixels
-from megalopta.sensor.optics import band_efficiency, detected_rate
+from megalopta.sensor.optics import band_means, detected_rate
 from megalopta.sensor.spad.array import detection_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
@@ -54,7 +54,7 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
     measured map is damaged or does not fit, or its values exceed the limits.
     """
     for filters, _ in sensor.filters.parts(shape):
-        band_efficiency(sensor.efficiency, bands_nm, filters=filters)
+        band_means([sensor.efficiency, *filters], bands_nm)
     if isinstance(sensor, Sensor):
         draw_fixed_pattern(sensor, shape)
     else:

@@ -34,7 +34,7 @@ from megalopta.core.bounded import file_content, named_path
 from megalopta.core.compiling import compiled
 from megalopta.core.curve_file import curve_of
 from megalopta.core.record import Record
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
@@ -44,7 +44,7 @@ PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 class WavelengthCurve(Record):
     """Fraction of light over wavelength, linear between points."""
 
-    field: ClassVar[str]
+    field: ClassVar[str] = "filters"
     """Field of the sensor that holds the curve, for messages"""
 
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
@@ -76,15 +76,9 @@ class Transmission(WavelengthCurve, frozen=True):
 
     field: ClassVar[str] = "lens.transmission_curve"
 
-    values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    """Fraction of the light that passes at each point."""
-
 
 class Lens(Effect, frozen=True):
     """Lens in front of the pixels."""
-
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = "radiance becomes photons per second on the pixel"
 
     f_number: Annotated[float, Field(gt=0)] = 1.4
     """Focal length over aperture diameter."""
@@ -103,6 +97,11 @@ class Lens(Effect, frozen=True):
         """True: there is always a lens."""
         return True
 
+    @property
+    def curves(self) -> list[Transmission]:
+        """The transmission over wavelength, if there is one."""
+        return [self.transmission_curve] if self.transmission_curve else []
+
 
 _COLORS = {"R": "red", "G": "green", "B": "blue", "W": "white"}
 _BAYER = ("RGGB", "BGGR", "GRBG", "GBRG")
@@ -110,28 +109,20 @@ _LARGEST = 65535
 """Largest value that OpenCV interpolates."""
 
 
-class FilterCurve(WavelengthCurve, frozen=True):
-    """Transmission of a filter over wavelength."""
-
-    field: ClassVar[str] = "filters"
-
-
 class ColorFilters(Effect, frozen=True):
     """Mosaic of color filters; none by default."""
 
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = "every pixel sees light through its filter of the mosaic"
     switch: ClassVar[str] = "mosaic"
 
     mosaic: tuple[Annotated[str, Field(pattern="^[RGBW]{1,16}$")], ...] = Field((), max_length=16)
     """Rows of the mosaic, which repeats, such as RG and GB; empty: no filters."""
-    red: FilterCurve | None = None
+    red: WavelengthCurve | None = None
     """Transmission of the filters R over wavelength."""
-    green: FilterCurve | None = None
+    green: WavelengthCurve | None = None
     """Transmission of the filters G."""
-    blue: FilterCurve | None = None
+    blue: WavelengthCurve | None = None
     """Transmission of the filters B."""
-    white: FilterCurve | None = None
+    white: WavelengthCurve | None = None
     """Transmission of the filters W; null: clear."""
 
     @model_validator(mode="after")
@@ -140,17 +131,13 @@ class ColorFilters(Effect, frozen=True):
             raise ValueError(f"filters.mosaic: rows {self.mosaic} differ in length; fill them up")
         for letter, color in _COLORS.items():
             has_curve = getattr(self, color) is not None
-            if letter != "W" and has_curve != self.has(letter):
+            if letter != "W" and has_curve != (letter in "".join(self.mosaic)):
                 state = "is in no row of" if has_curve else "has no curve, but is in"
                 raise ValueError(
                     f"filters.{color}: {letter} {state} the mosaic {self.mosaic}; give both or "
                     "neither"
                 )
         return self
-
-    def has(self, letter: str) -> bool:
-        """True if a filter is part of the mosaic."""
-        return any(letter in row for row in self.mosaic)
 
     def places(self, shape: tuple[int, int]) -> NDArray[np.str_]:
         """Letter of the filter of every pixel, (rows, columns)."""
@@ -159,7 +146,9 @@ class ColorFilters(Effect, frozen=True):
         repeats = -(-rows // letters.shape[0]), -(-columns // letters.shape[1])
         return np.tile(letters, repeats)[:rows, :columns]
 
-    def parts(self, shape: tuple[int, int]) -> Iterator[tuple[list[FilterCurve], Floats | float]]:
+    def parts(
+        self, shape: tuple[int, int]
+    ) -> Iterator[tuple[list[WavelengthCurve], Floats | float]]:
         """Yield the curves of each filter, one or none, and the pixels (rows, columns) behind it.
 
         Without a mosaic: no curve, and 1.
@@ -168,9 +157,10 @@ class ColorFilters(Effect, frozen=True):
             yield [], 1.0
             return
         letters = self.places(shape)
-        for letter in filter(self.has, _COLORS):
-            curve = getattr(self, _COLORS[letter])
-            yield [curve] if curve else [], (letters == letter).astype(np.float64)
+        for letter, color in _COLORS.items():
+            if letter in "".join(self.mosaic):
+                curve = getattr(self, color)
+                yield [curve] if curve else [], (letters == letter).astype(np.float64)
 
     def check_bayer(self) -> None:
         """Raise ValueError if the mosaic is not one that `demosaiced` can interpolate."""
@@ -185,10 +175,6 @@ class Efficiency(WavelengthCurve, Effect, frozen=True):
     """Photon detection probability over wavelength; a constant is a curve of two points."""
 
     field: ClassVar[str] = "efficiency"
-    stage: ClassVar[Stage] = Stage.LIGHT
-    statement: ClassVar[str] = (
-        "a fraction of the photons on the active area, by wavelength, starts an avalanche"
-    )
 
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
     """Detected fraction of the photons on the active area (PDP = PDE over fill factor)."""
@@ -257,8 +243,7 @@ class PixelOptics(Record):
 
 def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons per second on each pixel, (T, H, W); parameters as for `expose`."""
-    lens_curve = sensor.lens.transmission_curve
-    passing = band_means([lens_curve] if lens_curve else [], bands_nm)
+    passing = band_means(sensor.lens.curves, bands_nm)
     weights = sensor.pixel_area_m2 * (_flux_per_radiance(bands_nm, sensor) * passing)
     radiance = _checked(radiance, weights.size)
     return _on_the_die(radiance, weights, sensor)
@@ -275,8 +260,8 @@ def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics)
     radiance = _checked(radiance, flux.size)
     rate_hz: Floats | None = None
     for filters, behind in sensor.filters.parts((radiance.shape[1], radiance.shape[2])):
-        efficiency = band_efficiency(sensor.efficiency, bands_nm, sensor.lens, filters)
-        weights = sensor.active_area_m2 * (flux * efficiency)
+        curves = [sensor.efficiency, *sensor.lens.curves, *filters]
+        weights = sensor.active_area_m2 * (flux * band_means(curves, bands_nm))
         filtered_hz = _on_the_die(radiance, weights, sensor)
         filtered_hz *= behind
         rate_hz = filtered_hz if rate_hz is None else rate_hz + filtered_hz
@@ -373,13 +358,11 @@ def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
 
 
 def blurred(images: Floats, blur_px: float) -> Floats:
-    """Return images (n, H, W) blurred by the lens's point spread.
+    """Return images (n, H, W) blurred by a point spread of this standard deviation along each side.
 
     The weights of the pixels around are integrals over them of a Gaussian whose width makes their
     own standard deviation `blur_px`; the difference matters below a pixel. Beyond the border, the
     outermost pixels are repeated. Error at edges sharper than pixels: `docs/theory/light.md`.
-
-    `images` (n, H, W): in any unit; `blur_px`: standard deviation along rows and along columns, px.
     """
     reach = int(np.ceil(5 * blur_px)) + 1
     places = np.arange(-reach, reach + 1)
@@ -398,13 +381,7 @@ def blurred(images: Floats, blur_px: float) -> Floats:
 
 
 def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
-    """Photons per second and square meter in each band, for a spectrum flat inside the band.
-
-    `irradiance` (..., B): band means, W·m⁻²·nm⁻¹; `bands_nm` (B, 2): lower and upper edge of each
-    band, nm. Returns (..., B) float64 photons·m⁻²·s⁻¹.
-
-    Raises ValueError if the bands are not B pairs of edges.
-    """
+    """Photons·m⁻²·s⁻¹ in each band (…, B), for an irradiance in W·m⁻²·nm⁻¹ flat inside the band."""
     lower, upper = check_bands(bands_nm).T
     wavelength_integral = (upper**2 - lower**2) / 2 * 1e-9
     irradiance = np.asarray(irradiance, np.float64)
@@ -432,24 +409,11 @@ def check_bands(bands_nm: ArrayLike) -> Floats:
     return bands
 
 
-def band_efficiency(
-    efficiency: Efficiency,
-    bands_nm: ArrayLike,
-    lens: Lens | None = None,
-    filters: Sequence[WavelengthCurve] = (),
-) -> Floats:
-    """Return the mean PDP over the photons of each band, (B,), from 0 to 1.
-
-    With a lens or filters, PDP is multiplied by their curves. Bands (B, 2) are lower and upper
-    edges, nm.
-    Raises ValueError if a band reaches outside a curve.
-    """
-    lens_curve = lens.transmission_curve if lens else None
-    return band_means([efficiency, *([lens_curve] if lens_curve else []), *filters], bands_nm)
-
-
 def band_means(curves: Sequence[WavelengthCurve], bands_nm: ArrayLike) -> Floats:
-    """Return the mean of the product of curves over the photons of each band, (B,)."""
+    """Return the mean of the product of curves over the photons of each band, (B,), from 0 to 1.
+
+    Bands (B, 2) are lower and upper edges, nm. Raises ValueError if one reaches outside a curve.
+    """
     bands = check_bands(bands_nm)
     for (lower, upper), curve in product(bands, curves):
         first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]

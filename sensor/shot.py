@@ -12,9 +12,9 @@ frame t + 1. Light is interpolated bilinearly, which softens detail finer than t
 motion is straight and uniform between two frames.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,6 +25,7 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor import expectations, histograms, quantities
 from megalopta.sensor.change import changed
 from megalopta.sensor.exposure import expose
+from megalopta.sensor.formats.products import Kind
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.spad.array import MOST_STORED, detection_rate, expose_frames
@@ -171,14 +172,17 @@ class Shot:
     @cached_property
     def _light(self) -> tuple[NDArray[Any], Floats]:
         """Mean radiance (T, H, W, B), and for single photons the rate in every part, Hz."""
+        is_spad = isinstance(self.sensor, Sensor)
         if self.following is None:
+            if not is_spad:
+                return self.radiance, np.empty(0)
             return self.radiance, detection_rate(self.radiance, self.bands_nm, self._spad)
         means, rates_hz = [], []
         for frame in range(len(self.radiance)):
             parts = self._parts(frame, self.sensor.exposure_s / self.period_s)
             means.append(parts.mean(axis=0))
-            if isinstance(self.sensor, Sensor):
-                rates_hz.append(detection_rate(parts, self.bands_nm, self.sensor))
+            if is_spad:
+                rates_hz.append(detection_rate(parts, self.bands_nm, self._spad))
         return np.stack(means), np.array(rates_hz)
 
     def _parts(self, frame: int, share: float) -> NDArray[np.floating]:
@@ -192,16 +196,11 @@ class Shot:
         self, state: PixelState | None, is_stated: bool = True
     ) -> tuple[quantities.Exposure, PixelState | None]:
         """Draw readings, with their mean and variance if they are stated."""
-        if not isinstance(self.sensor, Sensor):
-            radiance = self.radiance if self.following is None else self._light[0]
-            named = self.draw._asdict()
-            return expose(
-                radiance, self.bands_nm, self.sensor, **named, expectation=is_stated
-            ), None
         radiance, rate_hz = self._light
-        exposure, state = expose_frames(
-            rate_hz, self.sensor, self.draw, "counts", is_running=self.is_running, state=state
-        )
+        if not isinstance(self.sensor, Sensor):
+            named = {**self.draw._asdict(), "expectation": is_stated}
+            return expose(radiance, self.bands_nm, self.sensor, **named), None
+        exposure, state = self._expose(rate_hz, self.sensor, self.draw, "counts", state=state)
         if is_stated:
             sensor = expectations.settled(self.sensor) if self.is_running else self.sensor
             stated = expectations.expectation(
@@ -216,33 +215,44 @@ class Shot:
         for rate_hz in self._light[1]:
             check_load(rate_hz, exposure_s, effects, None, MOST_STORED)
 
-    def events(
-        self, state: PixelState | None
-    ) -> Iterator[tuple[quantities.Events, PixelState | None]]:
-        """Events, frame by frame. Raises ValueError if those of a frame do not fit into memory."""
-        self.check_events()
-        for frame, rate_hz in enumerate(self._light[1]):
-            draw = self.draw._replace(first_frame=self.draw.first_frame + frame)
-            events, state = expose_frames(
-                rate_hz[np.newaxis], self._spad, draw, "events",
-                is_running=self.is_running, state=state,
-            )  # fmt: skip
-            yield events, state
+    def drawn(
+        self, kind: Kind, state: PixelState | None, is_stated: bool = True
+    ) -> Iterator[tuple[Any, PixelState | None]]:
+        """Yield readings of a kind, in pieces, and the state of a running array after each.
 
-    def bits(self, state: PixelState | None) -> tuple[NDArray[np.uint8], PixelState | None]:
-        """Draw packed binary frames, (T, H, ceil(W/8))."""
-        return expose_frames(
-            self._light[1], self._spad, self.draw, "bits", is_running=self.is_running, state=state
-        )
-
-    def burst(
-        self, state: PixelState | None
-    ) -> Iterator[tuple[NDArray[np.uint8], PixelState | None]]:
-        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces.
-
-        Each takes an equal share of that time, from a live start or, for a running array, from the
-        end of the one before.
+        Binary frames of a burst fill the time between frames in equal shares, each from a live
+        start or, for a running array, from the end of the one before. Raises ValueError if the
+        events of a frame do not fit into memory.
         """
+        if kind == "readings":
+            yield self.readings(state, is_stated)
+        elif kind == "bits":
+            yield self._expose(self._light[1], self._spad, self.draw, "bits", state=state)
+        elif kind == "burst":
+            yield from self._burst(state)
+        elif kind == "events":
+            self.check_events()
+            for frame, rate_hz in enumerate(self._light[1]):
+                draw = self.draw._replace(first_frame=self.draw.first_frame + frame)
+                events, state = self._expose(
+                    rate_hz[np.newaxis], self._spad, draw, kind, state=state
+                )
+                yield events, state
+        else:
+            rate_hz = detection_rate(self._light[0], self.bands_nm, self._spad)
+            for frame in range(len(rate_hz)):
+                counts = histograms.expose_histograms(
+                    rate_hz[frame : frame + 1],
+                    self._spad,
+                    seed=self.draw.seed,
+                    stream=self.draw.stream,
+                    first_frame=self.draw.first_frame + frame,
+                    later_s=None if self.later_s is None else self.later_s[frame : frame + 1],
+                )
+                yield counts, None
+
+    def _burst(self, state: PixelState | None) -> Iterator[tuple[Any, PixelState | None]]:
+        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces."""
         sensor = changed(self._spad, exposure_s=self.period_s / self.burst_frames)
         part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
         for frame in range(len(self.radiance)):
@@ -251,24 +261,12 @@ class Shot:
             for start in range(0, self.burst_frames, _BITS_AT_ONCE):
                 draw = Draw(self.draw.seed, f"{self.draw.stream}/burst", first + start)
                 piece_hz = rate_hz[part_of[start : start + _BITS_AT_ONCE]]
-                bits, state = expose_frames(
-                    piece_hz, sensor, draw, "bits", is_running=self.is_running, state=state
-                )
+                bits, state = self._expose(piece_hz, sensor, draw, "bits", state=state)
                 yield bits, state
 
-    def histograms(self) -> Iterator[NDArray[np.uint32]]:
-        """Histograms (1, H, W, bins), frame by frame."""
-        radiance = self.radiance if self.following is None else self._light[0]
-        rate_hz = detection_rate(radiance, self.bands_nm, self._spad)
-        for frame in range(len(rate_hz)):
-            yield histograms.expose_histograms(
-                rate_hz[frame : frame + 1],
-                self._spad,
-                seed=self.draw.seed,
-                stream=self.draw.stream,
-                first_frame=self.draw.first_frame + frame,
-                later_s=None if self.later_s is None else self.later_s[frame : frame + 1],
-            )
+    @property
+    def _expose(self) -> Callable[..., tuple[Any, PixelState | None]]:
+        return partial(expose_frames, is_running=self.is_running)
 
     @property
     def _spad(self) -> Sensor:

@@ -11,11 +11,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.optics import band_efficiency
+from megalopta.sensor.optics import band_means
 
 sensor = preset("spadcam")
 bands_nm = [(start, start + 100) for start in range(400, 900, 100)]
-of_bands = band_efficiency(sensor.efficiency, bands_nm)
+of_bands = band_means([sensor.efficiency], bands_nm)
 ideal = changed(preset("ideal"), exposure_s=1e-3)
 light = 4e7 * np.broadcast_to(of_bands[:, None, None], (len(bands_nm), 60, 60))
 counted = expose_rate(light, ideal, seed=0, stream="bands").counts.mean(axis=(1, 2)) / 4e4

@@ -12,7 +12,7 @@ import numpy as np
 
 from megalopta.sensor.ctia import integration as ctia
 from megalopta.sensor.ctia.bias import DacBias, FloatingGateBias
-from megalopta.sensor.ctia.model import PHOTODIODES, TYPICAL_OFFSET_V
+from megalopta.sensor.ctia.model import CTIA_PRESETS, PHOTODIODES
 
 GATE, PATIENCE_S, OFFSETS = FloatingGateBias(), 3600.0, (np.arange(200) + 0.5) / 200
 POOR_V, PRINTED = (15e-3, 17.5e-3), ("10.4 fA, 1.6 pA, 33.8 fA", "700 pA, 5.8 nA, 2.25 pA")
@@ -38,7 +38,7 @@ def tuned(diode: str, bias_v: float) -> tuple[float, float]:
 
 print("         non-adaptive, adaptive (poor), adaptive (fine), limit set by the leak, in A")
 for diode, poor_v, printed in zip(("si", "ingaas"), POOR_V, PRINTED, strict=True):
-    fine_a, elapsed_s = tuned(diode, TYPICAL_OFFSET_V)
+    fine_a, elapsed_s = tuned(diode, CTIA_PRESETS["ctia_si"].offset_v)
     poor, any_offset = pixel(diode, poor_v, GATE.leak_v_s), pixel(diode, OFFSETS * DacBias().step_v)
     # 0.8·S·C/(√1.8 − √0.2)/√(S·C/(g·r)) of a swing S, a conductance g at zero bias and a leak r
     leak_a_s = poor.diode.zero_bias_s * GATE.leak_v_s

@@ -99,7 +99,7 @@ class SensingSettings(RenderingSettings, frozen=True):
 
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
-    `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff` (docs/file-formats.md)."""
+    `events_npz`, `binary_npy`, `burst_npy`, `tiff` (docs/file-formats.md)."""
 
     imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
     """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""

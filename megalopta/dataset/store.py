@@ -373,7 +373,7 @@ def whole_of(path: Path, root: Path) -> Path:
     Folders above the dataset may have any name.
     """
     inside = [folder for folder in path.parents if folder.is_relative_to(root) and folder != root]
-    stores = [folder for folder in inside if folder.suffix in (".zarr", ".spad512")]
+    stores = [folder for folder in inside if folder.suffix == ".zarr"]
     return stores[-1] if stores else path
 
 

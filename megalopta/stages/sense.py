@@ -9,7 +9,6 @@ every band. So one rendering serves all levels. The direction of the light does 
 moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -36,7 +35,6 @@ from megalopta.scenes import ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
-from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
 from megalopta.sensor.formats import products
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.sampling.streams import Draw
@@ -105,23 +103,11 @@ class _Product:
 
     def write(self, shot: Shot, is_stated: bool, state: PixelState | None) -> PixelState | None:
         """Draw readings of some frames and write them; return the state of a running array."""
-        drawn: Iterable[tuple[Any, PixelState | None]]
-        match self.kind:
-            case "readings":
-                drawn = [shot.readings(state, is_stated)]
-            case "events":
-                drawn = shot.events(state)
-            case "bits":
-                drawn = [shot.bits(state)]
-            case "burst":
-                drawn = shot.burst(state)
-            case "histograms":
-                drawn = ((histogram, None) for histogram in shot.histograms())
-        after = state
-        for reading, after in drawn:  # noqa: B007
+        for reading, after in shot.drawn(self.kind, state, is_stated):
+            state = after
             for write in self.files:
                 write(reading)
-        return after
+        return state
 
 
 class _Exposer:
@@ -139,9 +125,9 @@ class _Exposer:
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
-            unusual |= {"sub_frames": settings.sub_frames, "sub_frames_error": PARTS_ERROR}
+            unusual |= {"sub_frames": settings.sub_frames}
         if settings.free_running:
-            unusual |= {"free_running": True, "free_running_error": RUNNING_ERROR}
+            unusual |= {"free_running": True}
         origin = Origin(
             sensor=sensor,
             seed=settings.seed,

@@ -56,14 +56,9 @@ class Pixel:
     bias_v: Reals
     """Reverse bias of the diode at reset (V); negative: forward"""
     drift_v_s: float = 0.0
-    """Rise of the reverse bias (V/s), not negative"""
+    """Rise of the reverse bias (V/s), not negative, so that the discharge cannot reverse"""
     dark_scale: Reals = 1.0
     """Factor on the dark current of the diode"""
-
-    def __post_init__(self) -> None:
-        """Reject a negative drift, for which the discharge could reverse."""
-        if not 0 <= self.drift_v_s < np.inf:
-            raise ValueError(f"drift_v_s: {self.drift_v_s} V/s; give a rate that is not negative")
 
 
 def gain_from_db(gain_db: Reals) -> Floats:
@@ -108,21 +103,15 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
         now = np.where(seeking, time, 0.0)
         volts = _free_discharge(pixel, photocurrent_a, now)
         held = volts if pixel.diode.shunt_ohm is None else np.minimum(volts, pixel.swing_v)
+        dark_a = reverse_current(pixel.diode, reverse_bias(pixel, now, held), pixel.dark_scale)
         with np.errstate(invalid="ignore", divide="ignore"):
-            missing = pixel.capacitance_f * (target - volts)
-            step = missing / current(pixel, photocurrent_a, now, held)
+            step = pixel.capacitance_f * (target - volts) / (photocurrent_a + dark_a)
         step = np.where(seeking, step, 0.0)
         time = np.where(seeking, np.maximum(time + step, wait), time)
         seeking &= np.abs(step) > _RELATIVE_ERROR * time
         if not seeking.any():
             break
     return np.asarray(time)
-
-
-def current(pixel: Pixel, photocurrent_a: Reals, time_s: Reals, discharged_v: Reals) -> Floats:
-    """Current into the capacitor at a time and discharge, A."""
-    bias = reverse_bias(pixel, time_s, discharged_v)
-    return photocurrent_a + reverse_current(pixel.diode, bias, pixel.dark_scale)
 
 
 def reverse_bias(pixel: Pixel, time_s: Reals, discharged_v: Reals) -> Floats:

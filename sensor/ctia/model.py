@@ -12,26 +12,8 @@ pixel's row and column: the offset and the gain in decibels are normal (§3.2.4)
 dark current is log-normal with mean 1 (an assumption; the dissertation measured single pixels). The
 residual bias depends on how the bias is set (`bias`).
 
-Source: dissertation, Chapter 3, for the pixel; the array is an extension. Presets, three
-photodiodes at 300 K and with ideality 1:
-
-- `si`, OSRAM SFH229FA. Two measurements fix saturation current and shunt: 50 pA at 10 V reverse
-  (§3.3) and 1.6 pA "10–20 mV" from zero (Table 3.1, adaptive, poor), taken as 15 mV.
-- `ingaas`, the custom sample "with unusually high defect densities" of §3.3.1 and Table 3.1. One
-  measurement at a known bias: 170 nA at 100 mV reverse. The junction has the 100 pA of the
-  dissertation's own simulation (Fig. 3.2), the shunt the rest, 588.6 kΩ. A shunt is the steepest
-  curve of the model, and still gives 26 to 34 nA where Table 3.1 has 5.8 nA, 15 to 20 mV from zero.
-- `ingaas_quiet`, the "different (less noisy)" diode of §3.4, without published parameters: the
-  100 pA of Fig. 3.2 and no shunt.
-
-Quantum efficiencies are typical curves, not measurements of these devices: silicon behind the
-daylight filter of the SFH229FA (730 to 1100 nm), InGaAs lattice-matched to InP. The area of a pixel
-is that of the diode: 0.31 mm² for the SFH229FA (data sheet), 0.045 mm² for InGaAs (§3.3.4: 2.25 pA
-are 4.97 nA/cm²). Amplifier: 10 pF, 3.3 V, 130 ± 3.4 dB, mean offset 18.7 mV (§3.2.4; negative
-there, the sign of the amplifier's input). Exposure: 10 ms for the leaky sample, which would
-saturate, 100 ms for the others. Assumed, because not given: the spread of the offset, 10 mV
-("typical offsets are on the order of 10 mV"), the spread of the dark current, 10 %, the read noise,
-100 µV, and the lens.
+Source: dissertation, Chapter 3, for the pixel; the array is an extension. `presets.yaml` has the
+sources of its sensors.
 
 **Noise**: dark shot noise is that of two opposite Poisson currents of the junction
 (`junction_currents`), and the thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero
@@ -197,7 +179,6 @@ CTIA_PRESETS: dict[str, CtiaSensor] = {
     name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
 }
 PHOTODIODES = {name.removeprefix("ctia_"): sensor.diode for name, sensor in CTIA_PRESETS.items()}
-TYPICAL_OFFSET_V = CTIA_PRESETS["ctia_si"].offset_v
 
 
 def ctia_preset(name: str) -> CtiaSensor:

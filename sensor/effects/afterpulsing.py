@@ -13,7 +13,6 @@ primaries at a rate r, a long exposure has r·T/(1−p) counts on average, with 
 Source: dissertation §2.3.2; Hawkes, Biometrika 58, 83 (1971).
 """
 
-from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
@@ -21,14 +20,12 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 
 class Afterpulsing(Effect, frozen=True):
     """Trapped carriers and their release; off by default."""
 
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
     switch: ClassVar[str] = "mean_carriers"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
@@ -44,21 +41,16 @@ class Afterpulsing(Effect, frozen=True):
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
-        delays, cumulative = self.table_delays_s, self.table_cumulative
-        if len(delays) != len(cumulative):
+        delays, cumulative = np.array(self.table_delays_s), np.array(self.table_cumulative)
+        rises = (np.diff(delays) > 0).all() and (np.diff(cumulative) >= 0).all()
+        ends = [*self.table_cumulative[:1], *self.table_cumulative[-1:]]
+        if (delays.size or ends) and not (
+            delays.size == cumulative.size and rises and ends == [0, 1]
+        ):
             raise ValueError(
-                f"afterpulsing: {len(delays)} table_delays_s for {len(cumulative)} "
-                "table_cumulative; give one fraction per delay"
-            )
-        if not delays:
-            return self
-        if any(b <= a for a, b in pairwise(delays)) or any(b < a for a, b in pairwise(cumulative)):
-            raise ValueError(
-                "afterpulsing: table_delays_s must increase, table_cumulative must not fall"
-            )
-        if len(delays) < 2 or (cumulative[0], cumulative[-1]) != (0, 1):
-            raise ValueError(
-                f"afterpulsing.table_cumulative: {list(cumulative)}; must go from 0 to 1"
+                f"afterpulsing: table_delays_s {delays.tolist()} and table_cumulative "
+                f"{cumulative.tolist()}; give increasing delays, and for each a fraction that does "
+                "not fall, from 0 to 1"
             )
         return self
 

@@ -29,24 +29,19 @@ The breakdown voltage rises linearly, by 0.02 to 0.06 V/K in silicon diodes that
 """
 
 from collections.abc import Callable
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class Bias(Effect, frozen=True):
     """Excess bias, its mismatch and the quantities that depend on it; by default none do."""
-
-    stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = (
-        "excess bias and its mismatch scale efficiency, dark counts, afterpulsing and crosstalk"
-    )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0
     """Bias above the nominal breakdown voltage (V)."""
@@ -165,9 +160,6 @@ def best_excess_bias(bias: Bias) -> float:
 
 class Temperature(Effect, frozen=True):
     """Temperature of the chip; by default that at which the dark counts hold."""
-
-    stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "temperature scales the dark counts and moves the breakdown voltage"
 
     celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature of the chip (°C)."""

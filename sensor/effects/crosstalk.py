@@ -25,7 +25,7 @@ from scipy.sparse import csr_matrix, diags, identity
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import file_content, named_path, plain_array
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 REACH = 3
 """Largest distance of direct crosstalk along a row or column, pixels."""
@@ -42,8 +42,6 @@ Kernels = tuple[tuple[tuple[tuple[Weight, ...], ...], ...], ...]
 class Crosstalk(Effect, frozen=True):
     """Probabilities that avalanches fire neighboring pixels; off by default."""
 
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "avalanches send light to neighboring pixels"
     switch: ClassVar[str] = "mean_fired_neighbors"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
@@ -74,16 +72,13 @@ class Crosstalk(Effect, frozen=True):
             weights = np.array(self.kernel)
         except ValueError:  # lists of different lengths
             weights = np.empty(0)
-        if weights.ndim != 4 or not weights.any() or weights.size > _MOST_NUMBERS:
+        rows, columns = weights.shape[2:] if weights.ndim == 4 else (0, 0)
+        has_middle = rows % 2 and columns % 2 and weights.any() and weights.size <= _MOST_NUMBERS
+        if not has_middle or weights[:, :, rows // 2, columns // 2].any():
             raise ValueError(
                 f"crosstalk.kernel: shape {weights.shape}; give (P, Q, rows, columns) numbers, "
-                f"{_MOST_NUMBERS} at most, not all 0"
-            )
-        rows, columns = weights.shape[2:]
-        if not rows % 2 or not columns % 2 or weights[:, :, rows // 2, columns // 2].any():
-            raise ValueError(
-                f"crosstalk.kernel: {rows} × {columns} around a pixel; give odd numbers of rows "
-                "and columns with 0 in the middle"
+                f"{_MOST_NUMBERS} at most and not all 0, around a pixel: of odd rows and columns "
+                "with 0 in the middle"
             )
         if self.most_fired > _MOST_FIRED:
             raise ValueError(

@@ -33,17 +33,12 @@ from scipy.stats import binom
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.sampling.streams import pixel_uniforms, uniform
 
 
 class DarkCounts(Effect, frozen=True):
     """Distribution of the dark count rate over the pixels; all zero: no dark counts."""
-
-    stage: ClassVar[Stage] = Stage.DEVICE
-    statement: ClassVar[str] = (
-        "dark carriers arrive in addition to photons, at a rate of each pixel's own"
-    )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
     """Mean of the normal distribution of ordinary pixels before truncation at zero (Hz/µm²)."""
@@ -96,8 +91,6 @@ _NONE_IN_A_BLOCK = np.exp(-1.0)
 class Telegraph(Effect, frozen=True):
     """Dark counts that switch between levels; off by default."""
 
-    stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "traps switch the dark counts of some pixels between levels"
     switch: ClassVar[str] = "share"
 
     share: Annotated[float, Field(ge=0, le=1)] = 0.0

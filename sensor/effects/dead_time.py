@@ -13,7 +13,7 @@ with the rate times a constant α for probability; Krause and Walenta, arXiv 250
 recovery of the efficiency.
 """
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects import nonparalyzable, paralyzable
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.sampling.poisson import draw_poisson
 
 MOST_ARRIVALS = 1e15
@@ -33,9 +33,6 @@ COUNT_DISTRIBUTIONS = {"nonparalyzable": nonparalyzable, "paralyzable": paralyza
 
 class DeadTime(Effect, frozen=True):
     """Recovery of a pixel after an event."""
-
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "arrivals while the pixel recovers are lost"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """ideal: no dead time; nonparalyzable, active quench: arrivals in it are lost; paralyzable,
@@ -63,15 +60,11 @@ class DeadTime(Effect, frozen=True):
                 f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
                 f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
-        if self.kind != "nonparalyzable" and not self.is_closed_form:
+        is_known = self.kind == "nonparalyzable" and 0 in (self.twilight_s, self.recharge_s)
+        if not self.is_closed_form and not is_known:
             raise ValueError(
                 f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                f"with kind {self.kind!r}; omit them or use kind 'nonparalyzable'"
-            )
-        if self.twilight_s > 0 and self.recharge_s > 0:
-            raise ValueError(
-                f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
-                "are alternatives; give one of them"
+                f"with kind {self.kind!r}; give one of them, with kind 'nonparalyzable'"
             )
         if self.twilight_s > self.dead_time_s / 2:
             raise ValueError(
@@ -89,11 +82,6 @@ class DeadTime(Effect, frozen=True):
     def is_closed_form(self) -> bool:
         """True if the counts can be drawn directly: no twilight or recharging."""
         return self.twilight_s == 0 and self.recharge_s == 0
-
-    @property
-    def memory_s(self) -> float:
-        """Time in which a recharging pixel forgets, beyond some dead times, s."""
-        return 20 * self.recharge_s
 
 
 def expected_counts(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> Floats:

@@ -8,21 +8,18 @@ Without dead time counts are Poisson with mean and variance r·(open time in the
 Source: dissertation §2.3.2.
 """
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 
 class Gate(Effect, frozen=True):
     """Periodic window of sensitivity; always open by default."""
-
-    stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "arrivals outside the window are lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
     """Time from one opening to the next (s); null: not gated."""

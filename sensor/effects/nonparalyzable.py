@@ -62,34 +62,31 @@ def moments(arrivals: Floats, dead_fraction: Floats, is_stationary: bool) -> tup
         variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
     # β·T/τ < 45, solved for a + a²; the smaller of the two keeps the exponential finite
     early = a + a**2 > np.pi**2 / np.expm1(np.minimum(2 * _SETTLED * dead_fraction, 700.0))
-    summed = _summed_stationary_moments if is_stationary else _summed_moments
-    mean[early], variance[early] = summed(arrivals[early], a[early], mean[early])
+    mean[early], variance[early] = _summed(arrivals[early], a[early], mean[early], is_stationary)
     return mean, variance
 
 
-def _summed_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, Floats]:
+def _summed(x: Floats, a: Floats, near: Floats, is_stationary: bool) -> tuple[Floats, Floats]:
+    """Mean and variance by sums over P(N >= n), of x arrivals and about `near` counts."""
     # Before the moments settle the variance is below about 10, so beyond `_TAIL` counts from the
     # mean the distribution function is 0 or 1 to the last bit.
     certain = np.maximum(np.floor(near) - _TAIL, 0.0)
-    mean, square = np.zeros_like(arrivals), np.zeros_like(arrivals)
+    mean, square = np.zeros_like(x), np.zeros_like(x)
+    # ∫ P(n, y) dy up to y is y·P(n, y) − n·P(n+1, y)
+    left = np.maximum(x - a, 0.0)
+    integral = certain * left - certain * ((certain - 1) * a + certain + 1) / 2
     for extra in range(1, 2 * _TAIL + 2):
         count = certain + extra
-        reached = gammainc(count, np.maximum(arrivals - (count - 1) * a, 0.0))
-        mean += reached
-        square += (2 * extra - 1) * reached
-    return certain + mean, square - mean**2
-
-
-def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, Floats]:
-    # ∫ P(n, y) dy up to y is y·P(n, y) − n·P(n+1, y); summed over n as above
-    after_dead_time = np.maximum(arrivals - a, 0.0)
-    certain = np.maximum(np.floor(near) - _TAIL, 0.0)
-    integral = certain * after_dead_time - certain * ((certain - 1) * a + certain + 1) / 2
-    for extra in range(1, 2 * _TAIL + 2):
-        count = certain + extra
-        waited = np.maximum(after_dead_time - (count - 1) * a, 0.0)
-        integral += waited * gammainc(count, waited) - count * gammainc(count + 1, waited)
-    mean = arrivals / (1 + a)
+        if is_stationary:
+            waited = np.maximum(left - (count - 1) * a, 0.0)
+            integral += waited * gammainc(count, waited) - count * gammainc(count + 1, waited)
+        else:
+            reached = gammainc(count, np.maximum(x - (count - 1) * a, 0.0))
+            mean += reached
+            square += (2 * extra - 1) * reached
+    if not is_stationary:
+        return certain + mean, square - mean**2
+    mean = x / (1 + a)
     return mean, 2 * integral / (1 + a) + mean - mean**2
 
 

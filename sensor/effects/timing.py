@@ -35,14 +35,11 @@ from pydantic import Field
 from scipy.stats import expon, exponnorm, norm
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 
 
 class Jitter(Effect, frozen=True):
     """Scatter of the time stamps; none by default."""
-
-    stage: ClassVar[Stage] = Stage.READOUT
-    statement: ClassVar[str] = "time stamps of events scatter (event streams only)"
 
     sigma_s: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of a time stamp (s)."""
@@ -78,8 +75,6 @@ _VALUES_AT_ONCE = 2**22
 class Tcspc(Effect, frozen=True):
     """Pulsed light whose photons are counted by their time; off by default."""
 
-    stage: ClassVar[Stage] = Stage.READOUT
-    statement: ClassVar[str] = "the first avalanche of each pulse is counted by its time"
     switch: ClassVar[str] = "bins"
 
     bins: Annotated[int, Field(ge=0, le=65536)] = 0

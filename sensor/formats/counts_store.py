@@ -1,17 +1,10 @@
-"""Counts on disk: one Zarr v3 group per sequence and sensor.
-
-Arrays `counts`, `saturated` and, with the expectation, `photons`, `mean_events`, `events_variance`,
-`mean_reading`, `reading_variance` (float32), each (frame, row, column) in chunks of whole frames,
-with its unit as an attribute: counts, or electrons of an integrating sensor. The attributes of the
-group hold their origin: sensor, exposure, seed, sequence, illuminance. A store is written under a
-temporary name and renamed, so it is never incomplete.
-"""
+"""Counts on disk: one Zarr v3 group per sequence and sensor, never incomplete."""
 
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +16,6 @@ from pydantic import TypeAdapter
 from megalopta.core.bounded import check_decoded, open_store, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
-from megalopta.sensor.formats.recorded_frames import check_new
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure
 
@@ -63,22 +55,6 @@ class Origin:
     """Further notes of the writer; JSON values."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StoredCounts(Origin):
-    """Exposure with its origin."""
-
-    exposure: Exposure
-
-
-def write_counts(path: str | Path, stored: StoredCounts) -> None:
-    """Write counts as a new store.
-
-    Raises FileExistsError if the path exists.
-    """
-    with counts_writer(path, stored, len(stored.exposure.counts)) as write:
-        write(stored.exposure)
-
-
 @contextmanager
 def counts_writer(
     path: str | Path, origin: Origin, frames: int
@@ -90,7 +66,8 @@ def counts_writer(
     `frames`: total number of frames.
     """
     path = Path(path)
-    check_new(path)
+    if path.exists():
+        raise FileExistsError(f"{path}: already exists; remove it or choose another name")
     with atomic_write(path) as temporary:
         sequence = origin.sequence
         said = {
@@ -213,18 +190,15 @@ class OpenedCounts(Origin):
             raise ValueError(f"{self.path}: holds no {name}; {remedy}")
         return self.arrays[name]
 
-    def expectation(self, frames: Frames = slice(None)) -> Expectation:
-        """Read the expectation of frames, by default of all."""
-        return Expectation(*(self[name][frames] for name in MOMENTS))
-
     def exposure(self, frames: Frames = slice(None)) -> Exposure:
-        """Read frames, by default all, with all arrays."""
-        expectation = self.expectation(frames) if "photons" in self.arrays else None
-        return Exposure(self["counts"][frames], self["saturated"][frames], expectation)
+        """Read frames, by default all, with their expectation if it was stored."""
+        arrays = {name: stored[frames] for name, stored in self.arrays.items()}
+        counts, saturated = (arrays.pop(name) for name in READINGS)
+        return Exposure(counts, saturated, Expectation(**arrays) if arrays else None)
 
 
 def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> OpenedCounts:
-    """Open a store written by `write_counts`, without reading frames.
+    """Open a store written by `counts_writer`, without reading frames.
 
     `shape` is that of its arrays, frames, rows and columns, if it is known. Raises
     FileNotFoundError if the path does not exist; ValueError if it is not a store of counts, of
@@ -245,33 +219,17 @@ def open_counts(path: str | Path, shape: tuple[int, ...] | None = None) -> Opene
             array = store.arrays[name]
             if array.dtype.kind not in _KINDS[name] or not isinstance(array.attrs.get("unit"), str):
                 raise ValueError(f"{name} has the wrong type of numbers, or no unit")
-            written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
+            present = sum(chunk.is_file() for chunk in (path / name / "c").rglob("*"))
             sizes = zip(array.shape, array.shards or array.chunks, strict=True)
-            lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
+            lost = math.prod(-(-size // chunk) for size, chunk in sizes) - present
             if lost > 0:
                 raise ValueError(f"{lost} chunks of {name} are missing")
             arrays[name] = StoredFrames(path, array)
         shapes = [array.shape for array in arrays.values()]
         if len(shapes[0]) != 3 or len(set(shapes)) > 1:
             raise ValueError(f"its arrays differ in shape: {', '.join(map(str, shapes))}")
-        opened = OpenedCounts(
-            sensor=_IMAGE_SENSOR.validate_python(store.attributes["sensor"]),
-            **{
-                name: store.attributes[name]
-                for name in ("seed", "sequence", "illuminance_lux", "extra")
-            },
-            path=path,
-            arrays=arrays,
-        )
-        if shape not in (None, found := opened["counts"].shape):
-            raise ValueError(f"its arrays are {found} instead of {shape}")
-        return opened
-
-
-def read_counts(path: str | Path) -> StoredCounts:
-    """Read all frames of a store; errors as `open_counts`."""
-    opened = open_counts(path)
-    return StoredCounts(
-        exposure=opened.exposure(),
-        **{name: getattr(opened, name) for name in Origin.__dataclass_fields__},
-    )
+        if shape not in (None, shapes[0]):
+            raise ValueError(f"its arrays are {shapes[0]} instead of {shape}")
+        origin = {part.name: store.attributes[part.name] for part in fields(Origin)}
+        origin["sensor"] = _IMAGE_SENSOR.validate_python(origin["sensor"])
+        return OpenedCounts(**origin, path=path, arrays=arrays)

@@ -1,25 +1,14 @@
 """Event streams in HDF5, in the layout of event-camera data sets, and in `.npz`.
 
-An event is 12 bytes: `t`, int64, picoseconds from the start of the sequence, where frame n starts
-at n times the frame period; `x` and `y`, uint16, column and row. Events are sorted by frame and
-time stamp. `starts` is the index of each frame's first event, int64, because jitter may move a
-stamp outside its frame. Time stamps are rounded to a picosecond, far below the jitter of any SPAD.
-
-HDF5: group `events` with `t`, `x`, `y` and `p`, which is 1 for every event and takes no space, as
-only its fill value is written; `frame_start` for `starts`; the frames' description in the
-attributes. Checksums of data (Fletcher) and of structure (HDF5 1.10) detect damage.
-
-`.npz`, for `numpy.load`: arrays `t`, `x`, `y`, `starts`, and `origin`, which describes the frames,
-as JSON. Uncompressed, never pickled.
+Layout: `docs/file-formats.md`.
 """
 
 import json
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, Final, TypeAlias
 
 import h5py
@@ -44,7 +33,6 @@ _TYPES = {"t": "<i8", "x": "<u2", "y": "<u2"}
 _FORMAT = "megalopta events"
 _CHUNK = 16384
 _UNITS = {"t": "ps", "x": "column", "y": "row", "p": "1: an avalanche"}
-_COPIED_BYTES = 2**22
 _EVENT_BYTES, _DECODED_BYTES = 12, 64
 """Bytes of an event in a file, and of what its reader makes of it"""
 
@@ -133,35 +121,28 @@ def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callab
 def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callable[[Events], None]]:
     """Yield a function that appends the next frames' events; the file appears once complete.
 
-    Arrays wait in separate files until their length, which precedes them, is known. Raises
-    ValueError if the events' frames differ from those of the origin.
+    Events wait in memory, 12 bytes each, as their number precedes them. Raises ValueError if their
+    frames differ from those of the origin.
     """
-    with atomic_write(Path(path)) as temporary, ExitStack() as waiting:
-        # next to the output, on the same disk
-        folder = temporary.parent
-        waiters = {name: waiting.enter_context(TemporaryFile(dir=folder)) for name in _TYPES}
-        with _appending(path, origin) as (starts, columns_of):
+    blocks: dict[str, list[Column]] = {name: [np.empty(0, kind)] for name, kind in _TYPES.items()}
+    with _appending(path, origin) as (starts, columns_of):
 
-            def write(events: Events) -> None:
-                for name, values in columns_of(events).items():
-                    waiters[name].write(values.data)
+        def write(events: Events) -> None:
+            for name, values in columns_of(events).items():
+                blocks[name].append(values)
 
-            yield write
-        text = json.dumps(origin.attributes()).encode()
-        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
-            for name, waiter in waiters.items():
-                waiter.seek(0)
-                with file.open(_member(name), "w", force_zip64=True) as stored:
-                    header = {"descr": _TYPES[name], "fortran_order": False, "shape": (starts[-1],)}
-                    np.lib.format.write_array_header_1_0(stored, header)
-                    while block := waiter.read(_COPIED_BYTES):
-                        stored.write(block)
-            for name, array in (
-                ("starts", np.array(starts, "<i8")),
-                ("origin", np.frombuffer(text, np.uint8)),
-            ):
-                with file.open(_member(name), "w") as member:
-                    np.lib.format.write_array(member, array, allow_pickle=False)
+        yield write
+    text = json.dumps(origin.attributes()).encode()
+    with atomic_write(Path(path)) as temporary, zipfile.ZipFile(temporary, "w") as file:
+        for name in (*_TYPES, "starts", "origin"):
+            array: NDArray[Any] = np.array(starts, "<i8")
+            if name in blocks:
+                array = np.concatenate(blocks.pop(name))
+            elif name == "origin":
+                array = np.frombuffer(text, np.uint8)
+            # a fixed date, so that equal events give equal bytes
+            with file.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_events_hdf5(path: Path) -> StoredEvents:
@@ -227,7 +208,7 @@ def _stored(
         check_format("events", {"version": version}, path, key="version")
         frames, height, width, first_frame, period_ps = (int(attributes[name]) for name in _NUMBERS)
         exposure_s = float(attributes["exposure_s"])
-        if min(frames, height, width, first_frame) < 0 or period_ps < 0 or not exposure_s > 0:
+        if min(frames, height, width, first_frame, period_ps) < 0 or not exposure_s > 0:
             raise ValueError(
                 f"{frames} frames of {height} × {width} pixels, exposed {exposure_s} s"
             )
@@ -244,37 +225,25 @@ def _stored(
         t, x, y = columns["t"], columns["x"], columns["y"]
         if not len(t) == len(x) == len(y):
             raise ValueError(f"{len(t)} times, {len(x)} columns and {len(y)} rows")
-        many_frames, many_rows, many_columns = origin.shape
-        if len(starts) != many_frames + 1 or starts[0] != 0 or starts[-1] != len(t):
-            raise ValueError(f"starts do not share {len(t)} events among {many_frames} frames")
+        if len(starts) != frames + 1 or starts[0] != 0 or starts[-1] != len(t):
+            raise ValueError(f"starts do not share {len(t)} events among {frames} frames")
         if np.any(np.diff(starts) < 0):
             raise ValueError("starts decrease")
-        if t.size and (x.max() >= many_columns or y.max() >= many_rows):
-            raise ValueError(f"a pixel outside of {many_rows} × {many_columns}")
+        if t.size and (x.max() >= width or y.max() >= height):
+            raise ValueError(f"a pixel outside of {height} × {width}")
         backward = np.flatnonzero(np.diff(t) < 0) + 1
         if not np.isin(backward, starts).all():
             raise ValueError("times that decrease within a frame")
-    local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
-    pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
-    events = Events(
-        local / _PICOSECONDS,
-        np.asarray(pixel, np.uint32),
-        starts.astype(np.int64),
-        origin.shape,
-        origin.first_frame,
-    )
+    time_s = (t - np.repeat(origin.frame_starts_ps, np.diff(starts))) / _PICOSECONDS
+    pixel = np.asarray(y.astype(np.uint32) * np.uint32(width) + x, np.uint32)
+    events = Events(time_s, pixel, starts.astype(np.int64), origin.shape, first_frame)
     return StoredEvents(events=events, origin=origin)
 
 
 def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
-    found = file.create_dataset(
+    dataset = file.create_dataset(
         f"events/{name}", (0,), dtype, maxshape=(None,), chunks=(_CHUNK,),
         fletcher32=name != "p", fillvalue=int(name == "p"),
     )  # fmt: skip
-    found.attrs["unit"] = _UNITS[name]
-    return found
-
-
-def _member(name: str) -> zipfile.ZipInfo:
-    """Member with a fixed date, so that equal events give equal bytes."""
-    return zipfile.ZipInfo(f"{name}.npy")
+    dataset.attrs["unit"] = _UNITS[name]
+    return dataset

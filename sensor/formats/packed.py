@@ -1,55 +1,29 @@
 """Binary frames, eight pixels in a byte: one `.npy` file, or raw `.bin` files of SPAD cameras.
 
-- `.npy` as visionsim and the Single Photon Challenge write it: uint8 (T, H, ceil(W/8)), in color
-  (T, H, ceil(W/8), C); the most significant bit first, the last byte of a row filled with zeros.
-- Pi Imaging's SPAD512S: a folder of `RAW00000.bin`, `RAW00001.bin`, … without header, each (n, 512,
-  64) with n up to 1000, the most significant bit first.
-- SwissSPAD2: `.bin` files of 512 half frames or 256 whole ones, 8 MiB each, without header, the
-  least significant bit first. A half frame is 256 × 512. A whole one, 512 × 512, is 256 lines of
-  128 bytes: a quarter of a row of the top half, the same quarter of a row of the bottom half,
-  counted from below, the next quarter of the top, and so on.
+Layouts: `docs/file-formats.md`.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
 
 from megalopta.core.bounded import mapped_array, undamaged
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import (
     RecordedFrames,
-    check_new,
     file_bytes,
     wanted,
 )
 
-Bytes = NDArray[np.uint8]
-
-_SPAD512 = 512, 512
-_FRAMES_PER_FILE = 1000
-_SHAPES = {"spad512": _SPAD512, "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
+_SHAPES = {"spad512": (512, 512), "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
 _PACKED_NAMES = (".binary.npy", ".burst.npy")
 """Names of the products of packed bits (`products`)."""
 _FOOTER = b"DONE"
 """Sent by the SPAD512S after its frames, and kept by programs that store the whole stream."""
-
-
-class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
-    """Layout of files that do not state it themselves."""
-
-    bit_order: Literal["msb", "lsb"] = "msb"
-    """Bit of a byte that is the first pixel: the most or the least significant."""
-    packed_along: Literal["width", "height"] = "width"
-    """Direction of the eight pixels of a byte: along a row (width) or a column (height)."""
-    header_bytes: Annotated[int, Field(ge=0)] = 0
-    """Bytes to skip at the start of every file."""
-    footer_bytes: Annotated[int, Field(ge=0)] = 0
-    """Bytes to skip at the end of every file."""
 
 
 @contextmanager
@@ -77,50 +51,13 @@ def npy_writer(
             raise ValueError(f"{path}: {written} frames were written of {shape[0]}")
 
 
-@contextmanager
-def spad512_writer(folder: str | Path) -> Iterator[Callable[[Bytes], None]]:
-    """Yield a function that appends packed frames (T, 512, 64); the folder appears at the end.
-
-    Raises FileExistsError if the folder exists, ValueError if frames have another size.
-    """
-    folder = Path(folder)
-    check_new(folder)
-    with atomic_write(folder) as temporary:
-        temporary.mkdir()
-        written = 0
-
-        def write(packed: Bytes) -> None:
-            nonlocal written
-            check_spad512_size(packed.shape[1], 8 * packed.shape[2])
-            for frame in packed:
-                name = f"RAW{written // _FRAMES_PER_FILE:05d}.bin"
-                with (temporary / name).open("ab") as file:
-                    file.write(np.ascontiguousarray(frame).data)
-                written += 1
-
-        yield write
-
-
-def check_spad512_size(rows: int, columns: int) -> None:
-    """Check that frames are of the camera's size. Raises ValueError."""
-    if (rows, columns) != _SPAD512:
-        raise ValueError(
-            f"frames of {columns} × {rows} pixels; files of the SPAD512S have 512 × 512: set the "
-            "camera's width and height to 512, or write binary_npy"
-        )
-
-
 def read_binary_npy(
-    path: Path,
-    frames: slice,
-    layout: PackedLayout | None,
-    shape: tuple[int, int] | None,
-    is_packed: bool | None,
+    path: Path, frames: slice, shape: tuple[int, int] | None, is_packed: bool | None
 ) -> RecordedFrames:
     """Read packed frames as bits; frames of bits or of counts are returned as they are.
 
-    Numbers of 8 bits may be any of these: `is_packed`, a layout, the `shape` of the image or the
-    name of this program's products says it. Numbers of 0 and 1 are bits. Raises as `read_frames`.
+    Numbers of 8 bits may be any of these: `is_packed`, the `shape` of the image or the name of this
+    program's products says it. Numbers of 0 and 1 are bits. Raises as `read_frames`.
     """
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
         raise ValueError(f"{path}: not a .npy file; give one, or set its kind")
@@ -135,7 +72,7 @@ def read_binary_npy(
     part = array[wanted(len(array), frames, path, frame_bytes)]
     if array.dtype != np.uint8:
         return _counts(part, path, len(array))
-    if is_packed is None and (layout is not None or path.name.endswith(_PACKED_NAMES)):
+    if is_packed is None and path.name.endswith(_PACKED_NAMES):
         is_packed = True
     if is_packed is None and shape is not None:
         is_packed = tuple(shape) != array.shape[1:3]
@@ -154,59 +91,48 @@ def read_binary_npy(
             f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
             "width of the sensor; if it is the height, the file is transposed"
         )
-    bits = _unpacked(part, layout or PackedLayout(), width)
+    bits = np.unpackbits(part, axis=2, count=width)
     return RecordedFrames(counts=bits, bit_depth=1, source="packed_npy", total=len(array))
 
 
-def read_raw(
-    path: Path,
-    camera: Literal["spad512", "swissspad2", "swissspad2_whole"],
-    frames: slice,
-    layout: PackedLayout | None,
-) -> RecordedFrames:
-    """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
-    layout = layout or PackedLayout(bit_order="msb" if camera == "spad512" else "lsb")
-    rows, columns = _SHAPES[camera]
-    frame_bytes = rows * columns // 8
+def raw_files(path: Path) -> list[Path]:
+    """Return the `.bin` files of a folder in order of name, or a file itself."""
     files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
     if not files:
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
+    return files
+
+
+def read_raw(
+    path: Path, camera: Literal["spad512", "swissspad2", "swissspad2_whole"], frames: slice
+) -> RecordedFrames:
+    """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
+    rows, columns = _SHAPES[camera]
+    frame_bytes = rows * columns // 8
     parts = []
-    for file in files:
-        content = file_bytes(file)
-        body = content[layout.header_bytes : content.size - layout.footer_bytes]
+    for file in raw_files(path):
+        body = file_bytes(file)
         if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
             body = body[: -len(_FOOTER)]
         if body.size == 0 or body.size % frame_bytes:
             raise ValueError(
                 f"{file}: {body.size} bytes are not a whole number of frames of {frame_bytes}; it "
-                "is cut short or of another format, or give header_bytes and footer_bytes"
+                "is cut short or of another format"
             )
         parts.append(body.reshape(-1, frame_bytes))
     total = sum(map(len, parts))
     range_ = wanted(total, frames, path, 8 * frame_bytes)
-    chosen, start = [np.empty((0, frame_bytes), np.uint8)], 0
+    chosen, start = [], 0
     for part in parts:
         chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
         start += len(part)
-    raw = np.concatenate(chosen)
+    packed = np.concatenate(chosen).reshape(-1, rows, columns // 8)
     if camera == "swissspad2_whole":
-        quarters = raw.reshape(-1, rows // 2, 4, 2, columns // 32)
+        quarters = packed.reshape(-1, rows // 2, 4, 2, columns // 32)
         halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
         packed = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
-    elif layout.packed_along == "width":
-        packed = raw.reshape(-1, rows, columns // 8)
-    else:
-        packed = raw.reshape(-1, rows // 8, columns)
-    bits = _unpacked(packed, layout)
+    bits = np.unpackbits(packed, axis=2, bitorder="big" if camera == "spad512" else "little")
     return RecordedFrames(counts=bits, bit_depth=1, source=camera, total=total)
-
-
-def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> Bytes:
-    """Bits (T, H, W) or (T, H, W, C) of packed frames."""
-    along = 2 if layout.packed_along == "width" else 1
-    order: Literal["big", "little"] = "little" if layout.bit_order == "lsb" else "big"
-    return np.unpackbits(packed, axis=along, count=width, bitorder=order)
 
 
 def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:

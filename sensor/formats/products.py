@@ -1,4 +1,4 @@
-"""Products of an exposure, written frame by frame in constant memory, and their file names.
+"""Products of an exposure, written frame by frame, and their file names.
 
 Settings need only the names; writers are loaded on use.
 """
@@ -6,17 +6,15 @@ Settings need only the names; writers are loaded on use.
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 if TYPE_CHECKING:
     from megalopta.sensor.formats.counts_store import Origin
-    from megalopta.sensor.formats.events import EventOrigin
     from megalopta.sensor.image_sensors import ImageSensor
 
 ProductName: TypeAlias = Literal[
-    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff",
+    "counts", "events_hdf5", "events_npz", "binary_npy", "burst_npy", "tiff",
     "histograms_npy", "color_npy",
 ]  # fmt: skip
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
@@ -31,7 +29,6 @@ _PRODUCTS: Mapping[ProductName, tuple[str, Kind]] = {
     "events_hdf5": (".events.h5", "events"),
     "events_npz": (".events.npz", "events"),
     "binary_npy": (".binary.npy", "bits"),
-    "binary_spad512": (".spad512", "bits"),
     "burst_npy": (".burst.npy", "burst"),
     "tiff": (".tiff", "readings"),
     "histograms_npy": (".histograms.npy", "histograms"),
@@ -62,7 +59,6 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
     """
     from megalopta.sensor.exposure import check_binary
     from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
-    from megalopta.sensor.formats.packed import check_spad512_size
     from megalopta.sensor.histograms import check_histograms
     from megalopta.sensor.spad.model import Sensor
 
@@ -81,14 +77,13 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
             check_histograms(sensor)
         elif kind != "events":
             check_binary(sensor)
-        if product == "binary_spad512":
-            check_spad512_size(*shape)
+        elif max(shape) > MOST_PIXELS_A_SIDE:
+            raise ValueError(f"{max(shape)} pixels a side; events have up to {MOST_PIXELS_A_SIDE}")
     except ValueError as problem:
         raise ValueError(f"{product}: {problem}") from None
-    if kind == "events" and max(shape) > MOST_PIXELS_A_SIDE:
-        raise ValueError(f"{product}: {max(shape)} pixels a side; events have up to 65536")
 
 
+@contextmanager
 def product_writer(
     product: ProductName,
     path: Path,
@@ -96,7 +91,7 @@ def product_writer(
     shape: tuple[int, int, int],
     frame_period_s: float,
     burst_frames: int = 1,
-) -> AbstractContextManager[Write]:
+) -> Iterator[Write]:
     """Yield a function that appends frames to a product, which appears once complete.
 
     Parameters
@@ -115,52 +110,41 @@ def product_writer(
     from megalopta.sensor.optics import demosaiced
     from megalopta.sensor.spad.model import Sensor
 
-    frames, rows, columns = shape
+    (frames, rows, columns), sensor = shape, origin.sensor
+    writer: AbstractContextManager[Write]
     if product == "counts":
-        return counts_store.counts_writer(path, origin, frames)
-    if product == "tiff":
-        return _of_counts(
-            recorded_frames.tiff_writer(path, math.prod(shape) * 4, origin.sensor.exposure_s)
-        )
-    if product == "binary_spad512":
-        return packed.spad512_writer(path)
-    if product == "events_hdf5":
-        return events.events_hdf5_writer(path, _event_origin(origin, shape, frame_period_s))
-    if product == "events_npz":
-        return events.events_npz_writer(path, _event_origin(origin, shape, frame_period_s))
-    if product == "histograms_npy":
-        assert isinstance(origin.sensor, Sensor)
-        return packed.npy_writer(path, (*shape, origin.sensor.tcspc.bins), "<u4")
-    if product == "color_npy":
-        colors = partial(demosaiced, filters=origin.sensor.filters)
-        return _of_counts(packed.npy_writer(path, (*shape, 3), "<f4"), colors)
-    frames *= burst_frames if product == "burst_npy" else 1
-    return packed.npy_writer(path, (frames, rows, -(-columns // 8)))
-
-
-@contextmanager
-def _of_counts(
-    writer: AbstractContextManager[Write], change: Callable[[Any], Any] = lambda counts: counts
-) -> Iterator[Write]:
-    """Yield a function that appends the counts of exposures."""
-    with writer as write:
-        yield lambda exposure: write(change(exposure.counts))
-
-
-def _event_origin(
-    origin: "Origin", shape: tuple[int, int, int], frame_period_s: float
-) -> "EventOrigin":
-    from megalopta.sensor.formats.events import EventOrigin
-
-    return EventOrigin(
-        shape=shape,
-        frame_period_s=frame_period_s,
-        exposure_s=origin.sensor.exposure_s,
-        extra={
-            "sensor": origin.sensor.model_dump(mode="json"),
+        writer = counts_store.counts_writer(path, origin, frames)
+    elif product == "tiff":
+        writer = recorded_frames.tiff_writer(path, math.prod(shape) * 4, sensor.exposure_s)
+    elif product == "color_npy":
+        writer = packed.npy_writer(path, (*shape, 3), "<f4")
+    elif product == "histograms_npy":
+        assert isinstance(sensor, Sensor)
+        writer = packed.npy_writer(path, (*shape, sensor.tcspc.bins), "<u4")
+    elif product in ("binary_npy", "burst_npy"):
+        frames *= burst_frames if product == "burst_npy" else 1
+        writer = packed.npy_writer(path, (frames, rows, -(-columns // 8)))
+    else:
+        notes = {
+            "sensor": sensor.model_dump(mode="json"),
             "seed": origin.seed,
             "sequence": origin.sequence,
             "illuminance_lux": origin.illuminance_lux,
             **origin.extra,
-        },
-    )
+        }
+        of_events = events.EventOrigin(
+            shape=shape, frame_period_s=frame_period_s, exposure_s=sensor.exposure_s, extra=notes
+        )
+        is_hdf5 = product == "events_hdf5"
+        open_writer = events.events_hdf5_writer if is_hdf5 else events.events_npz_writer
+        writer = open_writer(path, of_events)
+    with writer as write:
+
+        def write_product(drawn: Any) -> None:
+            if product == "tiff":
+                drawn = drawn.counts
+            elif product == "color_npy":
+                drawn = demosaiced(drawn.counts, sensor.filters)
+            write(drawn)
+
+        yield write_product

@@ -1,9 +1,4 @@
-"""Frames as returned by every reader; opening and creating files; stacks in TIFF.
-
-**TIFF**, as from quantitative CMOS cameras; ImageJ and tifffile read it. One page per frame,
-uncompressed, unsigned integers or float32. Description of the first page: JSON with `shape` and
-`exposure_s`. BigTIFF from 4 GB on.
-"""
+"""Frames as returned by every reader; opening and creating files; stacks in TIFF."""
 
 import json
 import logging
@@ -54,12 +49,6 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(f"{path}: cannot be read ({reason}); give a file") from None
-
-
-def check_new(path: Path) -> None:
-    """Raise FileExistsError if the path exists."""
-    if path.exists():
-        raise FileExistsError(f"{path}: already exists; remove it or choose another name")
 
 
 def wanted(total: int, frames: slice, path: Path, frame_bytes: float) -> slice:

@@ -1,17 +1,6 @@
-"""Reader of time tags: PicoQuant's `.ptu`, by `ptufile`, Photon-HDF5, and LinoSPAD2.
+"""Readers of time tags: PicoQuant's `.ptu`, Photon-HDF5, and LinoSPAD2's `.dat`.
 
-A tag is the time of an event and its channel, a pixel. In a `.ptu` file of mode T2 the time is
-absolute; of mode T3 it is that of the laser pulse before, plus the time since. Photon-HDF5 has
-`timestamps` with their unit, in `photon_data`, or in `photon_data0`, `photon_data1`, … of several
-spots; each detector of each spot is a channel, in order.
-
-LinoSPAD2's `.dat` files (firmware 2212) do not say what they are. Half a sensor has 256 pixels,
-four at each of 64 converters. An acquisition cycle is its time on the camera's clock, of two words
-of 32 bits, and the stamps of each converter, of a word each: bit 31 is set in those that are used,
-bits 28 and 29 are the pixel, those below the time. The stamps of a 65th converter have no pixels.
-
-Layouts: ptufile (C. Gohlke); Photon-HDF5 0.5, Ingargiola et al., Biophys. J. 110, 26 (2016);
-daplis (S. Kulkov et al.).
+Layouts: `docs/file-formats.md`.
 """
 
 from pathlib import Path
@@ -157,55 +146,46 @@ def _ptu(path: Path) -> TimeTags:
 
 
 def _photon_hdf5(path: Path) -> TimeTags:
-    times, numbers, unit_s = [], [], 0.0
+    times, detectors, unit_s = [], [], 0.0
     with opened_hdf5(path) as file:
-        groups = [name for name in file if name.startswith("photon_data")]
-        if not groups:
+        spots = [name for name in file if name.startswith("photon_data")]
+        if not spots:
             raise ValueError("no photon_data")
-        # in order of the spots
-        groups.sort(key=lambda name: int(name.removeprefix("photon_data") or 0))
-        stamps = [
-            dataset_in(file, f"{name}/timestamps", "iu", 1, _DECODED_BYTES) for name in groups
-        ]
-        check_decoded(path, (sum(each.size for each in stamps),), _DECODED_BYTES)
-        for group, each in zip(groups, stamps, strict=True):
-            unit_s = _number_in(file, f"{group}/timestamps_specs/timestamps_unit")
-            number = np.zeros(each.size, np.int64)
-            if is_in(file, f"{group}/detectors"):
-                number = numbers_in(file, f"{group}/detectors", "iu", 1).astype(np.int64)
-            if number.size != each.size or not 0 < unit_s < 1:
+        spots.sort(key=lambda name: int(name.removeprefix("photon_data") or 0))
+        stamps = [dataset_in(file, f"{spot}/timestamps", "iu", 1, _DECODED_BYTES) for spot in spots]
+        check_decoded(path, (sum(ticks.size for ticks in stamps),), _DECODED_BYTES)
+        for spot, ticks in zip(spots, stamps, strict=True):
+            unit_s = _number_in(file, f"{spot}/timestamps_specs/timestamps_unit", 0.0)
+            detector = np.zeros(ticks.size, np.int64)
+            if is_in(file, f"{spot}/detectors"):
+                detector = numbers_in(file, f"{spot}/detectors", "iu", 1).astype(np.int64)
+            if detector.size != ticks.size or not 0 < unit_s < 1:
                 raise ValueError(
-                    f"{number.size} detectors of {each.size} times, unit of {unit_s} s"
+                    f"{detector.size} detectors of {ticks.size} times, unit of {unit_s} s"
                 )
-            times.append(each[()] * unit_s)
-            numbers.append(number)
-        channel, channels = _channels(file, numbers)
-        stated = "acquisition_duration"
-        duration_s = _number_in(file, stated) if is_in(file, stated) else 0.0
+            times.append(ticks[()] * unit_s)
+            detectors.append(detector)
+        channel, channels = _channels(file, detectors)
+        duration_s = _number_in(file, "acquisition_duration", 0.0)
     return TimeTags(np.concatenate(times), channel, channels, duration_s, unit_s)
 
 
-def _channels(file: h5py.File, numbers: list[Ints]) -> tuple[Ints, int]:
-    """Return the channel of each event, and the number of channels, from detectors by spot.
-
-    A file may list its detectors, or state how many there are; otherwise each spot has those up to
-    the largest number of all.
-    """
+def _channels(file: h5py.File, detectors: list[Ints]) -> tuple[Ints, int]:
+    """Return the channel of each event, and their number: as listed, as stated, or the largest."""
     if is_in(file, "setup/detectors/id"):
-        listed, number = numbers_in(file, "setup/detectors/id", "iu", 1), np.concatenate(numbers)
+        listed = numbers_in(file, "setup/detectors/id", "iu", 1)
+        detector = np.concatenate(detectors)
         order = np.argsort(listed)
-        place = order[np.searchsorted(listed, number, sorter=order).clip(max=listed.size - 1)]
-        if (listed[place] != number).any():
+        place = order[np.searchsorted(listed, detector, sorter=order).clip(max=listed.size - 1)]
+        if (listed[place] != detector).any():
             raise ValueError("an event of a detector that is not in setup/detectors/id")
         return place, listed.size
-    largest = max(int(number.max(initial=0)) for number in numbers)
-    total = len(numbers) * (largest + 1)
-    if is_in(file, "setup/num_pixels"):
-        total = int(_number_in(file, "setup/num_pixels"))
-    of_a_spot = total // len(numbers)
-    by_spot = [number + of_a_spot * spot for spot, number in enumerate(numbers)]
-    return np.concatenate(by_spot if largest < of_a_spot else numbers), total
+    largest = max(int(detector.max(initial=0)) for detector in detectors)
+    total = int(_number_in(file, "setup/num_pixels", len(detectors) * (largest + 1)))
+    of_a_spot = total // len(detectors)
+    by_spot = [detector + of_a_spot * spot for spot, detector in enumerate(detectors)]
+    return np.concatenate(by_spot if largest < of_a_spot else detectors), total
 
 
-def _number_in(file: h5py.File, name: str) -> float:
-    return float(numbers_in(file, name, "fiu", 0))
+def _number_in(file: h5py.File, name: str, otherwise: float) -> float:
+    return float(numbers_in(file, name, "fiu", 0)) if is_in(file, name) else otherwise

@@ -78,15 +78,10 @@ class _Tables(NamedTuple):
     """Probability of a cell's own count in 48 bits, and the cell of the alternative in 16"""
 
 
-def draw_poisson(
-    rng: np.random.Generator, means: Floats, more: Floats | None = None, factor: float = 1.0
-) -> Ints:
-    """Draw one count for each of (means + more)·factor, in one pass.
-
-    `means`, `more` (N,): finite and not negative (not checked).
-    """
+def draw_poisson(rng: np.random.Generator, means: Floats, factor: float = 1.0) -> Ints:
+    """Draw one count for each of means·factor, (N,), finite and not negative (not checked)."""
     counts = np.empty(means.size, np.int64)
-    fill_poisson(poisson_streams(rng), means, more, factor, counts, _MOST)
+    fill_poisson(poisson_streams(rng), means, None, factor, counts, _MOST)
     return counts
 
 
@@ -98,7 +93,7 @@ def fill_poisson(
     counts: NDArray[np.integer[Any]],
     most: int,
 ) -> None:
-    """Draw counts as `draw_poisson` into a contiguous (N,) array, none larger than `most`.
+    """Draw counts of (means + more)·factor into a contiguous (N,) array, none larger than `most`.
 
     The streams are `poisson_streams`; no count depends on those that follow it.
     """
@@ -168,11 +163,16 @@ def _draw(
     mean, z, drawn = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     small = np.empty(_BLOCK, np.uint64)
     fill_words(streams[0], words[0])
-    used, wait = 1, _exponential(words[0, 0, 0])
+    used, wait = 1, -math.log(uniform(words[0, 0, 0]))  # time to the first arrival
     for start in range(0, means.size, _BLOCK):
         size = min(_BLOCK, means.size - start)
         block = counts[start : start + size]
-        _scale(means, more, factor, start, mean[:size])
+        if more.size > 1:
+            for k in range(size):
+                mean[k] = (means[start + k] + more[start + k]) * factor
+        else:
+            for k in range(size):
+                mean[k] = (means[start + k] + more[0]) * factor
         number = _list_small(mean[:size], small)
         if number < size:
             fill_normals(streams[1], streams[2], words[1], edges, z[:size])
@@ -184,17 +184,6 @@ def _draw(
             used, wait = _draw_small(
                 streams[0], words[0], used, wait, tables, mean, places, block, most
             )
-
-
-@compiled
-def _scale(means: Floats, more: Floats, factor: float, start: int, mean: Floats) -> None:
-    """Compute the means of a block."""
-    if more.size > 1:
-        for k in range(mean.size):
-            mean[k] = (means[start + k] + more[start + k]) * factor
-    else:
-        for k in range(mean.size):
-            mean[k] = (means[start + k] + more[0]) * factor
 
 
 @compiled
@@ -232,36 +221,24 @@ def _draw_small(
             used = 0
         table, count = np.uint64(mean / _STEP), np.uint64(0)
         if table:
-            count = _multiple(word[used], table, tables)
+            head = tables.heads[table]
+            column = word[used] >> head[1]
+            cell = tables.cells[head[0] + column]
+            # no branch, which a processor would mispredict half of the time
+            is_own = np.uint64((word[used] & _CHANCE) < (cell >> _ALIAS_BITS))
+            alias = cell & _ALIAS
+            count = np.uint64(head[2] + alias + is_own * (column - alias))
             used += 1
         wait -= mean - float(table) * _STEP
         while wait < 0:
             if used == size:
                 fill_words(streams, words)
                 used = 0
-            wait += _exponential(word[used])
+            wait -= math.log(uniform(word[used]))
             used += 1
             count += _ONE
         counts[place] = min(int(np.int64(count)), most)
     return used, wait
-
-
-@compiled
-def _exponential(word: np.uint64) -> float:
-    """Exponential time between arrivals, from a random word."""
-    return -math.log(uniform(word))
-
-
-@compiled
-def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
-    """Count from one table and a random word."""
-    head = tables.heads[table]
-    column = word >> head[1]
-    cell = tables.cells[head[0] + column]
-    # no branch, which a processor would mispredict half of the time
-    is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
-    alias = cell & _ALIAS
-    return np.uint64(head[2] + alias + is_own * (column - alias))
 
 
 @compiled
@@ -373,11 +350,6 @@ _CERTAIN = np.float32(1) + _MARGIN
 
 _LANES_AT_ONCE = 128
 """Random words are made 16 kB at a time, to stay in the first-level cache."""
-
-
-def unpack(packed: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Bits, 0 or 1, (…, H, width), of packed frames."""
-    return np.unpackbits(packed, axis=-1, count=width)
 
 
 @compiled

@@ -27,7 +27,7 @@ slopes up to 0.6. Calibration remains a straight line. Each step may also have i
 Source: dissertation §2.4.2; that the step changes linearly with the output is assumed.
 """
 
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.sampling.streams import pixel_normals
 
 LARGEST_CAPACITY = 2**32 - 1
@@ -44,14 +44,7 @@ LARGEST_CAPACITY = 2**32 - 1
 Counts = NDArray[np.uint16] | NDArray[np.uint32]
 
 
-class _Counter(Effect, frozen=True):
-    stage: ClassVar[Stage] = Stage.READOUT
-    statement: ClassVar[str] = (
-        "avalanches are counted, up to the counter's capacity, and read (frames only)"
-    )
-
-
-class DigitalCounter(_Counter, frozen=True):
+class DigitalCounter(Effect, frozen=True):
     """Digital counter."""
 
     kind: Literal["digital"] = "digital"
@@ -83,7 +76,7 @@ _MOST_COUNTS = 65535
 _LARGEST_Z = 9
 
 
-class AnalogCounter(_Counter, frozen=True):
+class AnalogCounter(Effect, frozen=True):
     """Counter that stores its count as a voltage."""
 
     kind: Literal["analog"] = "analog"

@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import file_content, named_path, plain_array
-from megalopta.sensor.effects.base import AvalancheMaps, Effect, Stage
+from megalopta.sensor.effects.base import AvalancheMaps, Effect
 
 Fit = Literal["exact", "top_left", "center"]
 
@@ -51,8 +51,6 @@ class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=T
 class MeasuredMaps(Effect, frozen=True):
     """Maps that replace drawn patterns; none by default."""
 
-    stage: ClassVar[Stage] = Stage.DEVICE
-    statement: ClassVar[str] = "measured maps replace drawn patterns of the pixels"
     of_effect: ClassVar[Mapping[str, str]] = {
         "efficiency": "efficiency",
         "dark_counts": "dark_counts",

@@ -5,13 +5,12 @@ counts. Effects on avalanches interact in time and are simulated together if mor
 """
 
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
-from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.bias import Bias, Temperature
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
@@ -52,7 +51,8 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
     @property
     def memory_s(self) -> float:
         """Time after which a pixel has forgotten its past, s; dead times excluded."""
-        return float(sum(getattr(self, name).memory_s for name in self.on))
+        carriers_s = self.afterpulsing.memory_s if self.afterpulsing.is_on else 0.0
+        return 20 * self.dead_time.recharge_s + carriers_s
 
     @property
     def without_crosstalk(self) -> "AvalancheEffects":
@@ -158,18 +158,13 @@ class Sensor(PixelOptics, frozen=True):
         return "dead time" if self.avalanche_effects.is_closed_form else "simulated"
 
 
-def effects_of(model: type[Sensor]) -> tuple[str, ...]:
-    """Return the fields of a model that hold effects, in the order in which these act."""
-    stages = {
-        name: kind.stage
-        for name, field in model.model_fields.items()
-        for kind in (get_args(field.annotation) or (field.annotation,))[:1]
-        if isinstance(kind, type) and issubclass(kind, Effect)
-    }
-    return tuple(sorted(stages, key=lambda name: stages[name]))
-
-
-ORDER_OF_EFFECTS = effects_of(Sensor)
+ORDER_OF_EFFECTS = (
+    *("lens", "efficiency", "filters"),  # light on the pixels
+    *("dark_counts", "measured"),  # the device as made
+    *("temperature", "bias", "telegraph"),  # its operation
+    *("gate", "dead_time", "afterpulsing", "crosstalk"),  # avalanches
+    *("jitter", "tcspc", "counter"),  # readout
+)
 """Effect fields of `Sensor`, first to last."""
 
 
@@ -181,9 +176,9 @@ def without(sensor: Sensor, field: str) -> Sensor:
 
     Raises ValueError if there is no effect of this name.
     """
-    known = effects_of(type(sensor))
-    if field not in known:
-        raise ValueError(f"effect {field!r}: no such effect; choose from {', '.join(known)}")
+    if field not in ORDER_OF_EFFECTS:
+        known = ", ".join(ORDER_OF_EFFECTS)
+        raise ValueError(f"effect {field!r}: no such effect; choose from {known}")
     changes: dict[str, Any] = {field: getattr(sensor, field).off()}
     if field in MeasuredMaps.of_effect:
         changes["measured"] = {MeasuredMaps.of_effect[field]: None}
@@ -201,5 +196,6 @@ def active_effects(sensor: Sensor) -> tuple[str, ...]:
     measured = {
         name for name, file in MeasuredMaps.of_effect.items() if getattr(sensor.measured, file)
     }
-    names = effects_of(type(sensor))
-    return tuple(name for name in names if name in measured or getattr(sensor, name).is_on)
+    return tuple(
+        name for name in ORDER_OF_EFFECTS if name in measured or getattr(sensor, name).is_on
+    )

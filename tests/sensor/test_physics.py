@@ -30,7 +30,6 @@ from megalopta.sensor import (
     reading_moments,
     volt_moments,
 )
-from megalopta.sensor.sampling.poisson import unpack
 
 from .plainest import (
     brute_force_events,
@@ -82,7 +81,7 @@ def through_the_lens(light, sensor):
 
 def bits(light, sensor):
     packed = expose_binary(light, sensor, **KEY)
-    return unpack(packed, light.shape[-1]).astype(np.float64), None
+    return np.unpackbits(packed, axis=-1, count=light.shape[-1]).astype(np.float64), None
 
 
 def times(light, sensor):

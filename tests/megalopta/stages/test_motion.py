@@ -14,7 +14,7 @@ from megalopta.dataset.store import open_sequence
 from megalopta.flow.formats import write_flo
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
 from megalopta.report.panels import SequencePanels
-from megalopta.sensor import expectation, read_counts
+from megalopta.sensor import expectation, open_counts
 from megalopta.verification.truth import check_truth, footprint_residuals
 
 from ..small import agreeing, made, small
@@ -131,11 +131,11 @@ def test_sensors_see_the_frames_of_the_shutter(moving):
     sharp, _ = read_radiance(moving.radiance(1))
     assert moving.exposed_radiance(1) != moving.radiance(1)
     assert not np.allclose(blurred, sharp, rtol=0.2)
-    stored = read_counts(moving.counts(moving.configuration.sensors[0], "twilight"))
+    stored = open_counts(moving.counts(moving.configuration.sensors[0], "twilight"))
     first, *_ = (frames for _, frames in read_radiance_frames(moving))
     np.testing.assert_array_equal(first[1], blurred)
     stated = expectation(blurred[None], bands, stored.sensor)
-    ratio = stored.exposure.expectation.mean_events[1] / stated.mean_events[0]
+    ratio = stored.exposure().expectation.mean_events[1] / stated.mean_events[0]
     np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-5)
 
 

@@ -43,10 +43,6 @@ def test_what_no_bias_can_do_is_refused():
         trimmed_bias(DacBias(), 2.0)
 
 
-def test_twelve_bits_on_the_rail_step_by_0_81_mv():
-    assert DacBias().step_v == pytest.approx(0.81e-3, abs=0.005e-3)
-
-
 def test_fixed_bias_keeps_the_offsets_and_only_the_gate_drifts():
     np.testing.assert_array_equal(trimmed_bias(FixedBias(reverse_bias_v=1.0), OFFSETS), OFFSETS + 1)
     assert [drift_rate(b) for b in (FixedBias(), DacBias(), FloatingGateBias())] == [0, 0, 1.5e-6]

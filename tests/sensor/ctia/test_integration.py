@@ -100,8 +100,6 @@ def test_estimate_is_the_current_itself_when_it_is_constant():
 
 
 def test_impossible_requests_are_refused():
-    with pytest.raises(ValueError, match="drift_v_s"):
-        pixel(IDEAL, drift_v_s=-1e-6)
     for volts in (0.0, 3.4, np.nan):
         with pytest.raises(ValueError, match="discharged_v"):
             discharge_time(pixel(IDEAL), 0.0, volts)

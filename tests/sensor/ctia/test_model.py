@@ -116,25 +116,14 @@ def test_readings_near_the_rail_scatter_as_stated_and_electrons_go_on():
     np.testing.assert_allclose(electrons, expected, rtol=1e-9)
 
 
-DIODE = Photodiode(saturation_current_a=2e-15, shunt_ohm=5e12)
-SECONDS = 0.05
-DRAWS = 40_000
-
-
-def many_pixels(bias=1e-3):
-    return Pixel(DIODE, 1e-12, 3.3, 1e6, np.full(DRAWS, bias))
-
-
 def test_pixel_held_at_the_rail_has_no_shot_noise():
-    shot = CtiaNoise(reset=False)
-    assert not draw_noise(
-        generator(0, "x"), shot, many_pixels(-0.1), np.zeros(DRAWS), SECONDS
-    ).any()
+    diode, dark = Photodiode(saturation_current_a=2e-15, shunt_ohm=5e12), np.zeros(40_000)
+    held = Pixel(diode, 1e-12, 3.3, 1e6, dark - 0.1)
+    assert not draw_noise(generator(0, "x"), CtiaNoise(reset=False), held, dark, 0.05).any()
 
 
 def test_reset_noise_of_10_pf_is_20_microvolts():
     big = Pixel(Photodiode(temperature_k=300), 10e-12, 3.3, 1e6, 0.0)
-    deviation = np.sqrt(
-        noise_variance(SILENT.model_copy(update={"reset": True}), big, np.zeros(1), SECONDS)
-    )
-    assert deviation == pytest.approx(20.35e-6, rel=1e-3)
+    reset = SILENT.model_copy(update={"reset": True})
+    variance = noise_variance(reset, big, np.zeros(1), 0.05)
+    assert variance**0.5 == pytest.approx(20.35e-6, rel=1e-3)

@@ -69,12 +69,3 @@ def test_currents_both_ways_differ_by_the_net_current_and_exist_at_any_bias(idea
     np.testing.assert_allclose(reverse - forward, reverse_current(diode, bias), 1e-9, 1e-24)
     np.testing.assert_allclose(junction_currents(diode, np.array([300.0]))[1], 0)
     assert junction_currents(diode, np.array([-300.0]))[1] == np.inf  # as `reverse_current`
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"saturation_current_a": -1e-12}, {"ideality": 0.5}, {"temperature_k": 0}, {"shunt_ohm": 0}],
-)
-def test_impossible_diode_is_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        Photodiode(**wrong)

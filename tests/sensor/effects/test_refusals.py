@@ -19,9 +19,9 @@ RED = {"wavelengths_nm": (300, 1100), "values": (0.0, 0.8)}
 @pytest.mark.parametrize(
     ("effect", "fields", "message"),
     [
-        (Afterpulsing, {"table_delays_s": (0, 1)}, "one fraction per delay"),
+        (Afterpulsing, {"table_delays_s": (0, 1)}, "for each a fraction"),
         (Afterpulsing, {"table_delays_s": (0, 1), "table_cumulative": (0, 0.9)}, "from 0 to 1"),
-        (Afterpulsing, {"table_delays_s": (1, 0), "table_cumulative": (0, 1)}, "must increase"),
+        (Afterpulsing, {"table_delays_s": (1, 0), "table_cumulative": (0, 1)}, "increasing delays"),
         (AnalogCounter, {"step_v": 4.0}, "a step must fit into the swing"),
         (AnalogCounter, {"step_v": 0.01, "swing_v": 3.4}, "the swing into the supply"),
         (AnalogCounter, {"step_v": 0.01, "step_sigma_v": 0.0012}, "step_sigma_v"),
@@ -32,7 +32,7 @@ RED = {"wavelengths_nm": (300, 1100), "values": (0.0, 0.8)}
         (ColorFilters, {"mosaic": ("RG", "GB"), "red": RED}, "green: G has no curve"),
         (ColorFilters, {"mosaic": ("W",), "red": RED}, "red: R is in no row of the mosaic"),
         (Crosstalk, {"kernel": [[[[0, 1, 0]]]] * 2}, "0 in the middle"),
-        (Crosstalk, {"kernel": [[[[1, 0, 0, 1]]]]}, "1 × 4 around a pixel; give odd numbers"),
+        (Crosstalk, {"kernel": [[[[1, 0, 0, 1]]]]}, "of odd rows and columns"),
         (Crosstalk, {"kernel": [[[[0, 0, 0]]]]}, "not all 0"),
         (Crosstalk, {"kernel": [[[[1, 0, 1], [1, 0]]]]}, "not all 0|shape"),
         (

@@ -1,114 +1,98 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import zarr
 
-from megalopta.sensor import (
-    Expectation,
-    Exposure,
-    StoredCounts,
-    expose,
-    open_counts,
-    preset,
-    read_counts,
-)
+from megalopta.sensor import Expectation, Exposure, open_counts, preset
 from megalopta.sensor.formats import counts_store
-from megalopta.sensor.formats.counts_store import MOMENTS, READINGS, counts_writer, write_counts
+from megalopta.sensor.formats.counts_store import MOMENTS, READINGS, Origin, counts_writer
+
+COUNTS, VALUES = np.arange(720, dtype="u2").reshape(5, 12, 12), np.random.default_rng(0)
+EXPOSURE = Exposure(COUNTS, COUNTS > 700, Expectation(*VALUES.random((5, *COUNTS.shape))))
+ORIGIN = Origin(
+    sensor=preset("spadcam"), seed=3, sequence="forest/0", illuminance_lux=1e-3,
+    extra={"speed": [1, 2.5], "note": "µ"},
+)  # fmt: skip
 
 
-@pytest.fixture
-def stored():
-    sensor = preset("spadcam")
-    radiance = np.linspace(0, 1e-6, 720).reshape(5, 12, 12, 1)
-    bands = [(400.0, 500.0)]
-    exposure = expose(radiance, bands, sensor, seed=3, stream=0, expectation=True)
-    return StoredCounts(
-        exposure=exposure, sensor=sensor, seed=3, sequence="forest/0", illuminance_lux=1e-3,
-        extra={"speed": [1, 2.5], "note": "µ"},
-    )  # fmt: skip
-
-
-def test_everything_comes_back_as_it_was_written(tmp_path, stored):
-    write_counts(tmp_path / "a" / "spadcam.zarr", stored)
-    back = read_counts(tmp_path / "a" / "spadcam.zarr")
-    for name in READINGS:
-        before, after = getattr(stored.exposure, name), getattr(back.exposure, name)
-        assert after.dtype == before.dtype
-        np.testing.assert_array_equal(after, before)
-    for name in MOMENTS:
-        before = getattr(stored.exposure.expectation, name)
-        after = getattr(back.exposure.expectation, name)
-        assert after.dtype == np.float32
-        np.testing.assert_array_equal(after, before.astype(np.float32))
-    for name in ("sensor", "seed", "sequence", "illuminance_lux", "extra"):
-        assert getattr(back, name) == getattr(stored, name)
-
-
-def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, stored, monkeypatch):
-    monkeypatch.setattr(counts_store, "CHUNK_BYTES", 12 * 12 * 2 * 2)
-    write_counts(tmp_path / "s.zarr", stored)
-    group = zarr.open_group(tmp_path / "s.zarr", mode="r")
-    assert group.metadata.zarr_format == 3
-    assert group["counts"].chunks == (2, 12, 12)
-    assert group["mean_reading"].chunks == (1, 12, 12)
-    assert group.attrs["exposure_s"] == stored.sensor.exposure_s
-    np.testing.assert_array_equal(group["counts"][...], stored.exposure.counts)
-
-
-def test_interrupted_write_leaves_nothing(tmp_path, stored):
-    with (
-        pytest.raises(KeyboardInterrupt),
-        counts_writer(tmp_path / "s.zarr", stored, 2 * len(stored.exposure.counts)) as write,
-    ):
-        write(stored.exposure)
-        raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
-
-
-def part(exposure, frames):
+def part(frames, exposure=EXPOSURE):
     moments = (getattr(exposure.expectation, name)[frames] for name in MOMENTS)
     return Exposure(exposure.counts[frames], exposure.saturated[frames], Expectation(*moments))
 
 
-def test_frames_are_read_by_slices_without_the_rest(tmp_path, stored, monkeypatch):
+def write(path, *exposures):
+    exposures = exposures or (EXPOSURE,)
+    with counts_writer(path, ORIGIN, sum(len(exposure.counts) for exposure in exposures)) as add:
+        for exposure in exposures:
+            add(exposure)
+
+
+def test_everything_comes_back_as_it_was_written(tmp_path):
+    write(tmp_path / "a" / "spadcam.zarr")
+    opened = open_counts(tmp_path / "a" / "spadcam.zarr")
+    back = opened.exposure()
+    for name in READINGS:
+        assert getattr(back, name).dtype == getattr(EXPOSURE, name).dtype
+        np.testing.assert_array_equal(getattr(back, name), getattr(EXPOSURE, name))
+    for name in MOMENTS:
+        after = getattr(back.expectation, name)
+        assert after.dtype == np.float32
+        np.testing.assert_array_equal(after, np.float32(getattr(EXPOSURE.expectation, name)))
+    for name in ("sensor", "seed", "sequence", "illuminance_lux", "extra"):
+        assert getattr(opened, name) == getattr(ORIGIN, name)
+
+
+def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, monkeypatch):
+    monkeypatch.setattr(counts_store, "CHUNK_BYTES", 12 * 12 * 2 * 2)
+    write(tmp_path / "s.zarr")
+    group = zarr.open_group(tmp_path / "s.zarr", mode="r")
+    assert group.metadata.zarr_format == 3
+    assert group["counts"].chunks == (2, 12, 12)
+    assert group["mean_reading"].chunks == (1, 12, 12)
+    assert group.attrs["exposure_s"] == ORIGIN.sensor.exposure_s
+    np.testing.assert_array_equal(group["counts"][...], EXPOSURE.counts)
+
+
+def test_interrupted_write_leaves_nothing(tmp_path):
+    with pytest.raises(KeyboardInterrupt), counts_writer(tmp_path / "s.zarr", ORIGIN, 10) as add:
+        add(EXPOSURE)
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_are_read_by_slices_without_the_rest(tmp_path, monkeypatch):
     monkeypatch.setattr(counts_store, "CHUNK_BYTES", 1)
-    write_counts(tmp_path / "s.zarr", stored)
+    write(tmp_path / "s.zarr")
     for name in READINGS + MOMENTS:  # of frame 4, nothing is left
         (tmp_path / "s.zarr" / name / "c/4/0/0").write_bytes(b"")
     opened = open_counts(tmp_path / "s.zarr")
     assert len(opened["counts"]) == 5
     assert opened["photons"].shape == (5, 12, 12)
-    first, expected = opened.exposure(slice(1, 3)), part(stored.exposure, slice(1, 3))
+    first, expected = opened.exposure(slice(1, 3)), part(slice(1, 3))
     np.testing.assert_array_equal(first.counts, expected.counts)
-    np.testing.assert_array_equal(opened["saturated"][[0, 2]], stored.exposure.saturated[[0, 2]])
-    np.testing.assert_array_equal(
-        opened.expectation([1, 2]).mean_reading,
-        expected.expectation.mean_reading.astype(np.float32),
-    )
+    mean = np.float32(expected.expectation.mean_reading)
+    np.testing.assert_array_equal(first.expectation.mean_reading, mean)
+    np.testing.assert_array_equal(opened["saturated"][[0, 2]], EXPOSURE.saturated[[0, 2]])
     with pytest.raises(
         ValueError, match=r"s\.zarr is missing or damaged .*; write the counts again"
     ):
         opened["counts"][3:]
 
 
-def test_counts_without_expectation_are_stored_as_such(tmp_path, stored):
-    plain = Exposure(stored.exposure.counts, stored.exposure.saturated)
-    write_counts(tmp_path / "s.zarr", replace(stored, exposure=plain))
-    assert read_counts(tmp_path / "s.zarr").exposure.expectation is None
+def test_counts_without_expectation_are_stored_as_such(tmp_path):
+    write(tmp_path / "s.zarr", Exposure(EXPOSURE.counts, EXPOSURE.saturated))
+    opened = open_counts(tmp_path / "s.zarr")
+    assert opened.exposure().expectation is None
     with pytest.raises(ValueError, match="holds no mean; give one of counts, saturated"):
-        open_counts(tmp_path / "s.zarr")["mean"]
+        opened["mean"]
     with pytest.raises(ValueError, match="holds no photons; expose with expectation=True"):
-        open_counts(tmp_path / "s.zarr")["photons"]
+        opened["photons"]
 
 
-def test_frames_written_in_parts_are_the_same_bytes(tmp_path, stored):
-    write_counts(tmp_path / "whole.zarr", stored)
-    exposure = stored.exposure
-    with counts_writer(tmp_path / "parts.zarr", stored, len(exposure.counts)) as write:
-        for first in range(len(exposure.counts)):
-            write(part(exposure, slice(first, first + 1)))
+def test_frames_written_in_parts_are_the_same_bytes(tmp_path):
+    write(tmp_path / "whole.zarr")
+    write(tmp_path / "parts.zarr", *(part(slice(first, first + 1)) for first in range(5)))
     for path in (tmp_path / "whole.zarr").rglob("*"):
         twin = tmp_path / "parts.zarr" / path.relative_to(tmp_path / "whole.zarr")
         assert path.is_dir() or twin.read_bytes() == path.read_bytes()
@@ -156,23 +140,23 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_a_damaged_store_is_refused_in_one_sentence(tmp_path, stored, damage):
-    write_counts(tmp_path / "s.zarr", stored)
+def test_a_damaged_store_is_refused_in_one_sentence(tmp_path, damage):
+    write(tmp_path / "s.zarr")
     change, detail = DAMAGE[damage]
     change(tmp_path / "s.zarr")
     sentence = rf"s\.zarr is missing or damaged .*{detail}.*; write the counts again"
     with pytest.raises(ValueError, match=sentence) as no:
-        read_counts(tmp_path / "s.zarr")
+        open_counts(tmp_path / "s.zarr").exposure()
     assert "\n" not in str(no.value)
 
 
-def test_what_is_no_store_or_there_already_is_named(tmp_path, stored):
+def test_what_is_no_store_or_there_already_is_named(tmp_path):
     (tmp_path / "folder").mkdir()
     zarr.open_group(tmp_path / "other.zarr", mode="w")
     for name, message in (("folder", "damaged"), ("other.zarr", "without counts")):
         with pytest.raises(ValueError, match=message):
-            read_counts(tmp_path / name)
+            open_counts(tmp_path / name)
     with pytest.raises(FileNotFoundError, match=r"nothing\.zarr: no such counts store"):
-        read_counts(str(tmp_path / "nothing.zarr"))
+        open_counts(str(tmp_path / "nothing.zarr"))
     with pytest.raises(FileExistsError, match=r"other\.zarr: already exists"):
-        write_counts(tmp_path / "other.zarr", stored)
+        write(tmp_path / "other.zarr")

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.sensor.formats.packed import (
-    PackedLayout,
-    npy_writer,
-    spad512_writer,
-)
+from megalopta.sensor.formats.packed import npy_writer
 from megalopta.sensor.formats.reading import read_frames
 
 from .scene import bits as draw
@@ -40,41 +36,22 @@ def test_cut_npy_is_one_sentence(npy, keep):
         read_frames(npy, "npy")
 
 
-def test_spad512_writes_a_thousand_frames_a_file(tmp_path):
-    frame = np.packbits(SPAD512[:1], axis=-1)
-    with spad512_writer(tmp_path / "burst") as write:
-        write(np.repeat(frame, 700, axis=0))
-        write(np.repeat(frame, 301, axis=0))
-    sizes = {path.name: path.stat().st_size for path in (tmp_path / "burst").iterdir()}
-    assert sizes == {"RAW00000.bin": 1000 * 512 * 64, "RAW00001.bin": 512 * 64}
-    found = read_frames(tmp_path / "burst", frames=slice(999, 1001))
-    np.testing.assert_array_equal(found.counts, np.repeat(SPAD512[:1], 2, axis=0))
-    assert found.total == 1001
-
-
-def test_header_and_footer_are_left_out(tmp_path):
-    content = b"head" + np.packbits(SPAD512, axis=-1).tobytes() + b"tail"
-    (tmp_path / "RAW.bin").write_bytes(content)
-    layout = PackedLayout(header_bytes=4, footer_bytes=4)
-    np.testing.assert_array_equal(read_frames(tmp_path / "RAW.bin", layout=layout).counts, SPAD512)
+def test_the_footer_of_the_camera_is_left_out_and_frames_are_taken_across_files(tmp_path):
+    content = np.packbits(SPAD512, axis=-1).tobytes()
+    (tmp_path / "RAW00000.bin").write_bytes(content + b"DONE")
+    (tmp_path / "RAW00001.bin").write_bytes(content)
+    recorded = read_frames(tmp_path, frames=slice(38, 42))
+    np.testing.assert_array_equal(recorded.counts, np.concatenate((SPAD512[38:], SPAD512[:2])))
+    assert recorded.total == 80
+    (tmp_path / "RAW00001.bin").write_bytes(content + b"tail")
     with pytest.raises(ValueError, match="not a whole number of frames"):
-        read_frames(tmp_path / "RAW.bin")
-    # the answer of the camera, which programs keep
-    (tmp_path / "RAW.bin").write_bytes(content[4:-4] + b"DONE")
-    np.testing.assert_array_equal(read_frames(tmp_path / "RAW.bin").counts, SPAD512)
+        read_frames(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("along", "order", "layout"),
-    [
-        (2, "little", PackedLayout(bit_order="lsb")),
-        (1, "big", PackedLayout(packed_along="height")),
-    ],
-)
-def test_bits_are_read_as_the_layout_says(tmp_path, along, order, layout):
-    (tmp_path / "RAW.bin").write_bytes(np.packbits(SPAD512, along, order).tobytes())
-    found = read_frames(tmp_path / "RAW.bin", layout=layout)
-    np.testing.assert_array_equal(found.counts, SPAD512)
+def test_half_frames_of_swissspad2_begin_with_the_least_significant_bit(tmp_path):
+    (tmp_path / "0.bin").write_bytes(np.packbits(SPAD512[:, :256], 2, "little").tobytes())
+    recorded = read_frames(tmp_path / "0.bin", "swissspad2")
+    np.testing.assert_array_equal(recorded.counts, SPAD512[:, :256])
 
 
 def test_pickles_are_not_loaded(tmp_path):
@@ -91,7 +68,6 @@ def test_pickles_are_not_loaded(tmp_path):
         (9, {"shape": (6, 16)}, (4, 6, 16), 8),
         (9, {"kind": "packed_npy"}, (4, 6, 128), 1),
         (9, {"shape": (6, 123)}, (4, 6, 123), 1),
-        (9, {"layout": PackedLayout()}, (4, 6, 128), 1),
         (9, {}, None, None),
     ],
 )

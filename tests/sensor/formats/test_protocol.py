@@ -86,24 +86,20 @@ def test_bytes_without_end_take_no_memory():
 
 
 def damaged(line, rng):
-    """A packet's bytes with one fault."""
-    fault = rng.integers(6)
-    at = int(rng.integers(len(line)))
-    span = int(rng.integers(1, 40))
-    if fault == 0:
-        bits = rng.choice(8 * len(line), rng.integers(1, 9), replace=False)
-        data = np.frombuffer(line, np.uint8).copy()
-        np.bitwise_xor.at(data, bits // 8, (1 << bits % 8).astype(np.uint8))
-        return data.tobytes()
-    if fault == 1:
-        return line[:at] + line[at + span :]
-    if fault == 2:
-        return line[:at] + rng.bytes(span) + line[at:]
-    if fault == 3:
-        return line + line
-    if fault == 4:
-        return line[:-1]
-    return line[:at] + bytes(span) + line[at:]
+    """A packet's bytes with one fault: flipped bits, a part lost, added or zeroed, twice, no end."""
+    at, span = int(rng.integers(len(line))), int(rng.integers(1, 40))
+    bits = rng.choice(8 * len(line), rng.integers(1, 9), replace=False)
+    flipped = np.frombuffer(line, np.uint8).copy()
+    np.bitwise_xor.at(flipped, bits // 8, (1 << bits % 8).astype(np.uint8))
+    faults = (
+        *(
+            flipped.tobytes(),
+            line[:at] + line[at + span :],
+            line[:at] + rng.bytes(span) + line[at:],
+        ),
+        *(line + line, line[:-1], line[:at] + bytes(span) + line[at:]),
+    )
+    return faults[rng.integers(6)]
 
 
 def test_damage_is_refused_and_forgotten_after_one_packet():

@@ -14,9 +14,11 @@ TICKS = np.array([3, 8, 8, 20, 41, 90_000_000])
 CHANNELS = np.array([0, 1, 0, 2, 1, 2])
 
 
-def photon_hdf5(path, groups):
-    """Photon-HDF5, as its reference describes it."""
+def photon_hdf5(path, groups, **stated):
+    """Photon-HDF5, as its reference describes it; with further values, __ for /."""
     with h5py.File(path, "w") as file:
+        for name, value in stated.items():
+            file[name.replace("__", "/")] = value
         for name, ticks, detectors in groups:
             file[f"{name}/timestamps"] = ticks
             file[f"{name}/timestamps_specs/timestamps_unit"] = UNIT_S
@@ -135,12 +137,6 @@ def test_times_in_another_file_are_not_followed(tmp_path):
         read_time_tags(tmp_path / "link.hdf5")
 
 
-def rewritten(path, **stated):
-    with h5py.File(path, "r+") as file:
-        for name, value in stated.items():
-            file[name.replace("__", "/")] = value
-
-
 @pytest.mark.parametrize(
     ("stated", "channels"),
     [
@@ -150,10 +146,8 @@ def rewritten(path, **stated):
     ],
 )
 def test_pixels_and_duration_are_those_that_photon_hdf5_states(tmp_path, stated, channels):
-    path = tmp_path / "dark.hdf5"
-    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
-    rewritten(path, **stated)
-    tags = read_time_tags(path)
+    photon_hdf5(tmp_path / "dark.hdf5", [("photon_data", TICKS, CHANNELS)], **stated)
+    tags = read_time_tags(tmp_path / "dark.hdf5")
     assert tags.channels == channels
     np.testing.assert_array_equal(tags.channel, CHANNELS)
     expected = stated.get("acquisition_duration", (TICKS[-1] - TICKS[0]) * UNIT_S)
@@ -171,11 +165,9 @@ def test_pixels_and_duration_are_those_that_photon_hdf5_states(tmp_path, stated,
     ],
 )
 def test_what_photon_hdf5_states_must_fit_its_events(tmp_path, stated, said):
-    path = tmp_path / "dark.hdf5"
-    photon_hdf5(path, [("photon_data", TICKS, CHANNELS)])
-    rewritten(path, **stated)
+    photon_hdf5(tmp_path / "dark.hdf5", [("photon_data", TICKS, CHANNELS)], **stated)
     with pytest.raises(UserError, match=said):
-        read_time_tags(path)
+        read_time_tags(tmp_path / "dark.hdf5")
 
 
 def test_few_bytes_that_claim_many_events_are_refused(tmp_path):
