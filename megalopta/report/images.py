@@ -1,7 +1,6 @@
 """Arrays as pictures, and pictures as films: PNG of a page, contact sheets, GIF and MP4.
 
-A page shows some frames and pixels (`selection`), in few colors, so that it stays small. Pixels are
-repeated or skipped, never averaged, so that noise keeps its strength.
+Pixels are repeated or skipped, never averaged, so that noise keeps its strength.
 """
 
 import base64
@@ -33,8 +32,6 @@ Item = TypeVar("Item")
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
-PLAYBACK_HZ = (2.0, 30.0)
-"""Frame rates at which a film can be followed (Hz)."""
 
 _COLORS, _ID_COLORS, _RGB_BITS = 96, 89, 6
 _LEGEND_STEPS, _WHEEL_PX = 128, 96
@@ -59,33 +56,21 @@ class ColorScale:
     special: tuple[int, int, int] = GRAY
     """Color of marked pixels and of NaN"""
     root: float = 1.0
-    """Colors are uniform in this root of the value, on each side of 0 for a scale with two; 2.2
-    makes the luminance of grays proportional to the value."""
-    logarithmic: bool = False
-    """Colors are uniform in the logarithm of the value instead."""
+    """Colors are uniform in this root of the value above `low`; 2.2 makes the luminance of grays
+    proportional to the value."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
-
-        def stretched(values: Floats | float) -> Floats:
-            if self.logarithmic:
-                return np.log(values)
-            return np.sign(values) * np.abs(values) ** (1 / self.root)
-
         unknown = np.isnan(values) if marked is None else marked | np.isnan(values)
-        low, high = stretched(self.low), stretched(self.high)
-        place = (stretched(np.clip(np.nan_to_num(values), self.low, self.high)) - low) / (
-            high - low
-        )
-        index = np.where(unknown, len(self.colors), np.rint(place * (len(self.colors) - 1)))
+        share = (np.nan_to_num(values) - self.low) / (self.high - self.low)
+        place = np.clip(share, 0, 1) ** (1 / self.root) * (len(self.colors) - 1)
+        index = np.where(unknown, len(self.colors), np.rint(place))
         return _indexed(index, self.colors.tobytes() + bytes(self.special))
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
         """Return the legend: the colors between two texts, and the meaning of the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
-        if self.logarithmic:
-            values = self.low * (self.high / self.low) ** steps
         bar = image(data_uri(self.picture(values[np.newaxis])), f"color scale from {low} to {high}")
         marked = Markup('<span class="special"><i style="background:rgb{}"></i>{}</span>')
         return Markup('<span class="scale"><span>{}</span>{}<span>{}</span>{}</span>').format(
@@ -102,8 +87,7 @@ def _indexed(index: NDArray[np.generic], palette: bytes) -> Image.Image:
 def gray_scale(white: float) -> ColorScale:
     """Light from 0 (black) to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
-    colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
-    return ColorScale(0.0, white, colors, ORANGE, root=2.2)
+    return ColorScale(0.0, white, np.repeat(ramp[:, np.newaxis], 3, axis=1), ORANGE, root=2.2)
 
 
 def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
@@ -112,12 +96,10 @@ def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
     return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
 
 
-def map_scale(
-    name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
-) -> ColorScale:
+def map_scale(name: str, low: float, high: float) -> ColorScale:
     """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
-    return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
+    return ColorScale(low, high, colors[:, :3])
 
 
 def rgb_picture(pixels: Rgb) -> Image.Image:
@@ -212,19 +194,16 @@ def sheet(rows: Sequence[Row], letters_px: int = 12, footer: str = "") -> Image.
     below = line_px if footer else 0
     drawn = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP_PX + below), "white")
     draw, font, top = ImageDraw.Draw(drawn), ImageFont.load_default(letters_px), _GAP_PX
-
-    def write(text: str, left: int, top: int) -> None:
-        # the font has no space but the plain one
-        draw.text((left, top), " ".join(text.split()), "black", font)
-
+    texts = [(footer, _GAP_PX, drawn.height - below - _GAP_PX)]
     for row, line, height in zip(rows, lines, heights, strict=True):
         left = _GAP_PX
         for title, picture in row:
             drawn.paste(picture, (left, top))
-            write(title, left, top + picture.height + 1)
+            texts.append((title, left, top + picture.height + 1))
             left += picture.width + _GAP_PX
         top += line + height
-    write(footer, _GAP_PX, top)
+    for text, left, top in texts:  # the font has no space but the plain one
+        draw.text((left, top), " ".join(text.split()), "black", font)
     return drawn
 
 
@@ -255,10 +234,8 @@ def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image
     panel_px = min(width_px // columns, _PANEL_PX)
     drawn = []
     for title, picture in pictures:
-        scale: float = panel_px // picture.width
-        if picture.width > panel_px:
-            scale = 1 / math.ceil(picture.width / panel_px)
-        size = math.ceil(picture.width * scale), math.ceil(picture.height * scale)
+        magnified, skipped = panel_px // picture.width, math.ceil(picture.width / panel_px)
+        size = [math.ceil(max(magnified, 1) * side / skipped) for side in picture.size]
         drawn.append((title, picture.convert("RGB").resize(size, Image.Resampling.NEAREST)))
     rows = [drawn[first : first + columns] for first in range(0, len(drawn), columns)]
     return sheet(rows, letters_px, label)
@@ -279,10 +256,9 @@ def write_film(
                 write(composed(label, pictures, 1280, 16))
             if index % every == 0:
                 shown.append(composed(label, pictures, 640, 12).quantize(256))
-    content, frame_ms = gif(shown, 1000 * every / rate_hz), 1000 * every / rate_hz
-    while len(content) > _GIF_BYTES and len(shown) >= 2 * _FEWEST_GIF_FRAMES:
+    frame_ms = 1000 * every / rate_hz
+    while len(content := gif(shown, frame_ms)) > _GIF_BYTES and len(shown) > _FEWEST_GIF_FRAMES:
         shown, frame_ms = shown[::2], 2 * frame_ms
-        content = gif(shown, frame_ms)
     with atomic_write(folder / "film.gif") as temporary:
         temporary.write_bytes(content)
     return [folder / "film.mp4", folder / "film.gif"] if write else [folder / "film.gif"]

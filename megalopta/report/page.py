@@ -93,7 +93,7 @@ def write_report(dataset: Dataset) -> Path:
         lead(report),
         [make(report) for make in SECTIONS],
         header=_opening(report),
-        film=report.film(),
+        player=report.player(),
         footer=(
             f"Written by megalopta {__version__}. Pictures show {pixels}{len(shown.frames)} of "
             f"{frames} frames; the last one has no next frame, so no motion."
@@ -126,66 +126,59 @@ def lead(report: Report) -> str:
 
 
 class _Reached(NamedTuple):
-    """Errors of a method at one light level, against the reference motion."""
+    """Errors of a method at one light level, against the reference motion; the best is least."""
 
+    is_wrong: bool
+    """True if the median error is above 25 %"""
     illuminance_lux: float
+    """0 if it is wrong"""
     error: float
     """Median over the blocks, relative"""
+    outliers: float
+    """Share of blocks that are off by more than 25 %"""
+    sensor: str
     method: str
     """Name, with ", corrected" on corrected readings"""
     level: LightLevel
-    outliers: float
-    """Share of blocks that are off by more than 25 %"""
-
-
-def _reached(report: Report, sensor: str) -> _Reached | None:
-    """Return the best method in the least light at which one is accurate.
-
-    Where none is, it is the one with the least error at any light.
-    """
-    errors = [
-        _Reached(
-            illuminance_of(record.level),
-            errors.relative_error_median,
-            f"{record.method}{ending}",
-            record.level,
-            errors.outlier_fraction or 0.0,
-        )
-        for record in report.flow
-        if record.sensor == sensor and record.truth
-        for ending, errors in (("", record.truth.counts), (", corrected", record.truth.corrected))
-        if errors and errors.relative_error_median is not None
-    ]
-    accurate = [reached for reached in errors if reached.error < ACCURATE]
-    return min(accurate) if accurate else min(errors, key=lambda one: one.error, default=None)
 
 
 def _opening(report: Report) -> Markup:
-    """Return the results: how far down in light motion is found, and on which sensor."""
+    """Return the results: how far down in light motion is found, and on which sensor.
+
+    Where no method is accurate, that with the least error at any light is shown.
+    """
     if not report.exposures:
         return Markup("")
-    names = [sensor.name for sensor in report.settings.sensors]
-    best = {name: reached for name in names if (reached := _reached(report, name))}
-    accurate = {name: reached for name, reached in best.items() if reached.error < ACCURATE}
-    sensor, sentence = names[0], ""
-    if accurate:
-        sensor, reached = min(accurate.items(), key=lambda pair: pair[1])
+    reached: dict[str, list[_Reached]] = {}
+    for record in report.flow:
+        if (truth := record.truth) is None:
+            continue
+        for ending, errors in (("", truth.counts), (", corrected", truth.corrected)):
+            if errors and (error := errors.relative_error_median) is not None:
+                is_wrong = error >= ACCURATE
+                lux = 0.0 if is_wrong else illuminance_of(record.level)
+                where = record.sensor, f"{record.method}{ending}", record.level
+                result = _Reached(is_wrong, lux, error, errors.outlier_fraction or 0.0, *where)
+                reached.setdefault(record.sensor, []).append(result)
+    best = [min(results, key=lambda result: result[:3]) for results in reached.values()]
+    sensor, sentence, rows = report.settings.sensors[0].name, "", []
+    if report.flow:
+        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
+    if best and not (first := min(best, key=lambda result: result[:3])).is_wrong:
+        sensor = first.sensor
         sentence = (
-            f"{reached.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-            f"{level_title(reached.level)}: the median error of its blocks is "
-            f"{percent(reached.error)}, and {percent(reached.outliers)} of them are off by more "
+            f"{first.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+            f"{level_title(first.level)}: the median error of its blocks is "
+            f"{percent(first.error)}, and {percent(first.outliers)} of them are off by more "
             "than 25 %."
         )
-    elif report.flow:
-        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
-    rows = []
-    for name, reached in best.items():
-        level, error = level_name(reached.level), percent(reached.error)
-        reach = (level, error) if name in accurate else ("none", f"{error} at {level}")
-        rows.append((name, reached.method, *reach))
-    shown, frames = report.shown, report.shown.frames
-    budgets = report.of(sensor)
-    films = [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
+    for result in best:
+        level, error = level_name(result.level), percent(result.error)
+        reach = ("none", f"{error} at {level}") if result.is_wrong else (level, error)
+        rows.append((result.sensor, result.method, *reach))
+    shown, frames, budgets = report.shown, report.shown.frames, report.of(sensor)
+    bright_first = images.evenly_spaced(budgets, _MOST_LEVELS)
+    films = [_counts_film(report, budget) for budget in bright_first]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:
@@ -276,10 +269,15 @@ def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
 def motion_section(report: Report) -> Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
     shown, truths = report.shown, report.truths
-    films = [shown.motion(report.motion_name).film(shown.frames)] if shown.rim else []
+    films, speed = [], 0.0
+    if shown.rim:
+        films.append(shown.motion(report.motion_name).film(shown.frames))
+        flow = np.concatenate([shown.motion_of(frame).reshape(-1, 2) for frame in shown.frames])
+        known = np.hypot(*flow[np.isfinite(flow).all(axis=-1)].T)
+        speed = float(np.median(known)) if known.size else 0.0
     if not report.has_truth:
         body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
-        text = _PICTURES_MOTION.format(report.median_speed)
+        text = _PICTURES_MOTION.format(speed)
         return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
     films.append(shown.depth.film(shown.frames))
     if shown.rim:
@@ -300,7 +298,7 @@ def motion_section(report: Report) -> Section:
     depth = _DEPTH.format(report.settings.camera.depth_meaning)
     body += images.wheel(shown.rim) + html.paragraph(depth, "note")
     share = float(np.mean([truth.occluded_forward.mean() for truth in truths]))
-    text = _MOTION.format(report.median_speed, percent(share))
+    text = _MOTION.format(speed, percent(share))
     return Section("True motion", text, body=body, name="motion")
 
 

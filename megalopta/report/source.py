@@ -1,13 +1,6 @@
 """Data of the report: every finished stage, read once, on first use.
 
-JSON files are validated before use. To keep the file small, few frames and pixels of a sequence are
-shown: frames are evenly spaced, pixels are subsampled, not averaged, so that noise looks as strong
-as it is. The last frame is omitted: it has no next frame and so no true flow.
-
-The photon budget lists the light on a pixel in one exposure and the sensor's response to it.
-Readings are counts, or electrons of an integrating sensor. Photons, detections and the
-signal-to-noise ratio are those of the frames shown; mean readings and saturation are those of all
-stored frames.
+Few frames and pixels are shown, evenly spaced; the last frame has no next one, and so no flow.
 """
 
 import math
@@ -26,7 +19,7 @@ from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import BenchmarkResult
-from megalopta.report import images
+from megalopta.report import images, sections
 from megalopta.report.panels import SequencePanels, checked_json
 from megalopta.scenes.levels import illuminance_of
 from megalopta.sensor import ImageSensor, detected_photons, expectation
@@ -59,11 +52,13 @@ def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """One sensor at one light level; means over pixels and frames unless stated."""
+    """Light on a pixel in one exposure, and the sensor's response; means over pixels and frames.
+
+    Readings and saturation are those of all stored frames, the others those of the frames shown.
+    """
 
     sensor: ImageSensor
     level: LightLevel
-    illuminance_lux: float
     photons: float
     """Photons on a pixel per exposure"""
     detected: float
@@ -83,7 +78,7 @@ class Budget:
 
 
 class Report:
-    """A dataset as seen by the report; everything is read once, on first use.
+    """A dataset as seen by the report.
 
     Raises UserError for damaged numbers of a finished stage at once, for an unreadable file on use.
     """
@@ -141,17 +136,14 @@ class Report:
         frames, bands = list(self.shown.frames), settings.render.bands_nm
         scale, noise = light_scale(settings, level), self.scene.get("monte_carlo") or {}
         light, middle = radiance * scale.astype(np.float32), len(frames) // 2
-        period_s = 1 / settings.trajectory.frame_rate_hz
+        when = {
+            "first_frame": frames[middle],
+            "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
+        }
         with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
             detected = detected_photons(light, bands, opened.sensor)
             dark, lit, brighter = (
-                expectation(
-                    np.float32(factor) * light[[middle]],
-                    bands,
-                    opened.sensor,
-                    first_frame=frames[middle],
-                    frame_period_s=period_s,
-                )
+                expectation(np.float32(factor) * light[[middle]], bands, opened.sensor, **when)
                 for factor in (0.0, 1.0, 1 + _BRIGHTER)
             )
         relative_noise = math.nan
@@ -161,7 +153,6 @@ class Report:
         return Budget(
             sensor=opened.sensor,
             level=level,
-            illuminance_lux=illuminance_of(level),
             photons=float(opened["photons"][frames].mean()),
             detected=float(detected.mean()),
             dark=float(dark.mean_reading.mean()),
@@ -175,32 +166,19 @@ class Report:
     def of(self, sensor: str) -> list[Budget]:
         """Return the budgets of a sensor, from the brightest light on."""
         budgets = [budget for budget in self.exposures if budget.sensor.name == sensor]
-        return sorted(budgets, key=lambda budget: -budget.illuminance_lux)
+        return sorted(budgets, key=lambda budget: -illuminance_of(budget.level))
 
-    @cached_property
-    def median_speed(self) -> float:
-        """Median speed (px per frame) of the frames shown; 0 if no motion is known."""
-        frames = self.shown.frames if self.shown.rim else ()
-        flow = [self.shown.motion_of(frame).reshape(-1, 2) for frame in frames]
-        speed = np.linalg.norm(np.concatenate([np.zeros((0, 2)), *flow]), axis=-1)
-        return float(np.median(known)) if (known := speed[np.isfinite(speed)]).size else 0.0
-
-    def film(self) -> dict[str, Any]:
-        """Return the settings of the page's films, which follow one slider."""
-        trajectory, camera = self.settings.trajectory, self.settings.camera
-        frames = self.shown.frames
-        slowest, fastest = images.PLAYBACK_HZ
-        shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
+    def player(self) -> sections.Player:
+        """Return the slider of the page's films, with the light at the top."""
+        trajectory, frames = self.settings.trajectory, self.shown.frames
         note = "The light in photopic colors."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The light, mean of its bands in gray; it is invisible."
         strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
-        return {
-            "labels": [images.frame_label(frame, trajectory.times_s) for frame in frames],
-            "start": len(frames) // 2,
-            "playback_hz": min(max(shown_hz, slowest), fastest),
-            "choices": (),
-            "aspect": f"{camera.width}/{camera.height}",
-            "radiance": images.data_uri(strip),
-            "note": note,
-        }
+        return sections.Player(
+            [images.frame_label(frame, trajectory.times_s) for frame in frames],
+            self.shown.sequence.shape,
+            trajectory.frame_rate_hz * len(frames) / trajectory.frames,
+            radiance=images.data_uri(strip),
+            note=note,
+        )

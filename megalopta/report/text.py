@@ -13,9 +13,9 @@ SENSELESS = 10.0
 """Relative error from which the report prints "fails" instead of a number."""
 
 
-def number(value: float) -> str:
+def number(value: float | None) -> str:
     """Format three digits, thousands with a prefix (12.3k), small numbers two digits (0.0012)."""
-    if not math.isfinite(value):
+    if value is None or not math.isfinite(value):
         return UNDEFINED
     if value == 0:
         return "0"
