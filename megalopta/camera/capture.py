@@ -1,7 +1,4 @@
-"""Record a camera until stopped, and show the recording.
-
-A terminal shows the newest frame, other outputs a line now and then.
-"""
+"""Record a camera until stopped, and show the recording."""
 
 import math
 import sys
@@ -261,11 +258,15 @@ def recorded_line(recording: Recording) -> str:
 def viewing() -> Iterator[Show]:
     """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
-        last = ["no frames yet"]
-        with speaking(lambda: f"capture: {last[0]}"):
-            yield lambda recorder, state: last.__setitem__(0, state)
+        states = ["no frames yet"]
+
+        def note(recorder: Recorder, state: str) -> None:
+            states[0] = state
+
+        with speaking(lambda: f"capture: {states[0]}"):
+            yield note
         return
-    from rich.console import Console, Group
+    from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
@@ -276,13 +277,10 @@ def viewing() -> Iterator[Show]:
             brightest = max(int(counts.max(initial=1, where=~saturated)), 1)
             grays = np.minimum(255 * np.sqrt(counts / brightest), 255).astype(int)
             pixels = Text()
-            for row, full in zip(grays, saturated, strict=True):
-                for gray, is_full in zip(row, full, strict=True):
-                    color = "220,60,40" if is_full else f"{gray},{gray},{gray}"
-                    pixels.append("  ", f"on rgb({color})")
-                pixels.append("\n")
-            live.update(
-                Group(pixels, Text(f"{state}, {saturated.sum()} pixels saturated; Ctrl-C stops"))
-            )
+            for (row, column), gray in np.ndenumerate(grays):
+                color = "220,60,40" if saturated[row, column] else f"{gray},{gray},{gray}"
+                pixels.append("  ", f"on rgb({color})")
+                pixels.append("\n" * (column == protocol.COLUMNS - 1))
+            live.update(pixels.append(f"{state}, {saturated.sum()} saturated; Ctrl-C stops"))
 
         yield show

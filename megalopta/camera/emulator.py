@@ -1,7 +1,6 @@
 """An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
 
-It sees a film: uniform light, the plate of the motion bench, or a rendered dataset. The last two
-load scenes and the renderer on first use.
+It sees a film: uniform light, the plate of the motion bench, or a rendered dataset.
 """
 
 import math
@@ -177,25 +176,15 @@ class EmulatedCamera:
     def _draw(
         self, settings: protocol.Settings, sensor: Sensor, cycle: Cycle
     ) -> NDArray[np.uint16]:
-        """Draw the next frame and those after it that share its stream.
-
-        Streams begin at fixed numbers, so that frames do not depend on the time of the settings.
-        """
+        """Draw the next frame and those after it that share its stream, from a fixed number on."""
         period_us = settings.period_us
         together = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
-        samples = expose_adc(
-            cycle.at(times_s),
-            sensor,
-            seed=self.seed,
-            stream=0,
-            first_frame=self._number - gone,
-            together=together,
-        )[gone:]
-        samples[:, : settings.first_row] = protocol.NOT_READ
-        samples[:, settings.end_row :] = protocol.NOT_READ
+        stream = {"stream": 0, "first_frame": self._number - gone, "together": together}
+        samples = expose_adc(cycle.at(times_s), sensor, seed=self.seed, **stream)[gone:]
+        samples[:, : settings.first_row] = samples[:, settings.end_row :] = protocol.NOT_READ
         return samples
 
 

@@ -1,8 +1,4 @@
-"""The link to a camera: its serial port, and a thread that reads it.
-
-The thread reads, notes the time and decodes packets, so that a slow disk does not make it miss any.
-When the camera is unplugged, it waits until it is back.
-"""
+"""The link to a camera: its serial port, and a thread that reads it, also after unplugging."""
 
 import errno
 import queue
@@ -40,15 +36,11 @@ _REMEDIES = {
     ),
 }
 _RETRY_S = 0.1
-_REPLY_S = 0.7
+_REPLY_S, _ATTEMPTS = 0.7, 3
 _REPLIES = protocol.Kind.IDENTITY, protocol.Kind.SETTINGS
-_ATTEMPTS = 3
-"""Attempts of a command; all may be repeated."""
-_GATHER_S = 0.003
-_MUCH = 3000
+_GATHER_S, _MUCH = 0.003, 3000
 """Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
-for each would cost more than reading it. A pseudo-terminal holds 4096 bytes; as many waiting mean
-that the reader is late."""
+for each would cost more than reading it. A pseudo-terminal holds 4096 bytes."""
 
 
 class NoPortError(UserError):
@@ -68,10 +60,7 @@ def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
 
 
 def find_port() -> str:
-    """Path of the only Teensy.
-
-    Raises UserError if there is none (NoPortError), or more than one.
-    """
+    """Path of the only Teensy. Raises NoPortError without any, UserError for more than one."""
     cameras = {path: number for path, is_teensy, number, _ in _usb_ports() if is_teensy}
     if not cameras:
         raise NoPortError(f"no camera is plugged in; {_PLUG_IN}")
@@ -82,10 +71,7 @@ def find_port() -> str:
 
 
 def open_port(path: str) -> serial.Serial:
-    """Open a port exclusively.
-
-    Raises UserError if it does not open; NoPortError if there is none.
-    """
+    """Open a port exclusively. Raises UserError if it does not open; NoPortError without it."""
     try:
         # USB ignores the baud rate.
         return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)
@@ -176,15 +162,12 @@ class Link:
                 is_reply = arrival and arrival.packet.kind in _REPLIES
                 if arrival and is_reply and arrival.packet.sequence == self._commands:
                     return arrival.packet
-        if (version := self._parser.other_version) is not None:
-            raise UserError(
-                f"{self.path}: speaks version {version} of the protocol, not {protocol.VERSION}; "
-                "flash this release's firmware"
-            )
         fault = "does not speak SPADCAM's protocol" if self._read_bytes else "is silent"
+        if (version := self._parser.other_version) is not None:
+            fault = f"speaks version {version} of the protocol, not {protocol.VERSION}"
         raise UserError(
-            f"{self.path}: {fault}; unplug it and plug it in again, flash its firmware, or "
-            f"{_CHOOSE}"
+            f"{self.path}: {fault}; unplug it and plug it in again, flash this release's firmware, "
+            f"or {_CHOOSE}"
         )
 
     def _read(self) -> None:

@@ -5,7 +5,7 @@ perfectly repeatable.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -31,12 +31,10 @@ from megalopta.report.text import (
 
 ACCURATE = 0.25
 """The dissertation's 2-bit accuracy: an error below 2⁻²."""
-_CAUTION = 0.1
 _BAND_STANDARD_ERRORS = 2
 _SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
 
 _GUIDE = "Each detector runs on the {}, and on their noise-free mean."
-_FLICKER = "It adds to the errors against the true motion, not to those between the two responses."
 _ERRORS = Markup(
     "Readings are scaled to a mean of 1. Errors compare the response to counts with that to the "
     "noise-free reading, after the detectors have settled. <b>Ratio</b>: sum of all differences "
@@ -83,23 +81,6 @@ def absent(report: Report, stage: str, what: str) -> Markup:
     )
 
 
-def rendering(record: Mapping[str, Any], consequence: str) -> Markup:
-    """Return the noise of the rendering, from a scene record; empty if unknown.
-
-    More than a tenth of a pixel's light (median over pixels) is a warning.
-    """
-    noise = record.get("monte_carlo")
-    if not noise or not noise["median_relative"]:
-        return Markup("")
-    relative, photons = noise["median_relative"], number(noise["equivalent_photons_per_pixel"])
-    is_noisy = relative > _CAUTION
-    text = (
-        f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as {photons} photons "
-        f"per pixel ({percent(relative)} of a pixel’s light, median over pixels). {consequence}"
-    )
-    return html.paragraph(text, "warn" if is_noisy else "note")
-
-
 def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> Markup:
     """Return a table of (row, column, text), with a dash for missing cells; empty without any."""
     texts = {(row, column): text for row, column, text in cells}
@@ -116,7 +97,7 @@ def detector_section(report: Report) -> Section:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
     settings, units = report.settings.flow, " or ".join(report.units)
-    body = [rendering(report.scene, _FLICKER)]
+    body = []
     if tables := against_truth(report):
         shares = [
             (truth.footprint.purity < settings.least_purity).mean() for truth in report.truths

@@ -1,13 +1,12 @@
-"""The report of a dataset: its opening with results, its light, its motion, and how it was made."""
+"""The report of a dataset: results, light, motion, detectors, and how it was made."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.ticker import EngFormatter
 
 from megalopta import __version__
 from megalopta.config.model import LightLevel
@@ -19,7 +18,6 @@ from megalopta.report.detectors import (
     ACCURATE,
     absent,
     detector_section,
-    rendering,
     threshold_section,
 )
 from megalopta.report.sections import Section
@@ -30,12 +28,10 @@ from megalopta.report.text import (
     number,
     percent,
     title,
+    with_error,
 )
 from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
-from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.spad.counters import LARGEST_CAPACITY
-from megalopta.sensor.spad.model import active_effects
 
 _MOST_LEVELS = 4
 _BACKDROP_GRAY = 0.35
@@ -51,10 +47,6 @@ _LIGHT = (
     "spectrum. A reading with mean N scatters by about √N; an integrating pixel adds dark current, "
     "reset and read noise. Orange pixels are saturated: their readings are lower bounds. "
 )
-_INSTANT = "Every frame is rendered at one instant, without motion blur."
-_PICTURE = (
-    "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
-)
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
     "pulse or an electron. <b>Dark</b>: readings without light. <b>Expected</b>: noise-free mean "
@@ -62,8 +54,8 @@ _COLUMNS = Markup(
     "reading over the reading's standard deviation. <b>Rendering : shot noise</b>: ratio of "
     "standard deviations; above 1, the rendering is noisier than the photons."
 )
-_SECONDS = EngFormatter("s")
-_BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
+_CAUTION = 0.1
+"""Relative noise of a pixel's rendered light from which it is a warning"""
 _MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
 _PICTURES_MOTION = (
     "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between them "
@@ -211,22 +203,20 @@ def light_section(report: Report) -> Section:
         return replace(section, body=missing)
     shutter, body, rows = report.settings.shutter, [], []
     if not report.has_truth:
-        timing = _PICTURE
+        timing = "The light of a picture is constant during an exposure, but for sub_frames."
     elif shutter.is_instant:
-        timing = _INSTANT
+        timing = "Every frame is rendered at one instant, without motion blur."
     else:
-        line = ("column", "row")[shutter.across]
         timing = (
-            f"Frames and true motion are those of the shutter, blurred by the motion during "
-            f"{shutter.exposure_s or 0:g} s and read out {line} by {line} from the "
-            f"{shutter.readout_from} within {shutter.readout_s or 0:g} s."
+            "Frames and true motion are those of the shutter, blurred by the motion during "
+            f"{shutter.exposure_s or 0:g} s and read out from the {shutter.readout_from} within "
+            f"{shutter.readout_s or 0:g} s."
         )
     for sensor in report.settings.sensors:
-        about = " · ".join(f"{name} {value}" for name, value in _properties(sensor))
         budgets = report.of(sensor.name)
         films = (_counts_film(report, budget) for budget in budgets)
-        note = html.paragraph(f"{about}.", "note")
-        body.append(html.card(sensor.name, note, html.block("strip", *films)))
+        exposure = html.paragraph(f"Exposure: {with_error(sensor.exposure_s, 0, 's')}.", "note")
+        body.append(html.card(sensor.name, exposure, html.block("strip", *films)))
         for budget in budgets:
             cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
             saturated = percent(budget.saturated_fraction)
@@ -244,26 +234,6 @@ def light_section(report: Report) -> Section:
     )
     body += [html.table("Photon budget", head, rows), html.paragraph(_COLUMNS, "note")]
     return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
-
-
-def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
-    """Yield properties of a sensor by name: pixel, efficiency, exposure, readout, effects."""
-    curve = sensor.efficiency
-    best = int(np.argmax(curve.values))
-    yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
-    yield "fill factor", percent(sensor.fill_factor)
-    where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
-    yield "efficiency", f"{percent(curve.values[best])}{where}"
-    yield "exposure", _SECONDS(sensor.exposure_s)
-    if isinstance(sensor, CtiaSensor):
-        yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
-        yield "swing", f"{sensor.swing_v:g} V"
-        yield "bias of the diodes", _BIASES[sensor.bias.kind]
-        return
-    yield "dead time", f"{_SECONDS(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
-    if sensor.counter.capacity < LARGEST_CAPACITY:
-        yield "counter up to", f"{sensor.counter.capacity:,}"
-    yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
 
 
 def motion_section(report: Report) -> Section:
@@ -303,18 +273,26 @@ def motion_section(report: Report) -> Section:
 
 
 def making_section(report: Report) -> Section:
-    """Return the noise of the rendered light, times and settings."""
-    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
+    """Return the noise of the rendered light (median over pixels), times and settings."""
     times = report.timings.items()
     spent = ", ".join(f"{stage} {duration(seconds)}" for stage, seconds in times)
-    variant = ""
+    body = [html.paragraph(f"Time spent: {spent}.", "note")]
+    noise = report.scene.get("monte_carlo") or {}
+    if relative := noise.get("median_relative"):
+        is_noisy = relative > _CAUTION
+        text = (
+            f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as "
+            f"{number(noise['equivalent_photons_per_pixel'])} photons per pixel "
+            f"({percent(relative)} of its light). It adds to the errors against the true motion. "
+            f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
+            "many halve the noise of a frame."
+        )
+        body.insert(0, html.paragraph(text, "warn" if is_noisy else "note"))
     if report.has_truth:
-        variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    body = [
-        rendering(report.scene, f"{samples}as many halve the noise of a frame."),
-        html.paragraph(f"Time spent: {spent}. {variant}", "note"),
-        html.folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
-    ]
+        variant = report.scene.get("variant", "not noted")
+        body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
+    settings = Markup("<pre>{}</pre>").format(to_yaml(report.settings))
+    body.append(html.folded("All settings", settings))
     return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
 
 

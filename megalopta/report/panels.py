@@ -195,10 +195,8 @@ class SequencePanels:
         stages = finished(dataset)
         for stage in STAGES:
             if stage not in stages and has_output(dataset, stage):
-                say(
-                    f"{dataset.root}: stage {stage!r} is not finished with this configuration, and "
-                    "not shown"
-                )
+                fault = "is not finished with this configuration, and not shown"
+                say(f"{dataset.root}: stage {stage!r} {fault}")
         return stages
 
     @cached_property

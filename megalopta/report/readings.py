@@ -151,7 +151,7 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
             return ShownReadings(
                 recording.adc.shape,
                 lambda part: (counts[part], full[part]),
-                sensor=recording.sensor,
+                sensor=recording.settings.sensor,
                 times_s=recording.times_s - recording.exposure_s,
             )
         if path.is_file() and file_bytes(path)[:8].tobytes().startswith(

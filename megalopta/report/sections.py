@@ -53,7 +53,6 @@ class Player:
     """Sensors and light levels to choose from"""
     radiance: str = ""
     """Picture of the light, frames above each other, at the top of the page"""
-    note: str = ""
 
     @property
     def playback_hz(self) -> float:

@@ -38,7 +38,6 @@ _OTHER_FILMS = 6
 _WHITE_PERCENTILE = 90.0
 """Of readings, as in the preview of the radiance: the brightest tenth may be pure white."""
 _BRIGHTER = 0.01
-_RED_END_NM = 700.0
 
 
 def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
@@ -171,14 +170,10 @@ class Report:
     def player(self) -> sections.Player:
         """Return the slider of the page's films, with the light at the top."""
         trajectory, frames = self.settings.trajectory, self.shown.frames
-        note = "The light in photopic colors."
-        if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
-            note = "The light, mean of its bands in gray; it is invisible."
         strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
         return sections.Player(
             [images.frame_label(frame, trajectory.times_s) for frame in frames],
             self.shown.sequence.shape,
             trajectory.frame_rate_hz * len(frames) / trajectory.frames,
             radiance=images.data_uri(strip),
-            note=note,
         )

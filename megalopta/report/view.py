@@ -22,7 +22,6 @@ from megalopta.report import images
 from megalopta.report.panels import (
     LONGEST_SIDE_PX,
     MOST_FRAMES,
-    Panel,
     View,
     file_view,
     sequence_view,
@@ -39,6 +38,12 @@ _MOST_EXPOSURES = 4
 """Of a film"""
 _RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
 """Most frames, and points of a frame"""
+_PLACES = {
+    "light": ["world", "camera", "light"],
+    "readings": ["readings"],
+    "flow": ["found_flow"],
+}
+"""Nested entities of panels; default: their name"""
 
 
 @dataclass(frozen=True)
@@ -189,25 +194,16 @@ def write_rrd(path: Path, shown: View) -> Path:
                 if shown.times_s is not None:
                     recording.set_time("time", duration=float(shown.times_s[frame]))
                 for panel in shown.panels:
-                    recording.log(*_rerun_image(rerun, panel, frame))
+                    names = *_PLACES.get(panel.kind, [panel.name]), panel.sensor, panel.level
+                    data = io.BytesIO()
+                    panel.picture(frame).convert("RGB").save(data, "PNG")
+                    picture = rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
+                    recording.log(["_".join(name.split()) for name in names if name], picture)
                 for place, entity in _rerun_scene(rerun, shown, frame):
                     recording.log(place, entity)
                 advance()
         recording.disconnect()
     return path
-
-
-def _rerun_image(rerun: Any, panel: Panel, frame: int) -> tuple[list[str], Any]:
-    """Return the place of a panel, names of nested entities, and its picture."""
-    above = {
-        "light": ["world", "camera", "light"],
-        "readings": ["readings"],
-        "flow": ["found_flow"],
-    }.get(panel.kind, [panel.name])
-    place = ["_".join(name.split()) for name in (*above, panel.sensor, panel.level) if name]
-    data = io.BytesIO()
-    panel.picture(frame).convert("RGB").save(data, "PNG")
-    return place, rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
 
 
 def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str], Any]]:

@@ -140,7 +140,7 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
     assert again.mean() == pytest.approx(
         reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
     )
-    assert "all around, of hot pixels" in page
+    assert "neighbors of hot pixels" in page
 
 
 def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
