@@ -1,8 +1,4 @@
-"""`megalopta spadcam calibrate`: recordings, or tables, to a device file, its maps and its page.
-
-A device file is YAML, with maps as .npy files in a folder next to it. Its maps are without events
-that crosstalk and afterpulses add, which the simulation adds again.
-"""
+"""`megalopta spadcam calibrate`: recordings, or tables, to a device file, its maps and its page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -160,10 +156,7 @@ def _of_events(
     dead_time: tuple[str, float] | None,
     talk: Crosstalk | None = None,
 ) -> Calibration:
-    """Return what codes and counts tell alike: dark counts, efficiency, dead time, neighbors.
-
-    The dead time (kind, s) and crosstalk of hot pixels are given where they are known.
-    """
+    """Return dark counts, efficiency, neighbors and a known dead time (kind, s)."""
     calibration = Calibration(source, {"counter": {}})
     fields, maps, quantities = calibration.fields, calibration.maps, calibration.quantities
     kernel, dead_s = device.kernel, base.dead_time.dead_time_s
@@ -319,10 +312,7 @@ def calibration_of_counts(
 
 
 def _crosstalk_of_hot_pixels(device: CountingDevice) -> Crosstalk | None:
-    """Crosstalk as the dark counts of hot pixels and their neighbors show it.
-
-    None for bits, which the sensor draws without crosstalk.
-    """
+    """Crosstalk of hot pixels; None for bits, which the sensor draws without crosstalk."""
     dark = device.dark_counts_hz
     if dark is None or device.capacity == 1 or dark.value.size < estimates.FEWEST_PIXELS:
         return None

@@ -139,10 +139,7 @@ def _errors(device: Sensor, rates: Floats) -> Floats:
 
 
 def _map_error(file: MapFile | None) -> Floats | float:
-    """Standard errors of a map, from the intervals next to it; 0 without intervals.
-
-    NaN where the calibration does not know the pixel.
-    """
+    """Standard errors of a map, from the intervals next to it; 0 without, NaN if unknown."""
     if file is None:
         return 0.0
     path, ends = Path(file.path), []

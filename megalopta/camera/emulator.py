@@ -1,7 +1,4 @@
-"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
-
-It sees a film: uniform light, the plate of the motion bench, or a rendered dataset.
-"""
+"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal."""
 
 import math
 import os
@@ -188,65 +185,52 @@ class EmulatedCamera:
         return samples
 
 
-class EmulatedPort:
-    """A pseudo-terminal with an emulated camera behind it.
+def emulate(
+    camera: EmulatedCamera,
+    stop: threading.Event,
+    link: Path | None = None,
+    plugged_in: Callable[[str], None] = lambda path: None,
+    clock_rate: float = 1.0,
+) -> int:
+    """Send frames when they are due, and answer, until stopped; return the packets dropped.
 
-    `link` is a symbolic link to the terminal; `plugged_in` is called with its path. The camera's
-    clock runs `clock_rate` times as fast as the host's.
+    `link` is a symbolic link to the pseudo-terminal; `plugged_in` is called with its path. The
+    camera's clock runs `clock_rate` times as fast as the host's.
     """
-
-    def __init__(
-        self,
-        camera: EmulatedCamera,
-        link: Path | None = None,
-        plugged_in: Callable[[str], None] = lambda path: None,
-        clock_rate: float = 1.0,
-    ) -> None:
-        if link is not None and link.exists() and not link.is_symlink():
-            raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
-        self._camera, self._link, self._clock_rate = camera, link, clock_rate
-        self._plugged_in, self._waiting = plugged_in, bytearray()
-        self.dropped = 0
-        """Packets that did not fit into the buffer."""
-
-    def run(self, stop: threading.Event) -> None:
-        """Send frames when they are due, and answer, until stopped."""
-        # While the other end is open somewhere, writing to this one does not fail.
-        end, other_end = pty.openpty()
-        try:
-            tty.setraw(other_end)
-            os.set_blocking(end, False)
-            path = os.ttyname(other_end)
-            if self._link is not None:
-                self._link.parent.mkdir(parents=True, exist_ok=True)
-                self._link.unlink(missing_ok=True)
-                self._link.symlink_to(path)
-            self._plugged_in(path)
-            parser, start_s = protocol.Parser(), time.monotonic()
-            while not stop.is_set():
-                now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
-                if self._camera.due_us <= now_us:
-                    self._post(self._camera.next_frame())
-                due_s = (self._camera.due_us - now_us) * 1e-6 / self._clock_rate
-                pause_s = min(max(due_s, 0.0), _LONGEST_WAIT_S)
-                writing = [end] if self._waiting else []
-                can_read, can_write, _ = select.select([end], writing, [], pause_s)
-                for command in parser.feed(os.read(end, 4096)) if can_read else ():
-                    if command.kind >= protocol.Kind.IDENTIFY:
-                        now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
-                        self._post(self._camera.answer(command, now_us))
-                if can_write:
-                    del self._waiting[: os.write(end, self._waiting)]
-        finally:
-            if self._link is not None:
-                self._link.unlink(missing_ok=True)
-            os.close(end)
-            os.close(other_end)
-
-    def _post(self, packet: protocol.Packet) -> None:
-        """Queue a packet, if it fits into the buffer."""
-        line = protocol.encode(packet)
-        if len(self._waiting) + len(line) <= BUFFER_BYTES:
-            self._waiting += line
-        else:
-            self.dropped += 1
+    if link is not None and link.exists() and not link.is_symlink():
+        raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
+    parser, waiting, dropped = protocol.Parser(), bytearray(), 0
+    # While the other end is open somewhere, writing to this one does not fail.
+    end, other_end = pty.openpty()
+    try:
+        tty.setraw(other_end)
+        os.set_blocking(end, False)
+        path = os.ttyname(other_end)
+        if link is not None:
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.unlink(missing_ok=True)
+            link.symlink_to(path)
+        plugged_in(path)
+        start_s = time.monotonic()
+        while not stop.is_set():
+            now_us = int((time.monotonic() - start_s) * 1e6 * clock_rate)
+            packets = [camera.next_frame()] if camera.due_us <= now_us else []
+            pause_s = min(max((camera.due_us - now_us) * 1e-6 / clock_rate, 0.0), _LONGEST_WAIT_S)
+            ends = select.select([end], [end] if waiting else [], [], 0 if packets else pause_s)
+            for command in parser.feed(os.read(end, 4096)) if ends[0] else ():
+                if command.kind >= protocol.Kind.IDENTIFY:
+                    now_us = int((time.monotonic() - start_s) * 1e6 * clock_rate)
+                    packets.append(camera.answer(command, now_us))
+            for line in map(protocol.encode, packets):
+                if len(waiting) + len(line) <= BUFFER_BYTES:
+                    waiting += line
+                else:
+                    dropped += 1
+            if ends[1]:
+                del waiting[: os.write(end, waiting)]
+    finally:
+        if link is not None:
+            link.unlink(missing_ok=True)
+        os.close(end)
+        os.close(other_end)
+    return dropped

@@ -2,6 +2,7 @@
 
 import errno
 import queue
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -16,26 +17,21 @@ from megalopta.core.errors import UserError
 from megalopta.sensor.formats import protocol
 
 TEENSY_VENDOR = 0x16C0
-UDEV_RULE = (
-    'SUBSYSTEM=="tty", ATTRS{idVendor}=="16c0", MODE="0660", GROUP="dialout", '
-    'ENV{ID_MM_DEVICE_IGNORE}="1"'
-)
-"""For /etc/udev/rules.d/: lets the group open the port, and keeps ModemManager away."""
 _CHOOSE = "choose another port (see megalopta spadcam list)"
 _PLUG_IN = f"plug the camera in, start an emulated one (megalopta spadcam emulate), or {_CHOOSE}"
+_BUSY = (
+    "another program has it open; close it. To keep ModemManager away: sudo systemctl stop "
+    "ModemManager, or the udev rule in docs/spadcam-protocol.md"
+)
 _REMEDIES = {
     errno.ENOENT: f"no such port; {_PLUG_IN}",
-    errno.EACCES: (
-        "no permission; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
-        f"this udev rule into /etc/udev/rules.d/49-spadcam.rules: {UDEV_RULE}"
-    ),
-    **dict.fromkeys(
-        (errno.EBUSY, errno.EAGAIN),
-        "another program has it open; close it. To keep ModemManager away: "
-        f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
-    ),
+    errno.EACCES: "no permission; join its group (sudo usermod -aG dialout $USER, log in again)",
+    **dict.fromkeys((errno.EBUSY, errno.EAGAIN), _BUSY),
 }
 _RETRY_S = 0.1
+_SWITCHING_S = 0.0002
+"""The reader releases the GIL several times per 4 KiB, and waits this long for it while a record is
+written: with the default of 5 ms, 1000 frames/s are too fast."""
 _REPLY_S, _ATTEMPTS = 0.7, 3
 _REPLIES = protocol.Kind.IDENTITY, protocol.Kind.SETTINGS
 _GATHER_S, _MUCH = 0.003, 3000
@@ -84,9 +80,9 @@ def open_port(path: str) -> serial.Serial:
 def port_lines() -> Iterator[str]:
     """Yield a line per USB serial port: path, serial number, description, whether it opens."""
     for path, is_teensy, number, description in _usb_ports():
+        state = "free"
         try:
             open_port(path).close()
-            state = "free"
         except UserError as problem:
             state = str(problem).partition(": ")[2].partition(";")[0]
         kind = "Teensy" if is_teensy else "other"
@@ -123,9 +119,12 @@ class Link:
         self._reader.start()
 
     def __enter__(self) -> Self:
+        self._switching_s = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCHING_S)
         return self
 
     def __exit__(self, *_: object) -> None:
+        sys.setswitchinterval(self._switching_s)
         self._stop.set()
         self._reader.join()
         self._port.close()

@@ -231,18 +231,18 @@ def _tags(options: Namespace) -> list[Path]:
 )
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.capture import named_sensor
-    from megalopta.camera.emulator import EmulatedCamera, EmulatedPort
+    from megalopta.camera.emulator import EmulatedCamera, emulate
 
     camera = EmulatedCamera(named_sensor(options.sensor), _film(options), options.seed)
-    port = EmulatedPort(
+    dropped = emulate(
         camera,
+        stopped_by_signals(),
         options.link,
         lambda path: print(options.link or path, flush=True),
         clock_rate=options.clock,
     )
-    port.run(stopped_by_signals())
     say(
-        f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
+        f"emulate: stopped; {dropped} packets were dropped because nothing read them in"
         " time; a capture counts as missing only those between its first and last frame"
     )
 

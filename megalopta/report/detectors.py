@@ -1,8 +1,4 @@
-"""Sections on motion detectors: their errors, and the photons that they need.
-
-A method with velocities is also compared with the true motion, since a consistently wrong one is
-perfectly repeatable.
-"""
+"""Sections on motion detectors: their errors, and the photons that they need."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -48,7 +44,7 @@ _TRUTH = (
     "relative error: noise-free → on {} → on corrected readings if there are any. The object at "
     "the center of a mixed pixel fills less than {}; {} of the pixels shown are mixed."
 )
-_STAND_IN = (
+STAND_IN = (
     "The true motion of pictures is unknown. The flow by DIS between the pictures without photon "
     "noise stands in for it, which favors DIS. "
 )
@@ -73,12 +69,9 @@ _UNITS = Markup(
 def absent(report: Report, stage: str, what: str) -> Markup:
     """Return the command to run for a missing stage."""
     root = report.dataset.root
-    return html.paragraph(
-        Markup("{} Run <code>{}</code> and then <code>{}</code>.").format(
-            what, shell_command(*stage.split(), root), shell_command("report", root)
-        ),
-        "absent",
-    )
+    commands = shell_command(*stage.split(), root), shell_command("report", root)
+    text = Markup("{} Run <code>{}</code> and then <code>{}</code>.").format(what, *commands)
+    return html.paragraph(text, "absent")
 
 
 def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> Markup:
@@ -104,7 +97,7 @@ def detector_section(report: Report) -> Section:
         ]
         mixed = percent(float(np.mean(shares)) if shares else 0.0)
         text = _TRUTH.format(units, percent(settings.least_purity), mixed)
-        text = text if report.has_truth else _STAND_IN + text
+        text = text if report.has_truth else STAND_IN + text
         title = html.heading(f"Against the {report.motion_name}")
         body.append(title + html.paragraph(text) + tables)
     body.append(html.heading("Against the noise-free response: ratio error (literal)"))

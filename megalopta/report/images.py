@@ -16,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 from markupsafe import Markup
 from matplotlib import colormaps
-from matplotlib.colors import hsv_to_rgb
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
@@ -33,7 +32,7 @@ Item = TypeVar("Item")
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
 
-_COLORS, _ID_COLORS, _RGB_BITS = 96, 89, 6
+_COLORS, _RGB_BITS = 96, 6
 _LEGEND_STEPS, _WHEEL_PX = 128, 96
 _GAP_PX = 6
 _MOST_PIXELS_SHOWN = 8_000_000
@@ -65,7 +64,9 @@ class ColorScale:
         share = (np.nan_to_num(values) - self.low) / (self.high - self.low)
         place = np.clip(share, 0, 1) ** (1 / self.root) * (len(self.colors) - 1)
         index = np.where(unknown, len(self.colors), np.rint(place))
-        return _indexed(index, self.colors.tobytes() + bytes(self.special))
+        picture = Image.fromarray(index.astype(np.uint8))
+        picture.putpalette(self.colors.tobytes() + bytes(self.special))
+        return picture
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
         """Return the legend: the colors between two texts, and the meaning of the special color."""
@@ -76,12 +77,6 @@ class ColorScale:
         return Markup('<span class="scale"><span>{}</span>{}<span>{}</span>{}</span>').format(
             low, bar, high, marked.format(self.special, special) if special else ""
         )
-
-
-def _indexed(index: NDArray[np.generic], palette: bytes) -> Image.Image:
-    picture = Image.fromarray(index.astype(np.uint8))
-    picture.putpalette(palette)
-    return picture
 
 
 def gray_scale(white: float) -> ColorScale:
@@ -105,15 +100,6 @@ def map_scale(name: str, low: float, high: float) -> ColorScale:
 def rgb_picture(pixels: Rgb) -> Image.Image:
     """Return an image of colors (H, W, 3)."""
     return ImageOps.posterize(Image.fromarray(pixels), _RGB_BITS)
-
-
-def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
-    """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
-    # Multiples of the golden ratio spread evenly over the hues.
-    hue, value = np.outer((0.618034, 0.7548777), np.arange(_ID_COLORS)) % 1
-    colors = hsv_to_rgb(np.stack([hue, np.full_like(hue, 0.45), 0.55 + 0.4 * value], axis=-1))
-    palette = bytes((24, 26, 30)) + np.rint(255 * colors).astype(np.uint8).tobytes()
-    return _indexed(np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS), palette)
 
 
 def data_uri(picture: Image.Image) -> str:
@@ -221,8 +207,8 @@ _PANEL_PX, _IN_ONE_ROW = 480, 4
 _GIF_FRAMES, _FEWEST_GIF_FRAMES, _GIF_BYTES = 60, 8, 4_000_000
 _GIF_MS = (20, 600_000)
 """Shortest and longest duration of a GIF frame"""
-_CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
-"""MP4 codecs, the better first, with their options for good quality"""
+_H264 = {"crf": "20", "preset": "veryfast"}
+"""Options of libx264 for good quality"""
 
 
 def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image.Image:
@@ -286,10 +272,9 @@ def _mp4_writer(path: Path, rate_hz: float) -> Iterator[Callable[[Image.Image], 
         say(f"view: no film.mp4: {problem}; film.gif is written")
         yield None
         return
-    name = next(codec for codec in _CODECS if codec in av.codecs_available)
     with atomic_write(path) as temporary, av.open(str(temporary), "w") as container:
-        stream = container.add_stream(name, Fraction(rate_hz).limit_denominator(1000))
-        stream.pix_fmt, stream.options = "yuv420p", _CODECS[name]
+        stream = container.add_stream("libx264", Fraction(rate_hz).limit_denominator(1000))
+        stream.pix_fmt, stream.options = "yuv420p", _H264
 
         def write(picture: Image.Image) -> None:
             # yuv420p needs even sides: the last line is repeated

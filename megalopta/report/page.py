@@ -16,6 +16,7 @@ from megalopta.dataset.store import Dataset
 from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
     ACCURATE,
+    STAND_IN,
     absent,
     detector_section,
     threshold_section,
@@ -38,14 +39,9 @@ _BACKDROP_GRAY = 0.35
 
 _OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
 """Heads of the table of results"""
-_STAND_IN = (
-    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
-    "motion that favors DIS."
-)
 _LIGHT = (
     "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
-    "spectrum. A reading with mean N scatters by about √N; an integrating pixel adds dark current, "
-    "reset and read noise. Orange pixels are saturated: their readings are lower bounds. "
+    "spectrum. Orange pixels are saturated: their readings are lower bounds. "
 )
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
@@ -57,13 +53,9 @@ _COLUMNS = Markup(
 _CAUTION = 0.1
 """Relative noise of a pixel's rendered light from which it is a warning"""
 _MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
-_PICTURES_MOTION = (
-    "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between them "
-    "without photon noise. Its median speed is {:.2g} px per frame."
-)
 _DEPTH = (
     "Depth is measured {}; its colors are logarithmic. Orange pixels are occluded in the next "
-    "frame. Every object has its own color."
+    "frame."
 )
 _MADE = (
     "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
@@ -135,10 +127,7 @@ class _Reached(NamedTuple):
 
 
 def _opening(report: Report) -> Markup:
-    """Return the results: how far down in light motion is found, and on which sensor.
-
-    Where no method is accurate, that with the least error at any light is shown.
-    """
+    """Return how far down in light motion is found, or the least error, and on which sensor."""
     if not report.exposures:
         return Markup("")
     reached: dict[str, list[_Reached]] = {}
@@ -181,7 +170,7 @@ def _opening(report: Report) -> Markup:
         html.paragraph(sentence),
         html.block("strip", *films),
         html.table("Results", _OUTCOME, rows) if rows else Markup(""),
-        html.paragraph("" if report.has_truth or not report.flow else _STAND_IN, "note"),
+        html.paragraph("" if report.has_truth or not report.flow else STAND_IN, "note"),
     )
 
 
@@ -247,7 +236,7 @@ def motion_section(report: Report) -> Section:
         speed = float(np.median(known)) if known.size else 0.0
     if not report.has_truth:
         body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
-        text = _PICTURES_MOTION.format(speed)
+        text = f"{STAND_IN}Its median speed is {speed:.2g} px per frame."
         return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
     films.append(shown.depth.film(shown.frames))
     if shown.rim:
@@ -259,11 +248,9 @@ def motion_section(report: Report) -> Section:
             hidden.append(images.rgb_picture(picture))
         alt = "Occluded pixels in orange"
         films.append(images.film(hidden, "occluded in the next frame", alt))
-    objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
-    films.append(images.film(objects, "objects", "Each object in its own color, the sky dark"))
     body = html.block("strip", *films)
     if not shown.rim:
-        text = "A single frame has no motion; its depth and objects are known exactly."
+        text = "A single frame has no motion; its depth is known exactly."
         return Section("Truth", text, body=body, name="motion")
     depth = _DEPTH.format(report.settings.camera.depth_meaning)
     body += images.wheel(shown.rim) + html.paragraph(depth, "note")

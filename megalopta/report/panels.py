@@ -1,7 +1,4 @@
-"""Panels: pictures of one quantity, frame by frame, of a sequence or of a file of readings.
-
-Page, film and report show the same ones.
-"""
+"""Panels: pictures of one quantity, frame by frame, of a sequence or of a file of readings."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence as Listed
@@ -44,7 +41,7 @@ from megalopta.stages.run import finished, has_output, require
 MOST_FRAMES = 80
 """Of a page"""
 LONGEST_SIDE_PX = 320
-WHITE_PERCENTILE = 99.0
+_WHITE_PERCENTILE = 95.0
 """Percentile of readings above which all are white"""
 _SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
@@ -182,10 +179,9 @@ class SequencePanels:
         frames: Listed[int],
         step: int,
         treatment: Treatment | None = None,
-        white_percentile: float = WHITE_PERCENTILE,
     ) -> None:
         self.sequence, self.frames, self.step = sequence, frames, step
-        self._treatment, self._white_percentile = treatment or Treatment(), white_percentile
+        self._treatment = treatment or Treatment()
         self._sampled = images.evenly_spaced(frames, _SAMPLED)
 
     @cached_property
@@ -242,8 +238,7 @@ class SequencePanels:
         counts, full = (self.sequence.counts(name, array) for array in ("counts", "saturated"))
         unit = counts.unit.split()[0]
         raw = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
-        treated = raw.treated(self._treatment)
-        panel = readings_panel(treated, self.frames, self.step, self._white_percentile)
+        panel = readings_panel(raw.treated(self._treatment), self.frames, self.step)
         return replace(panel, sensor=sensor.name, level=self._level(level))
 
     def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
@@ -332,15 +327,10 @@ class SequencePanels:
         return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 
-def readings_panel(
-    readings: ShownReadings,
-    frames: Listed[int],
-    step: int,
-    white_percentile: float = WHITE_PERCENTILE,
-) -> Panel:
+def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), white_percentile)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = images.gray_scale(white)
 

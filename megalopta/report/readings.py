@@ -132,16 +132,9 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
     Raises UserError where there are none, or they are damaged.
     """
     is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin"))
-    if not (is_array or is_recording(path)) and path.exists():
-        if is_footage(path):
-            raise UserError(
-                f"{path}: pictures, no readings; make photons of them first: "
-                f"{shell_command('sense', path, '--photons', '2')}"
-            )
-        for folder in path.resolve().parents:
-            if (folder / "dataset.yaml").exists() or is_recording(folder):
-                run = shell_command("view", folder)
-                raise UserError(f"{path}: a part of {folder}; run: {run}")
+    if not (is_array or is_recording(path)) and path.exists() and is_footage(path):
+        sense = shell_command("sense", path, "--photons", "2")
+        raise UserError(f"{path}: pictures, no readings; make photons of them first: {sense}")
     if not (is_array or is_recording(path) or path.is_file()):
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
     with refused_as("", OSError):

@@ -1,13 +1,9 @@
-"""Data of the report: every finished stage, read once, on first use.
-
-Few frames and pixels are shown, evenly spaced; the last frame has no next one, and so no flow.
-"""
+"""Data of the report: every finished stage, read once, on first use."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +31,6 @@ _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
 _OTHER_FILMS = 6
-_WHITE_PERCENTILE = 90.0
-"""Of readings, as in the preview of the radiance: the brightest tenth may be pure white."""
 _BRIGHTER = 0.01
 
 
@@ -49,8 +43,7 @@ def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
     return images.selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
 
 
-@dataclass(frozen=True, eq=False)
-class Budget:
+class Budget(NamedTuple):
     """Light on a pixel in one exposure, and the sensor's response; means over pixels and frames.
 
     Readings and saturation are those of all stored frames, the others those of the frames shown.
@@ -59,7 +52,6 @@ class Budget:
     sensor: ImageSensor
     level: LightLevel
     photons: float
-    """Photons on a pixel per exposure"""
     detected: float
     """Detected photons, without dead time"""
     dark: float
@@ -69,10 +61,9 @@ class Budget:
     signal_to_noise: float
     """Median over single pixels of the middle frame"""
     saturated_fraction: float
-    """Share of saturated readings"""
     photons_per_frame: float
     """Detected photons summed over the frame"""
-    rendering_noise: float = math.nan
+    rendering_noise: float
     """Rendering noise of a pixel over its shot noise (standard deviations); NaN if not measured"""
 
 
@@ -91,9 +82,7 @@ class Report:
         self.scene: Mapping[str, Any] = checked_json(dataset.scene_record, dict, remedy)
         spent = timings(dataset)
         self.timings = {stage: spent[stage] for stage in STAGES if stage in spent}
-        self.shown = SequencePanels(
-            Sequence(dataset), *select(self.settings), white_percentile=_WHITE_PERCENTILE
-        )
+        self.shown = SequencePanels(Sequence(dataset), *select(self.settings))
         # before pictures take seconds to draw
         self.flow = self.shown.records
         self.benchmark: BenchmarkResult | None = None

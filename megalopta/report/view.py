@@ -1,8 +1,4 @@
-"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events.
-
-Rerun's recording has the timelines "time" and "frame". A sequence has its camera and its visible
-points in the world there: z is up, meters.
-"""
+"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
 
 import io
 import math
@@ -18,7 +14,10 @@ from megalopta import __version__
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
+from megalopta.dataset.frames import read_truth_frame
+from megalopta.dataset.opened import open_dataset
 from megalopta.report import images
+from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.panels import (
     LONGEST_SIDE_PX,
     MOST_FRAMES,
@@ -38,11 +37,7 @@ _MOST_EXPOSURES = 4
 """Of a film"""
 _RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
 """Most frames, and points of a frame"""
-_PLACES = {
-    "light": ["world", "camera", "light"],
-    "readings": ["readings"],
-    "flow": ["found_flow"],
-}
+_PLACES = {"light": ["world", "camera", "light"], "readings": ["readings"]}
 """Nested entities of panels; default: their name"""
 
 
@@ -75,9 +70,6 @@ def view(
 
     Raises UserError where it is none of these, is damaged, or cannot be shown as options.
     """
-    from megalopta.dataset.opened import open_dataset
-    from megalopta.report.dataset_card import SHOWN, write_contact_sheet
-
     thing, folder, options = Path(thing), Path(out), options or ViewOptions()
     is_dataset = (thing / "dataset.yaml").exists()
     if is_dataset and len(open_dataset(thing)) > 1:
@@ -177,7 +169,7 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
 
 
 def write_rrd(path: Path, shown: View) -> Path:
-    """Write a view as .rrd for Rerun's viewer; return its path.
+    """Write a view as .rrd for Rerun's viewer, in the world (z up, meters); return its path.
 
     Raises ModuleNotFoundError if the Rerun SDK is not installed.
     """
@@ -220,8 +212,6 @@ def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str
         axes = rerun.ViewCoordinates.RDF
         yield camera, rerun.Pinhole(image_from_camera=matrix, resolution=size, camera_xyz=axes)
     if sequence.configuration.scene.has_truth:
-        from megalopta.dataset.frames import read_truth_frame
-
         (light,) = shown.of("light")
         colors = np.asarray(light.picture(frame).convert("RGB")).reshape(-1, 3)
         position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)

@@ -1,7 +1,6 @@
 """`megalopta check files`: a dataset against its records and its plan.
 
-Every file is compared with its hash, and unknown files are reported. Of a plan, also its number of
-sequences, the index, and the truth of a few sequences with a second derivation.
+Hashes and unknown files; of a plan, its sequences, index and splits, and the truth of a few.
 """
 
 import shlex

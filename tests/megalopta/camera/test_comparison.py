@@ -6,11 +6,7 @@ import pytest
 from megalopta.camera.comparison import CompareSettings, compare_captured, plate_responses
 from megalopta.camera.comparison_page import motion_page
 from megalopta.camera.emulator import rendered
-from megalopta.camera.motion_bench import (
-    FRAMES,
-    cut_passages,
-    record,
-)
+from megalopta.camera.motion_bench import FRAMES, cut_passages, record
 from megalopta.camera.sources import Source
 from megalopta.config.model import load
 from megalopta.sensor import expose_rate, load_sensor, preset
