@@ -27,6 +27,14 @@ _CURVES = (
     "The step may change over the swing. If the saturation curve does not determine the kind of "
     "dead time, record brighter light."
 )
+_DROPS = (
+    "A point per pixel and level. On the line, noise is that of single events; points of bright "
+    "light lie below it where dead time regularizes events."
+)
+_SATURATION = (
+    "Counts of the median pixel. Their distance below the line without dead time gives the dead "
+    "time; its kind shows where the two models diverge."
+)
 _NEIGHBORS = (
     "Probability that an event fires a neighbor, from coincidences in the dark; afterpulses within "
     "the exposure, from the variance of dark counts, which read noise may hide. Effects above "
@@ -74,22 +82,6 @@ class Quantity(NamedTuple):
     scale: float
     """Factor to that unit"""
 
-    @property
-    def median(self) -> float:
-        """Median over the pixels, in its unit."""
-        return self.scale * self.estimate.median
-
-    @property
-    def row(self) -> tuple[str, ...]:
-        """Median, range and half width, as a row of the table."""
-        title, estimate = f"{self.name} ({self.unit})", self.estimate
-        if not np.isfinite(estimate.value).any():
-            return (title, UNKNOWN, "", "", "")
-        low, median, high = self.scale * np.nanpercentile(estimate.value, (5, 50, 95))
-        widths = self.scale * (estimate.high - estimate.low) / 2
-        half = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
-        return (title, *(number(float(value)) for value in (median, low, high, half)))
-
 
 def write_page(
     path: Path,
@@ -98,13 +90,20 @@ def write_page(
     sections: Sequence[Section | None],
 ) -> None:
     """Write a page: the table of quantities, sections, and their maps before the last one."""
+    rows: list[tuple[str, ...]] = []
     charts = []
-    for place, (name, unit, estimate, scale) in enumerate(quantities):
-        if np.isfinite(estimate.value).any():
-            title = f"{name} ({unit})"
-            charts.append(style.map_chart(scale * estimate.value, f"map-{place}", title))
+    for name, unit, estimate, scale in quantities:
+        title, values = f"{name} ({unit})", scale * estimate.value
+        if not np.isfinite(values).any():
+            rows.append((title, UNKNOWN, "", "", ""))
+            continue
+        low, median, high = np.nanpercentile(values, (5, 50, 95))
+        widths = scale * (estimate.high - estimate.low) / 2
+        half = np.nanmedian(widths) if np.isfinite(widths).any() else np.nan
+        rows.append((title, *(number(float(size)) for size in (median, low, high, half))))
+        charts.append(style.map_chart(values, f"map-{len(rows)}", title))
     head = ("", "median", "from", "to", "± (95 % CI)")
-    table = Section("The pixels", _PIXELS, head, tuple(quantity.row for quantity in quantities))
+    table = Section("The pixels", _PIXELS, head, tuple(rows))
     maps = Section("Maps", _MAPS, charts=tuple(charts))
     shown = [table, *sections[:-1], maps, sections[-1]]
     write_sections(path, f"Calibration of {path.stem}", summary, shown)
@@ -130,8 +129,12 @@ def neighbors_section(
 
 
 def medians(quantities: Sequence[Quantity]) -> str:
-    """Tell the medians in a line."""
-    return ", ".join(f"{each.name} {number(each.median)} {each.unit}" for each in quantities)
+    """Return the medians in a line."""
+    texts = (
+        f"{name} {number(scale * estimate.median)} {unit}"
+        for name, unit, estimate, scale in quantities
+    )
+    return ", ".join(texts)
 
 
 def reasons(device: CountingDevice) -> str:
@@ -174,29 +177,15 @@ def curves_section(device: Device) -> Section:
     likely = f"likelihood ratio e^{device.kind_ratio:.0f}" if kind else ""
     if device.misfit:
         likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
+    decrease = (f"{with_error(slope, error, '%')} (95 %)", seen) if is_known else (UNKNOWN, "")
     rows = (
-        (
-            "decrease of the step from top to bottom of the swing",
-            f"{with_error(slope, error, '%')} (95 %)" if is_known else UNKNOWN,
-            seen if is_known else "",
-        ),
+        ("decrease of the step from top to bottom of the swing", *decrease),
         ("kind of dead time", kind or UNKNOWN, likely),
     )
-    charts = [
-        captioned(
-            _drops_chart(device),
-            "A point per pixel and level. On the line, noise is that of single events; points of "
-            "bright light lie below it where dead time regularizes events.",
-        )
-    ]
+    charts = [captioned(_drops_chart(device), _DROPS)]
     if device.efficiency is not None and device.dead_time_s is not None:
-        charts.append(
-            captioned(
-                _saturation_chart(device, device.efficiency, device.dead_time_s),
-                "Counts of the median pixel. Their distance below the line without dead time gives "
-                "the dead time; its kind shows where the two models diverge.",
-            )
-        )
+        chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
+        charts.append(captioned(chart, _SATURATION))
     head = ("", "estimate", "confidence")
     return Section("Photon transfer and saturation", _CURVES, head, rows, tuple(charts))
 

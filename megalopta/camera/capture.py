@@ -108,16 +108,16 @@ def capture(
     a setting is impossible, the folder exists, or the camera is absent, does not answer, refuses,
     or sends no frames; earlier frames are kept.
     """
-    asked, recorder = settings.of_camera, None
+    of_camera, recorder = settings.of_camera, None
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
     with locked(out):
         try:
             with _linked(find, wait_s, stop) as link:
                 identity, start_s = _identity(link), time.monotonic()
-                sensor = sensor_as_set(settings.sensor, asked, identity)
-                valid_us = _configure(link, asked)
-                recorder = Recorder(out, sensor, settings.kind, identity, asked, start_s)
+                sensor = sensor_as_set(settings.sensor, of_camera, identity)
+                valid_us = _configure(link, of_camera)
+                recorder = Recorder(out, sensor, settings.kind, identity, of_camera, start_s)
                 try:
                     _record(link, recorder, settings, valid_us, stop, show)
                 finally:
@@ -192,8 +192,8 @@ def _record(
     show: Show,
 ) -> None:
     """Record frames as they arrive; after unplugging, configure the camera again."""
-    asked, serial_number = settings.of_camera, recorder.header.serial_number
-    patience_s = PATIENCE_S + 3e-6 * asked.period_us
+    of_camera, serial_number = settings.of_camera, recorder.header.serial_number
+    patience_s = PATIENCE_S + 3e-6 * of_camera.period_us
     connection, first_s, shown_s = link.connection, math.inf, 0.0
     frame_s = time.monotonic()
     while not stop.is_set() and recorder.frames != settings.frames:
@@ -208,7 +208,7 @@ def _record(
                         f"{link.path}: camera {identity.serial_number} was plugged in instead of "
                         f"{serial_number}; record it separately"
                     )
-                valid_us = _configure(link, asked)
+                valid_us = _configure(link, of_camera)
                 recorder.plugged_again()
                 frame_s = time.monotonic()
         elif arrival is not None and arrival.connection == connection:

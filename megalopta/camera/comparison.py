@@ -124,10 +124,10 @@ def _compared(
     errors = [
         _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
-    found = compare_recordings(
+    comparison = compare_recordings(
         captured, simulated, model, margin=settings.margin, errors=errors, is_scene=bool(stimulus)
     )
-    return pages.Compared(captured, simulated, found)
+    return pages.Compared(captured, simulated, comparison)
 
 
 def _errors(device: Sensor, rates: Floats) -> Floats:
@@ -227,5 +227,5 @@ def _compare_scene(
     (simulated,) = compared.simulated
     errors_hz = _errors(device, rates_hz)
     differences = scene_differences(captured, simulated, rates_hz, settings.margin, errors_hz)
-    found = replace(compared.found, differences=differences)
-    return compared._replace(found=found, correlation=float(correlation.max()))
+    comparison = replace(compared.comparison, differences=differences)
+    return compared._replace(comparison=comparison, correlation=float(correlation.max()))

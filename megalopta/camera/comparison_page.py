@@ -52,7 +52,7 @@ class Compared(NamedTuple):
 
     captured: Levels
     simulated: Levels
-    found: Comparison
+    comparison: Comparison
     correlation: float = 0.0
     """Correlation of the frames of a scene with their aligned simulation"""
 
@@ -74,7 +74,7 @@ Page = tuple[str, str, list[Section]]
 
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
-    comparison = compared.found
+    comparison = compared.comparison
     explained, order = comparison.explained, comparison.arrangement
     if not explained.alone:
         explanation = "Frames are not independent, or no pixel is left: none is tested."
@@ -110,7 +110,7 @@ def levels_page(name: str, compared: Compared) -> Page:
 
 def scene_page(name: str, compared: Compared) -> Page:
     """Return the differences of a captured from a simulated scene, with pictures."""
-    comparison = compared.found
+    comparison = compared.comparison
     in_time = captioned(
         _time_chart(compared.captured[0], compared.simulated[0]),
         "Coincident curves saw the same frames of the scene; a horizontal shift is a difference "
@@ -166,7 +166,7 @@ def _differences(
 
 def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
     """Yield sections on the differences of pixels, level by level, titled by their lights."""
-    captured, simulated, comparison = compared.captured, compared.simulated, compared.found
+    captured, simulated, comparison = compared.captured, compared.simulated, compared.comparison
     curves = [captioned(_transfer_chart(captured, simulated), _TRANSFER)]
     dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
     if dark:

@@ -30,7 +30,6 @@ ACCURATE = 0.25
 _BAND_STANDARD_ERRORS = 2
 _SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
 
-_GUIDE = "Each detector runs on the {}, and on their noise-free mean."
 _ERRORS = Markup(
     "Readings are scaled to a mean of 1. Errors compare the response to counts with that to the "
     "noise-free reading, after the detectors have settled. <b>Ratio</b>: sum of all differences "
@@ -91,7 +90,7 @@ def detector_section(report: Report) -> Section:
         return replace(section, body=missing)
     settings, units = report.settings.flow, " or ".join(report.units)
     body = []
-    if tables := against_truth(report):
+    if true_motion := against_truth(report):
         shares = [
             (truth.footprint.purity < settings.least_purity).mean() for truth in report.truths
         ]
@@ -99,7 +98,7 @@ def detector_section(report: Report) -> Section:
         text = _TRUTH.format(units, percent(settings.least_purity), mixed)
         text = text if report.has_truth else STAND_IN + text
         title = html.heading(f"Against the {report.motion_name}")
-        body.append(title + html.paragraph(text) + tables)
+        body.append(title + html.paragraph(text) + true_motion)
     body.append(html.heading("Against the noise-free response: ratio error (literal)"))
     tables: dict[str, list[tuple[str, str, str]]] = {}
     for record in report.flow:
@@ -114,7 +113,8 @@ def detector_section(report: Report) -> Section:
     for sensor, cells in tables.items():
         body.append(pivoted(f"Errors of the responses on {sensor}", sensor, cells))
     body.append(html.paragraph(_ERRORS, "note"))
-    return replace(section, text=_GUIDE.format(units), body=Markup("\n").join(body))
+    text = f"Each detector runs on the {units}, and on their noise-free mean."
+    return replace(section, text=text, body=Markup("\n").join(body))
 
 
 def against_truth(report: Report) -> Markup:

@@ -1,6 +1,5 @@
 """The report of a dataset: results, light, motion, detectors, and how it was made."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -37,8 +36,6 @@ from megalopta.scenes.levels import illuminance_of
 _MOST_LEVELS = 4
 _BACKDROP_GRAY = 0.35
 
-_OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
-"""Heads of the table of results"""
 _LIGHT = (
     "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
     "spectrum. Orange pixels are saturated: their readings are lower bounds. "
@@ -52,15 +49,6 @@ _COLUMNS = Markup(
 )
 _CAUTION = 0.1
 """Relative noise of a pixel's rendered light from which it is a warning"""
-_MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
-_DEPTH = (
-    "Depth is measured {}; its colors are logarithmic. Orange pixels are occluded in the next "
-    "frame."
-)
-_MADE = (
-    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
-    "rendering may differ between machines."
-)
 
 
 def write_report(dataset: Dataset) -> Path:
@@ -75,7 +63,13 @@ def write_report(dataset: Dataset) -> Path:
         dataset.root / "report.html",
         title(report.settings),
         lead(report),
-        [make(report) for make in SECTIONS],
+        [
+            light_section(report),
+            motion_section(report),
+            detector_section(report),
+            threshold_section(report),
+            making_section(report),
+        ],
         header=_opening(report),
         player=report.player(),
         footer=(
@@ -153,6 +147,7 @@ def _opening(report: Report) -> Markup:
             f"{percent(first.error)}, and {percent(first.outliers)} of them are off by more "
             "than 25 %."
         )
+    head = ("sensor", "best method", "within 25 % down to", "median error there")
     for result in best:
         level, error = level_name(result.level), percent(result.error)
         reach = ("none", f"{error} at {level}") if result.is_wrong else (level, error)
@@ -169,7 +164,7 @@ def _opening(report: Report) -> Markup:
         Markup("<h2>Results</h2>"),
         html.paragraph(sentence),
         html.block("strip", *films),
-        html.table("Results", _OUTCOME, rows) if rows else Markup(""),
+        html.table("Results", head, rows) if rows else Markup(""),
         html.paragraph("" if report.has_truth or not report.flow else STAND_IN, "note"),
     )
 
@@ -185,7 +180,6 @@ def light_section(report: Report) -> Section:
     section = Section(
         f"From light to {' and '.join(report.units)}",
         name="light",
-        link=f"Light to {report.units[0]}",
     )
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
@@ -237,7 +231,7 @@ def motion_section(report: Report) -> Section:
     if not report.has_truth:
         body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
         text = f"{STAND_IN}Its median speed is {speed:.2g} px per frame."
-        return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
+        return Section("Motion of the pictures", text, body=body, name="motion")
     films.append(shown.depth.film(shown.frames))
     if shown.rim:
         hidden = []
@@ -252,10 +246,13 @@ def motion_section(report: Report) -> Section:
     if not shown.rim:
         text = "A single frame has no motion; its depth is known exactly."
         return Section("Truth", text, body=body, name="motion")
-    depth = _DEPTH.format(report.settings.camera.depth_meaning)
-    body += images.wheel(shown.rim) + html.paragraph(depth, "note")
-    share = float(np.mean([truth.occluded_forward.mean() for truth in truths]))
-    text = _MOTION.format(speed, percent(share))
+    note = (
+        f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic. "
+        "Orange pixels are occluded in the next frame."
+    )
+    body += images.wheel(shown.rim) + html.paragraph(note, "note")
+    share = percent(float(np.mean([truth.occluded_forward.mean() for truth in truths])))
+    text = f"The median speed is {speed:.2g} px per frame; {share} of the pixels are hidden next."
     return Section("True motion", text, body=body, name="motion")
 
 
@@ -280,14 +277,5 @@ def making_section(report: Report) -> Section:
         body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
     settings = Markup("<pre>{}</pre>").format(to_yaml(report.settings))
     body.append(html.folded("All settings", settings))
-    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
-
-
-SECTIONS: tuple[Callable[[Report], Section], ...] = (
-    light_section,
-    motion_section,
-    detector_section,
-    threshold_section,
-    making_section,
-)
-"""Sections of the page and its navigation, in order."""
+    text = "The settings, with their seeds, reproduce this page, but for the noise of rendering."
+    return Section("How it was made", text, body=Markup("\n").join(body), name="made")

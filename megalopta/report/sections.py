@@ -27,13 +27,6 @@ class Section:
     body: Markup = field(default=Markup(""))
     name: str = ""
     """Identifier; a section with one is linked at the top of the page."""
-    link: str = ""
-    """Text of that link; default: the title"""
-
-    @property
-    def table(self) -> Markup:
-        """Table as HTML; empty without rows."""
-        return table(self.title, self.head, self.rows) if self.rows else Markup("")
 
 
 @dataclass(frozen=True)
@@ -140,6 +133,6 @@ def write_sections(
         lstrip_blocks=True,
     ).get_template("page.html")
     shown = [section for section in sections if section]
-    parts = {"header": header, "footer": footer, "film": player}
+    parts = {"header": header, "footer": footer, "film": player, "table": table}
     write_text(path, template.render(title=title, summary=summary, sections=shown, **parts))
     return path

@@ -158,6 +158,6 @@ def map_chart(
 
 def color_limits(*maps: Floats) -> tuple[float, float]:
     """Return the ends of a color scale that holds 98 % of the known pixels."""
-    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    known = np.concatenate([values[np.isfinite(values)] for values in maps])
     low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
     return float(low), float(high)

@@ -46,7 +46,7 @@ def with_error(value: float, error: float, unit: str) -> str:
     if not (math.isfinite(error) and error > 0):
         return f"{number(value)} {unit}"
     digits = 1 - math.floor(math.log10(error))
-    texts = (f"{round(each, digits):.{max(digits, 0)}f}" for each in (value, error))
+    texts = (f"{round(size, digits):.{max(digits, 0)}f}" for size in (value, error))
     return f"{' ± '.join(texts)} {unit}"
 
 

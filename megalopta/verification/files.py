@@ -34,7 +34,7 @@ class FileFault(NamedTuple):
     """A damaged, missing or unknown file."""
 
     path: Path
-    what: str
+    fault: str
     remedy: str
 
 
@@ -50,7 +50,7 @@ def run_check_files(root: Path, truths: int = 0) -> bool:
     faults = check_files(tree, truths)
     for fault in faults:
         console.print(
-            printable(f"{fault.path}: {fault.what}; {fault.remedy}"),
+            printable(f"{fault.path}: {fault.fault}; {fault.remedy}"),
             markup=False, highlight=False, soft_wrap=True,
         )  # fmt: skip
     names, checked = tree.names(), ""

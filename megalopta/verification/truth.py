@@ -172,8 +172,8 @@ def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
     footprint = truth.footprint
     objects, is_mixed = truth.object_id, footprint.is_mixed
     borders = [  # of different objects: True where neither side is mixed
-        ~(is_mixed[here] | is_mixed[there])[objects[here] != objects[there]]
-        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
+        ~(is_mixed[side] | is_mixed[neighbor])[objects[side] != objects[neighbor]]
+        for side, neighbor in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
     ]
     if (is_missed := np.concatenate(borders)).size:
         yield "outlines missed, share", np.array([is_missed.mean()])
