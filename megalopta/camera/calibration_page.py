@@ -244,16 +244,17 @@ def emva_section(
     sensor = changed(load_sensor(device), exposure_s=exposure_s)
     if sensor.counter.capacity == 1:
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
+    at = (shape[0], shape[1]), wavelength_nm
     try:
-        dark, steps = standard.device_steps(sensor, shape, wavelength_nm)
-        factors = standard.without_dead_time(sensor, shape, wavelength_nm, steps)
+        dark, steps = standard.device_steps(sensor, *at)
+        factors = standard.without_dead_time(sensor, *at, steps)
         figures = [standard.emva(dark, steps, factors=factors)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
     seen = [step for time_s, step in recorded if time_s == exposure_s]
     darkest, lit = min(seen, key=lambda step: step.photons), [s for s in seen if s.photons]
     if not darkest.photons and len(lit) >= standard.FEWEST_STEPS:
-        seen_factors = standard.without_dead_time(sensor, shape, wavelength_nm, lit)
+        seen_factors = standard.without_dead_time(sensor, *at, lit)
         figures.append(standard.emva(darkest, lit, factors=seen_factors))
     rows = tuple(
         (symbol, title, *(number(scale * getattr(figure, name)) for figure in figures))

@@ -177,8 +177,8 @@ def plate_responses(
                 for frames in (counts, simulated)
             ]
             title = f"{name} response at {speed:g} mm/s"
-            change = difference(title, unit, *peaks, settings.margin)
-            responses.append(pages.SpeedResponse(name, speed, *peaks, change))
+            change = difference(title, unit, peaks[0], peaks[1], settings.margin)
+            responses.append(pages.SpeedResponse(name, speed, peaks[0], peaks[1], change))
     return responses
 
 

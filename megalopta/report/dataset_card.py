@@ -45,8 +45,6 @@ _QUANTITIES = {
     "texture": "texture (relative difference of neighbors)",
 }
 
-Rows = list[dict[str, Any]]
-
 
 def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Path:
     """Write index.html, with clips of `most` sequences, into the dataset or another folder.
@@ -156,7 +154,7 @@ def write_card(root: Path) -> Path:
     return path
 
 
-def _rows(root: Path, table: str) -> Rows:
+def _rows(root: Path, table: str) -> list[dict[str, Any]]:
     path = table_path(root, table)
     with undamaged(path, "run megalopta check files"):
         return list(pq.read_table(path).to_pylist())

@@ -85,12 +85,6 @@ def gray_scale(white: float) -> ColorScale:
     return ColorScale(0.0, white, np.repeat(ramp[:, np.newaxis], 3, axis=1), ORANGE, root=2.2)
 
 
-def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
-    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
-    values = np.asarray(counts, dtype=np.float64)
-    return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
-
-
 def map_scale(name: str, low: float, high: float) -> ColorScale:
     """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
@@ -194,13 +188,9 @@ def sheet(rows: Sequence[Row], letters_px: int = 12, footer: str = "") -> Image.
 
 
 def write_sheet(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
-    drawn = sheet(rows)
+    """Write rows of pictures with titles, as one PNG of few colors."""
     with atomic_write(path) as temporary:
-        if path.suffix == ".png":
-            drawn.quantize(256).save(temporary, "PNG", optimize=True)
-        else:
-            drawn.save(temporary, "JPEG", quality=88)
+        sheet(rows).quantize(256).save(temporary, "PNG", optimize=True)
 
 
 _PANEL_PX, _IN_ONE_ROW = 480, 4

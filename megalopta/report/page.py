@@ -129,11 +129,11 @@ def _opening(report: Report) -> Markup:
         if (truth := record.truth) is None:
             continue
         for ending, errors in (("", truth.counts), (", corrected", truth.corrected)):
-            if errors and (error := errors.relative_error_median) is not None:
-                is_wrong = error >= ACCURATE
+            if errors and (median := errors.relative_error_median) is not None:
+                is_wrong = median >= ACCURATE
                 lux = 0.0 if is_wrong else illuminance_of(record.level)
                 where = record.sensor, f"{record.method}{ending}", record.level
-                result = _Reached(is_wrong, lux, error, errors.outlier_fraction or 0.0, *where)
+                result = _Reached(is_wrong, lux, median, errors.outlier_fraction or 0.0, *where)
                 reached.setdefault(record.sensor, []).append(result)
     best = [min(results, key=lambda result: result[:3]) for results in reached.values()]
     sensor, sentence, rows = report.settings.sensors[0].name, "", []

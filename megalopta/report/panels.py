@@ -336,9 +336,10 @@ def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> P
 
     @lru_cache(MOST_FRAMES)
     def picture(frame: int) -> Image.Image:
-        values, full = (pixels[::step, ::step] for pixels in readings.frame(frame))
+        values, full = readings.frame(frame)
+        values = values[::step, ::step]
         if values.ndim == 2:
-            return scale.picture(values, full)
+            return scale.picture(values, full[::step, ::step])
         share = np.clip(values / white, 0, 1) ** (1 / scale.root)
         return images.rgb_picture(np.rint(255 * share).astype(np.uint8))
 

@@ -193,7 +193,7 @@ def _of_events(path: Path) -> ShownReadings:
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         starts = events.starts[part.start : part.stop + 1]
         inside, shape = slice(starts[0], starts[-1]), (len(starts) - 1, *events.shape[1:])
-        chosen = {"time_s": events.time_s[inside], "pixel": events.pixel[inside]}
+        chosen: dict[str, Any] = {"time_s": events.time_s[inside], "pixel": events.pixel[inside]}
         counts = histogram(replace(events, **chosen, starts=starts - starts[0], shape=shape))
         return counts, np.zeros(shape, np.bool_)
 

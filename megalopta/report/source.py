@@ -124,7 +124,7 @@ class Report:
         frames, bands = list(self.shown.frames), settings.render.bands_nm
         scale, noise = light_scale(settings, level), self.scene.get("monte_carlo") or {}
         light, middle = radiance * scale.astype(np.float32), len(frames) // 2
-        when = {
+        when: dict[str, Any] = {
             "first_frame": frames[middle],
             "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
         }

@@ -25,10 +25,11 @@ FILM = flat((5e6,))
 
 
 @contextmanager
-def emulating(link):
+def emulating(link, clock_rate=1.0, **fields):
     """Run a camera; yield a function that finds its port."""
     stop = threading.Event()
-    acts = partial(emulate, EmulatedCamera(SENSOR, FILM), stop, link)
+    camera = EmulatedCamera(**{"sensor": SENSOR, "film": FILM, **fields})
+    acts = partial(emulate, camera, stop, link, clock_rate=clock_rate)
     thread = threading.Thread(target=acts, daemon=True)
     thread.start()
     try:
