@@ -78,7 +78,7 @@ def compare_captured(
             if len(captured) != 1:
                 raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
             lux = captured[0].light_hz
-            cycle, frames = rendered(dataset, lux or None)(sensor), replace(captured[0], light_hz=1)
+            cycle, frames = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
             page = pages.scene_page(dataset.name, _compare_scene(frames, cycle, sensor, settings))
     write_sections(out, *page)
     return page[1]

@@ -56,65 +56,53 @@ Film = Callable[[Sensor], Cycle]
 """Light on a sensor; raises UserError"""
 
 
-def flat(photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Film:
+def flat(sensor: Sensor, photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Cycle:
     """The same light on all pixels: none, one level, or a cycle of levels of this duration.
 
     `photons_hz` are photons per second on a pixel of pitch × pitch, at 700 nm.
     """
-
-    def film(sensor: Sensor) -> Cycle:
-        light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
-        detected_hz, photon_hz = (
-            rate(light, (BAND_NM,), sensor) for rate in (detection_rate, photon_rate)
-        )
-        return Cycle(np.array(photons_hz)[:, None, None] * (detected_hz / photon_hz), 1 / step_s)
-
-    return film
+    light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
+    detected_hz, photon_hz = (
+        rate(light, (BAND_NM,), sensor) for rate in (detection_rate, photon_rate)
+    )
+    return Cycle(np.array(photons_hz)[:, None, None] * (detected_hz / photon_hz), 1 / step_s)
 
 
-def plate(speed_mm_s: float) -> Film:
+def plate(sensor: Sensor, speed_mm_s: float) -> Cycle:
     """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
 
     In its light an open pixel detects 65 photons in 0.1 s.
     """
+    from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
 
-    def film(sensor: Sensor) -> Cycle:
-        from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
-
-        as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
-        return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
-
-    return film
+    as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+    return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
 
 
-def rendered(path: Path, lux: float | None = None) -> Film:
+def rendered(sensor: Sensor, path: Path, lux: float | None = None) -> Cycle:
     """Frames of a dataset, at their rate: the middle square, averaged to 16 × 16.
 
     `lux` is the light level; default: that of the rendering.
     """
+    from megalopta.config.light_scale import light_scale
+    from megalopta.dataset.frames import read_radiance_frame
+    from megalopta.dataset.store import open_sequence
 
-    def film(sensor: Sensor) -> Cycle:
-        from megalopta.config.light_scale import light_scale
-        from megalopta.dataset.frames import read_radiance_frame
-        from megalopta.dataset.store import open_sequence
-
-        dataset = open_sequence(path)
-        configuration, camera = dataset.configuration, dataset.configuration.camera
-        block = min(camera.height, camera.width) // protocol.ROWS
-        if block == 0:
-            raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
-        side = block * protocol.ROWS
-        top, left = (camera.height - side) // 2, (camera.width - side) // 2
-        scale = 1.0 if lux is None else light_scale(configuration, lux)
-        frames = []
-        for index in range(configuration.trajectory.frames):
-            image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
-            blocks = image.reshape(protocol.ROWS, block, protocol.COLUMNS, block, -1)
-            frames.append(blocks.mean(axis=(1, 3), dtype=np.float64) * scale)
-        rates = detection_rate(np.array(frames), configuration.render.bands_nm, sensor)
-        return Cycle(rates, configuration.trajectory.frame_rate_hz)
-
-    return film
+    dataset = open_sequence(path)
+    configuration, camera = dataset.configuration, dataset.configuration.camera
+    block = min(camera.height, camera.width) // protocol.ROWS
+    if block == 0:
+        raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
+    side = block * protocol.ROWS
+    top, left = (camera.height - side) // 2, (camera.width - side) // 2
+    scale = 1.0 if lux is None else light_scale(configuration, lux)
+    frames = []
+    for index in range(configuration.trajectory.frames):
+        image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
+        blocks = image.reshape(protocol.ROWS, block, protocol.COLUMNS, block, -1)
+        frames.append(blocks.mean(axis=(1, 3), dtype=np.float64) * scale)
+    rates = detection_rate(np.array(frames), configuration.render.bands_nm, sensor)
+    return Cycle(rates, configuration.trajectory.frame_rate_hz)
 
 
 class EmulatedCamera:

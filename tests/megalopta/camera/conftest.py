@@ -21,7 +21,7 @@ from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
 from ..process_group import wait_for
 
 SENSOR = preset("spadcam")
-FILM = flat((5e6,))
+FILM = partial(flat, photons_hz=(5e6,))
 
 
 @contextmanager

@@ -36,7 +36,7 @@ from megalopta.sensor.formats.protocol import (
 )
 
 from ..process_group import wait_for
-from .conftest import RUN, acting, emulating, expected_adc, frames, running, wanted
+from .conftest import FILM, RUN, acting, emulating, expected_adc, frames, running, wanted
 
 FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)
 
@@ -55,7 +55,7 @@ def test_what_arrives_is_what_the_sensor_model_reads(emulated, tmp_path):
     for place, number in enumerate(recording.sequence_number):
         np.testing.assert_array_equal(recording.adc[place], expected_adc(FAST, int(number)))
     nominal = changed(preset("spadcam"), exposure_s=0.005, counter={"calibrated": False})
-    rate = flat((5e6,))(nominal).rates_hz
+    rate = FILM(nominal).rates_hz
     # Frames of 64 ms share a stream, named by the first of them.
     place = int(np.flatnonzero(recording.sequence_number % 12 == 0)[0])
     first = int(recording.sequence_number[place])
@@ -133,14 +133,14 @@ def test_a_capture_goes_on_when_the_camera_is_back(tmp_path):
 
 
 def test_what_the_sensor_cannot_do_is_refused_and_changes_nothing():
-    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), flat((5e6,)))
+    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), FILM)
     before = camera.settings
     for kind, payload in (command(Kind.SET_FRAME_RATE, 1000), command(Kind.SET_EXPOSURE, 900_000)):
         reply = camera.answer(Packet(kind, 1, 0, payload), 0)
     assert Settings.of(reply.payload).refused  # by then the leak has emptied the counters
     assert camera.settings.exposure_us == before.exposure_us
     with pytest.raises(UserError, match="leakage has taken"):
-        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), flat())
+        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), flat)
 
 
 def test_a_port_that_comes_later_is_waited_for(emulated, tmp_path, capsys):

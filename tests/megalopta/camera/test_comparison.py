@@ -37,7 +37,7 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     path.write_text(f"preset: ideal\nname: other\nexposure_s: {1 / rate_hz}\n")
     sensor = load_sensor(path)
     # frames that begin anywhere in the dataset, at its rate
-    rates = brighter * rendered(forest, LUX)(sensor).at((3.4 + np.arange(240)) / rate_hz)
+    rates = brighter * rendered(sensor, forest, LUX).at((3.4 + np.arange(240)) / rate_hz)
     counts = expose_rate(rates, sensor, seed=4, stream="seen").counts
     with tiff_writer(tmp_path / "seen.tif", counts.nbytes, 1 / rate_hz) as write:
         write(counts.astype(np.uint16))
