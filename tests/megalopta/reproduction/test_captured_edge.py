@@ -34,7 +34,7 @@ def recording(tmp_path, request, monkeypatch):
 @pytest.mark.parametrize("recording", [10.0], indirect=True)
 def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     captured = open_recording(recording)
-    sensor = changed(captured.sensor, counter={"calibrated": False})
+    sensor = changed(captured.settings.sensor, counter={"calibrated": False})
     figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
     assert [figure.name for figure in figures] == NAMES
     numbers = figures[-1].numbers.iloc[0]
