@@ -15,6 +15,7 @@ from skimage.measure import block_reduce
 
 from megalopta.config.model import Configuration
 from megalopta.render import SceneRenderer, frame_seed
+from megalopta.report.images import gray_scale
 from megalopta.scenes import preview
 from megalopta.sensor import expose
 from megalopta.stages.render import build
@@ -40,3 +41,9 @@ def seen(settings: Configuration) -> tuple[Image.Image, NDArray[Any], float]:
     view = Image.fromarray(preview(light, bands_nm, settings.scene.white(settings.light)))
     counts = expose(radiance[None], bands_nm, sensor, seed=settings.seed, stream="view").counts
     return view, counts[0], sensor.exposure_s
+
+
+def gray_counts(counts: NDArray[Any]) -> Image.Image:
+    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
+    values = np.asarray(counts, dtype=np.float64)
+    return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values).convert("RGB")

@@ -7,11 +7,11 @@ drawn from the light as rendered. It takes half an hour on two cores.
 from pathlib import Path
 from typing import Any
 
-from denoised import seen
+from denoised import gray_counts, seen
 from PIL import Image
 
 from megalopta.config.model import Configuration
-from megalopta.report.images import gray_counts, write_sheet
+from megalopta.report.images import write_sheet
 from megalopta.report.text import level_name, lux, number
 from megalopta.scenes.levels import LEVELS
 
@@ -39,7 +39,7 @@ for name, (scene, path) in SCENES.items():
         view, counts, _ = seen(Configuration.model_validate(parts))
         title = f"{level_name(level)}, {lux(light.illuminance_lux)}"
         views.append((title, view.resize(SIZE_PX)))
-        shown = gray_counts(counts).convert("RGB").resize(SIZE_PX, Image.Resampling.BOX)
+        shown = gray_counts(counts).resize(SIZE_PX, Image.Resampling.BOX)
         counted.append((f"{name}: {number(float(counts.mean()))} photons", shown))
     rows += [views, counted]
 write_sheet(Path(__file__).parent.parent / "gallery.png", rows)

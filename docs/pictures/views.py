@@ -7,10 +7,10 @@ the light as rendered.
 from pathlib import Path
 
 import yaml
-from denoised import seen
+from denoised import gray_counts, seen
 
 from megalopta.config.model import Configuration
-from megalopta.report.images import gray_counts, write_sheet
+from megalopta.report.images import sheet
 
 HERE = Path(__file__).parent
 pictures = []
@@ -19,5 +19,6 @@ for title, parts in yaml.safe_load((HERE / "views.yaml").read_text("utf-8"))["vi
     pictures.append((title, view))
     if "sensors" in parts:
         mean = f"{counts.mean():.2g} photons per pixel in {exposure_s:g} s"
-        pictures.append((f"{title}: {mean}", gray_counts(counts).convert("RGB")))
-write_sheet(HERE.parent / "views.jpg", [pictures[at : at + 2] for at in range(0, len(pictures), 2)])
+        pictures.append((f"{title}: {mean}", gray_counts(counts)))
+rows = [pictures[at : at + 2] for at in range(0, len(pictures), 2)]
+sheet(rows).save(HERE.parent / "views.jpg", "JPEG", quality=88)

@@ -2,6 +2,7 @@
 
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,8 @@ _INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
 """Text on colors, which is the same on light and dark pages; color where nothing is measured"""
 _SIZE_IN = (10.5, 4.8)
 """Width and height of large plots"""
+_LEGEND: dict[str, Any] = {"loc": "outside lower left", "ncols": 4}
+"""Below, so that a telephone, where large plots scroll, shows it"""
 _GROUPS = ("visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
 _METRICS = table.MEAN, table.MEDIAN, table.FAR
@@ -133,7 +136,7 @@ def error_curves(ranking: Ranking, metric: str, label: str) -> Markup:
     axes = figure.add_subplot()
     _curves(axes, ranking, metric, "all")
     axes.set(xlabel="photons per frame", ylabel=label)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper")
+    figure.legend(*axes.get_legend_handles_labels(), **_LEGEND)
     return style.to_svg(figure, f"errors-{metric.replace('_', '-')}", f"{label}, over photons")
 
 
@@ -154,7 +157,7 @@ def group_curves(ranking: Ranking) -> Markup:
         axes.set_axis_off()
     figure.supxlabel("photons per frame", fontsize=10)
     figure.supylabel("mean endpoint error (px per frame)", fontsize=10)
-    figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside right upper")
+    figure.legend(*panels.flat[0].get_legend_handles_labels(), **_LEGEND)
     return style.to_svg(figure, "errors-groups", "Mean errors over photons, by group of blocks")
 
 

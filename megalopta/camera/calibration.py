@@ -1,10 +1,4 @@
-"""`megalopta spadcam calibrate`: recordings, or tables, to a device file, its maps and its page.
-
-Codes of SPADCAM give all its parameters (`sensor.calibrate.device`); counts and bits of other
-cameras give dark counts, efficiency, dead time and bad pixels (`sensor.calibrate.counts`). A device
-file is YAML, with maps as .npy files in a folder next to it; `sensors: [DEVICE.yaml]` loads it. Its
-maps are without events that crosstalk and afterpulses add, which the simulation adds again.
-"""
+"""`megalopta spadcam calibrate`: recordings, or tables, to a device file, its maps and its page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -69,15 +63,16 @@ def calibrate_recordings(
     kinds = {is_recording(source.path) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
+    calibration_of = _of_recorded_codes if True in kinds else _of_recorded_counts
     with refused_as("calibrate"):
-        sensor = preset(base)
-        calibrate = _calibrate_codes if True in kinds else _calibrate_counts
-        calibration, shape, steps = calibrate(sources, beam, sensor)
+        calibration, shape, steps = calibration_of(sources, beam, preset(base))
     write_device(out, calibration, base)
     standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
-    summary, sections = calibration.summary, [*calibration.sections, standard]
-    pages.write_page(out.with_suffix(".html"), summary, calibration.quantities, sections)
-    return summary
+    sections = [*calibration.sections, standard]
+    pages.write_page(
+        out.with_suffix(".html"), calibration.summary, calibration.quantities, sections
+    )
+    return calibration.summary
 
 
 def write_device(path: Path, calibration: Calibration, base: str) -> None:
@@ -126,22 +121,20 @@ def primary(
     The crosstalk is `talk`, exact, or that of the kernel, with its afterpulses. The interval
     includes the error of what is subtracted, which all pixels share.
     """
-    fired, error = np.zeros_like(estimate.value), np.zeros_like(estimate.value)
-    if talk is not None:
-        fired += crosstalk.fired_mean(_filled(estimate.value), talk)
-    elif kernel is not None:
+    value, talk_error = estimate.value, 0.0
+    fired, error = np.zeros_like(value), np.zeros_like(value)
+    if talk is None and kernel is not None:
         if kernel.are_afterpulses_seen:
-            fired += kernel.afterpulses * estimate.value
-            error = np.hypot(error, kernel.afterpulses_error * estimate.value)
+            fired, error = kernel.afterpulses * value, kernel.afterpulses_error * value
         if kernel.is_seen:
             talk = _crosstalk_of(kernel)
-            by_light = crosstalk.fired_mean(_filled(estimate.value), talk)
-            fired += by_light
-            error = np.hypot(error, by_light * kernel.total_error / talk.mean_fired_neighbors)
-    value = estimate.value - fired
-    below = np.hypot(estimate.value - estimate.low, _95 * error)
-    above = np.hypot(estimate.high - estimate.value, _95 * error)
-    return Estimate(value, value - below, value + above)
+            talk_error = kernel.total_error / talk.mean_fired_neighbors
+    if talk is not None:
+        by_light = crosstalk.fired_mean(_filled(value), talk)
+        fired, error = fired + by_light, np.hypot(error, talk_error * by_light)
+    below = np.hypot(value - estimate.low, _95 * error)
+    above = np.hypot(estimate.high - value, _95 * error)
+    return Estimate(value - fired, value - fired - below, value - fired + above)
 
 
 def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
@@ -163,10 +156,7 @@ def _of_events(
     dead_time: tuple[str, float] | None,
     talk: Crosstalk | None = None,
 ) -> Calibration:
-    """Return what codes and counts tell alike: dark counts, efficiency, dead time, neighbors.
-
-    The dead time (kind, s) and crosstalk of hot pixels are given where they are known.
-    """
+    """Return dark counts, efficiency, neighbors and a known dead time (kind, s)."""
     calibration = Calibration(source, {"counter": {}})
     fields, maps, quantities = calibration.fields, calibration.maps, calibration.quantities
     kernel, dead_s = device.kernel, base.dead_time.dead_time_s
@@ -177,15 +167,12 @@ def _of_events(
         quantities.append(pages.Quantity("dark counts", "Hz", device.dark_counts_hz, 1.0))
         maps["dark_counts"] = primary(device.dark_counts_hz, kernel, talk)
     if (efficiency := device.efficiency) is not None:
-        if wavelength_nm is None:  # relative
-            nominal, unit, scale = (
-                float(np.nanmean(efficiency.value)),
-                *("of the median", 1 / efficiency.median),
-            )
-        else:
+        nominal = float(np.nanmean(efficiency.value))
+        shown = pages.Quantity("efficiency", "of the median", efficiency, 1 / efficiency.median)
+        if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-            unit, scale = "%", 100.0
-        quantities.append(pages.Quantity("efficiency", unit, efficiency, scale))
+            shown = pages.Quantity("efficiency", "%", efficiency, 100.0)
+        quantities.append(shown)
         maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
     if talk is not None:
         calibration.masks["crosstalk"] = np.array(talk.kernel)
@@ -200,9 +187,8 @@ def _of_events(
     return calibration
 
 
-Calibrated = tuple[Calibration, tuple[int, int], list[tuple[float, Step]]]
-"""What is written, rows and columns, and for EMVA 1288 exposure (s) and readings of each recording.
-"""
+_Calibrated = tuple[Calibration, tuple[int, ...], list[tuple[float, Step]]]
+"""Calibration, (rows, columns), and for EMVA 1288 exposure (s) and readings of each recording"""
 
 
 def adc_of(sensor: Sensor) -> Adc:
@@ -214,21 +200,18 @@ def adc_of(sensor: Sensor) -> Adc:
     return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
 
 
-def _calibrate_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
-    levels = []
+def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> _Calibrated:
+    levels, steps = [], []
     for source in sources:
         if source.sums:
             raise ValueError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
         recording, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
         assert recording.codes is not None
-        levels.append(Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz))
+        level = Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz)
+        levels.append(level)
+        steps.append((level.exposure_s, Step.of(light_hz * level.exposure_s, level.signal)))
     device = calibrate_device(levels, adc_of(sensor))
-    steps = [
-        (level.exposure_s, Step.of(level.light_hz * level.exposure_s, level.signal))
-        for level in levels
-    ]
-    rows, columns = device.hot.shape
-    return calibration_of_codes(device, sensor, beam.wavelength_nm), (rows, columns), steps
+    return calibration_of_codes(device, sensor, beam.wavelength_nm), device.hot.shape, steps
 
 
 def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | None) -> Calibration:
@@ -270,32 +253,27 @@ def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | No
     return replace(calibration, summary=summary, sections=sections)
 
 
-def _calibrate_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
-    levels = []
+def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> _Calibrated:
+    levels, steps = [], []
     for source in sources:
         recorded, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
-        at = recorded.exposure_s, light_hz
+        conditions = recorded.exposure_s, light_hz
         with refused_as(str(source.path)):
             if source.sums and recorded.is_binary:
                 raise ValueError(f"sums: {source.sums}, but its frames are bits; omit sums")
-            levels.append(
-                summed_bits(recorded.counts, source.sums, *at)
-                if source.sums
-                else summed(recorded.counts, *at, is_binary=recorded.is_binary)
-            )
+            if source.sums:
+                level = summed_bits(recorded.counts, source.sums, *conditions)
+            else:
+                level = summed(recorded.counts, *conditions, is_binary=recorded.is_binary)
+        levels.append(level)
+        photons = level.light_hz * level.exposure_s
+        steps.append((level.exposure_s, Step(photons, level.mean, level.variance, level.frames)))
     dead = sensor.dead_time
-    device = calibrate_counts(
-        levels, None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
-    )
+    known = None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
+    device = calibrate_counts(levels, known)
     if device.dark_counts_hz is None and device.efficiency is None:
         raise ValueError(pages.reasons(device))
-    steps = []
-    for level in levels:
-        photons = level.light_hz * level.exposure_s
-        step = Step(photons, level.mean, level.variance, level.frames)
-        steps.append((level.exposure_s, step))
-    rows, columns = device.bad.shape
-    return calibration_of_counts(device, sensor, beam.wavelength_nm), (rows, columns), steps
+    return calibration_of_counts(device, sensor, beam.wavelength_nm), device.bad.shape, steps
 
 
 def calibration_of_counts(
@@ -334,10 +312,7 @@ def calibration_of_counts(
 
 
 def _crosstalk_of_hot_pixels(device: CountingDevice) -> Crosstalk | None:
-    """Crosstalk as the dark counts of hot pixels and their neighbors show it.
-
-    None for bits, which the sensor draws without crosstalk.
-    """
+    """Crosstalk of hot pixels; None for bits, which the sensor draws without crosstalk."""
     dark = device.dark_counts_hz
     if dark is None or device.capacity == 1 or dark.value.size < estimates.FEWEST_PIXELS:
         return None

@@ -1,12 +1,8 @@
-"""Page of a calibration: estimates of the pixels, charts, maps, and the figures of EMVA 1288.
+"""Page of a calibration: estimates of the pixels, charts, maps, and the figures of EMVA 1288."""
 
-The figures are those of the calibrated device, from exact moments at 50 steps of light. If the
-recordings have a dark and eight levels of light at one exposure, theirs are shown, too.
-"""
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -20,86 +16,71 @@ from megalopta.sensor import Crosstalk, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
 from megalopta.sensor.calibrate.counts import CountingDevice
 from megalopta.sensor.calibrate.device import Device, Estimate
-from megalopta.sensor.calibrate.emva import Emva, Step
+from megalopta.sensor.calibrate.emva import Step
 
 UNKNOWN = "not known"
 _PIXELS = (
     "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Rates "
-    "include events that crosstalk and afterpulses add; the maps of the device file exclude them "
-    "where they are found below."
+    "include crosstalk and afterpulses; maps of the device file exclude those found below."
 )
-CURVES = (
+_CURVES = (
     "The step may change over the swing. If the saturation curve does not determine the kind of "
-    "dead time, record brighter light. Short twilight looks like a shorter dead time. Its interval "
-    "has what the delay of afterpulses leaves open."
+    "dead time, record brighter light."
+)
+_DROPS = (
+    "A point per pixel and level. On the line, noise is that of single events; points of bright "
+    "light lie below it where dead time regularizes events."
+)
+_SATURATION = (
+    "Counts of the median pixel. Their distance below the line without dead time gives the dead "
+    "time; its kind shows where the two models diverge."
 )
 _NEIGHBORS = (
     "Probability that an event fires a neighbor, from coincidences in the dark; afterpulses within "
-    "the exposure, from the variance of dark counts, which read noise may hide. Detected effects "
-    "(three standard errors) are in the device file, unless hot pixels tell them. Frames do not "
-    "show the delay: five dead times are assumed."
+    "the exposure, from the variance of dark counts, which read noise may hide. Effects above "
+    "three standard errors are in the device file; the delay is assumed to be five dead times."
 )
 _MAPS = (
     "Grain: scatter of pixels and of their estimates. Gradients: nonuniform light (efficiency) or "
     "temperature (dark counts). Rows and columns: readout. Gray: unknown."
 )
-BAD = (
+_BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording; hot: significantly above ten times the median dark counts; telegraph: "
-    "dark counts switch between two rates. The file bad.npy marks the first three, hot.npy and "
-    "telegraph.npy the others; stuck.npy has the readings that do not change."
+    "end in every recording; these are in bad.npy, readings that do not change in stuck.npy. Hot: "
+    "significantly above ten times the median dark counts; telegraph: two rates of dark counts."
 )
-_NAMES = "right and left", "below and above", "diagonal", "other diagonal", "two aside", "two above"
 _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
     "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
-    "where the temporal variance is largest. With dead time the response is not linear, and R and "
-    "K would be too small. They are corrected for the calibrated dead time (the device's by "
-    "factors of {:.3g} and {:.3g}), and hold for dim light. The linearity error is not corrected."
+    "where the temporal variance is largest. R and K are corrected for the calibrated dead time "
+    "(the device's by factors of {:.3g} and {:.3g}); the linearity error is not."
 )
-_HEAD = "symbol", "quantity", "device", "recordings"
-_ROWS: tuple[tuple[str, str, Callable[[Emva], float]], ...] = (
-    ("η", "quantum efficiency (%)", lambda each: 100 * each.efficiency),
-    ("R", "responsivity (counts per photon)", lambda each: each.responsivity),
-    ("K", "system gain (counts per electron)", lambda each: each.gain),
-    ("σ_d", "temporal dark noise (electrons)", lambda each: each.dark_noise),
-    ("DSNU₁₂₈₈", "dark signal nonuniformity (electrons)", lambda each: each.dsnu),
-    ("PRNU₁₂₈₈", "photoresponse nonuniformity (%)", lambda each: 100 * each.prnu),
-    ("LE", "linearity error (%)", lambda each: 100 * each.linearity_error),
-    ("µ_p.min", "absolute sensitivity threshold (photons)", lambda each: each.threshold_photons),
-    ("µ_p.sat", "saturation (photons)", lambda each: each.saturation_photons),
-    ("µ_e.sat", "saturation capacity (electrons)", lambda each: each.saturation_electrons),
-    ("SNR_max", "largest signal-to-noise ratio (dB)", lambda each: each.snr_db),
-    ("DR", "dynamic range (dB)", lambda each: each.dynamic_range_db),
+_ROWS = (
+    ("η", "quantum efficiency (%)", "efficiency", 100),
+    ("R", "responsivity (counts per photon)", "responsivity", 1),
+    ("K", "system gain (counts per electron)", "gain", 1),
+    ("σ_d", "temporal dark noise (electrons)", "dark_noise", 1),
+    ("DSNU₁₂₈₈", "dark signal nonuniformity (electrons)", "dsnu", 1),
+    ("PRNU₁₂₈₈", "photoresponse nonuniformity (%)", "prnu", 100),
+    ("LE", "linearity error (%)", "linearity_error", 100),
+    ("µ_p.min", "absolute sensitivity threshold (photons)", "threshold_photons", 1),
+    ("µ_p.sat", "saturation (photons)", "saturation_photons", 1),
+    ("µ_e.sat", "saturation capacity (electrons)", "saturation_electrons", 1),
+    ("SNR_max", "largest signal-to-noise ratio (dB)", "snr_db", 1),
+    ("DR", "dynamic range (dB)", "dynamic_range_db", 1),
 )
+"""Symbol, quantity, its name in `Emva`, and factor to its unit"""
 
 
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """One estimate of every pixel, as the page tells it."""
+class Quantity(NamedTuple):
+    """One estimate of every pixel, as the page shows it."""
 
     name: str
     unit: str
     estimate: Estimate
     scale: float
     """Factor to that unit"""
-
-    @property
-    def median(self) -> float:
-        """Median over the pixels, in its unit."""
-        return self.scale * self.estimate.median
-
-    @property
-    def row(self) -> tuple[str, ...]:
-        """Median, range and half width, as a row of the table."""
-        title, estimate = f"{self.name} ({self.unit})", self.estimate
-        if not np.isfinite(estimate.value).any():
-            return (title, UNKNOWN, "", "", "")
-        low, median, high = self.scale * np.nanpercentile(estimate.value, (5, 50, 95))
-        widths = self.scale * (estimate.high - estimate.low) / 2
-        half = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
-        return (title, *(number(float(value)) for value in (median, low, high, half)))
 
 
 def write_page(
@@ -109,14 +90,20 @@ def write_page(
     sections: Sequence[Section | None],
 ) -> None:
     """Write a page: the table of quantities, sections, and their maps before the last one."""
-    charts = (
-        style.map_chart(each.scale * each.estimate.value, f"map-{at}", f"{each.name} ({each.unit})")
-        for at, each in enumerate(quantities)
-        if np.isfinite(each.estimate.value).any()
-    )
+    rows: list[tuple[str, ...]] = []
+    charts = []
+    for name, unit, estimate, scale in quantities:
+        title, values = f"{name} ({unit})", scale * estimate.value
+        if not np.isfinite(values).any():
+            rows.append((title, UNKNOWN, "", "", ""))
+            continue
+        low, median, high = np.nanpercentile(values, (5, 50, 95))
+        widths = scale * (estimate.high - estimate.low) / 2
+        half = np.nanmedian(widths) if np.isfinite(widths).any() else np.nan
+        rows.append((title, *(number(float(size)) for size in (median, low, high, half))))
+        charts.append(style.map_chart(values, f"map-{len(rows)}", title))
     head = ("", "median", "from", "to", "± (95 % CI)")
-    rows = tuple(quantity.row for quantity in quantities)
-    table = Section("The pixels", _PIXELS, head, rows)
+    table = Section("The pixels", _PIXELS, head, tuple(rows))
     maps = Section("Maps", _MAPS, charts=tuple(charts))
     shown = [table, *sections[:-1], maps, sections[-1]]
     write_sections(path, f"Calibration of {path.stem}", summary, shown)
@@ -125,34 +112,29 @@ def write_page(
 def neighbors_section(
     kernel: estimates.Kernel | None, of_hot_pixels: float = 0.0
 ) -> Section | None:
-    """Tell crosstalk by coincidences, and by hot pixels (%), and afterpulses."""
-    hot = ("all around, of hot pixels", f"{of_hot_pixels:.2f} %", "yes" if of_hot_pixels else "no")
-    head = ("neighbor", "probability (95 % CI)", "detected")
-    if kernel is None:
-        return Section("Crosstalk", _NEIGHBORS, head, (hot,)) if of_hot_pixels else None
-    names = [f"{name} {at}" for name, at in zip(_NAMES, estimates.OFFSETS, strict=True)]
-    seen = [kernel.is_seen] * (len(names) + 1)
-    rows = zip(
-        [*names, "all neighbors", "afterpulses"],
-        [*kernel.share, 2 * kernel.share.sum(), kernel.afterpulses],
-        [*kernel.error, kernel.total_error, kernel.afterpulses_error],
-        [*seen, kernel.are_afterpulses_seen],
-        strict=True,
-    )
-    texts = tuple(
-        (
-            name,
-            UNKNOWN if np.isnan(share) else with_error(100 * share, 196 * error, "%"),
-            "yes" if is_seen else "no",
-        )
-        for name, share, error, is_seen in rows
-    )
-    return Section("Crosstalk and afterpulses", _NEIGHBORS, head, (*texts, hot))
+    """Return crosstalk to all neighbors by coincidences and by hot pixels (%), and afterpulses."""
+    rows = []
+    if kernel is not None:
+        pulses = kernel.afterpulses, kernel.afterpulses_error
+        for name, share, error, is_seen in (
+            ("neighbors", 2 * kernel.share.sum(), kernel.total_error, kernel.is_seen),
+            ("afterpulses", *pulses, kernel.are_afterpulses_seen),
+        ):
+            text = UNKNOWN if np.isnan(share) else with_error(100 * share, 196 * error, "%")
+            rows.append((name, text, "yes" if is_seen else "no"))
+    if of_hot_pixels:
+        rows.append(("neighbors of hot pixels", f"{of_hot_pixels:.2f} %", "yes"))
+    head = ("", "probability (95 % CI)", "detected")
+    return Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows)) if rows else None
 
 
 def medians(quantities: Sequence[Quantity]) -> str:
-    """Tell the medians in a line."""
-    return ", ".join(f"{each.name} {number(each.median)} {each.unit}" for each in quantities)
+    """Return the medians in a line."""
+    texts = (
+        f"{name} {number(scale * estimate.median)} {unit}"
+        for name, unit, estimate, scale in quantities
+    )
+    return ", ".join(texts)
 
 
 def reasons(device: CountingDevice) -> str:
@@ -164,29 +146,27 @@ def counting_parts(
     device: CountingDevice, quantities: Sequence[Quantity], talk: Crosstalk | None
 ) -> tuple[str, list[Section | None]]:
     """Return the summary and the sections of a camera of counts or bits."""
-    dead, hidden = device.dead_time, None
-    dead_time, told = "", medians(quantities)
-    if dead is not None:
+    sections: list[Section | None] = []
+    summary = f"{device.bad.size} pixels, {device.bad.sum()} bad, {device.hot.sum()} hot"
+    switching = device.telegraph.pixels.sum() if device.telegraph else 0
+    summary += f", {switching} with telegraph noise" if switching else ""
+    summary += f"; medians: {medians(quantities)}"
+    if (dead := device.dead_time) is not None:
         kind = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
         dead_time = with_error(dead.seconds, 1.96 * dead.error, "s")
-        told += f", dead time {dead_time} ({kind})"
+        summary += f", dead time {dead_time} ({kind})"
         rows = ("dead time (95 % CI)", dead_time), ("its kind", kind)
-        hidden = Section("Dead time", CURVES, ("", "estimate"), rows)
-    switching = int(device.telegraph.pixels.sum()) if device.telegraph else 0
-    noisy = f", {switching} with telegraph noise" if switching else ""
-    unknown = f" Not known: {reasons(device)}." if device.refused else ""
-    summary = (
-        f"{device.bad.size} pixels, {int(device.bad.sum())} bad, {int(device.hot.sum())} hot"
-        f"{noisy}; medians: {told}.{unknown}"
-    )
+        sections.append(Section("Dead time", _CURVES, ("", "estimate"), rows))
+    summary += "."
+    if device.refused:
+        summary += f" Not known: {reasons(device)}."
+        sections.append(Section("Not known", f"{reasons(device)}."))
     kinds = ("dead", "stuck", "saturated", "hot")
-    bad = [(kind, str(int(getattr(device, kind).sum()))) for kind in kinds]
-    return summary, [
-        hidden,
-        Section("Not known", f"{reasons(device)}.") if device.refused else None,
-        Section("Bad and hot pixels", BAD, ("", "pixels"), (*bad, ("telegraph", str(switching)))),
-        neighbors_section(device.kernel, 100 * talk.mean_fired_neighbors if talk else 0.0),
-    ]
+    counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
+    bad = (*counted, ("telegraph", str(switching)))
+    sections.append(Section("Bad and hot pixels", _BAD, ("", "pixels"), bad))
+    hot_percent = 100 * talk.mean_fired_neighbors if talk else 0.0
+    return summary, [*sections, neighbors_section(device.kernel, hot_percent)]
 
 
 def curves_section(device: Device) -> Section:
@@ -197,31 +177,17 @@ def curves_section(device: Device) -> Section:
     likely = f"likelihood ratio e^{device.kind_ratio:.0f}" if kind else ""
     if device.misfit:
         likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
+    decrease = (f"{with_error(slope, error, '%')} (95 %)", seen) if is_known else (UNKNOWN, "")
     rows = (
-        (
-            "decrease of the step from top to bottom of the swing",
-            f"{with_error(slope, error, '%')} (95 %)" if is_known else UNKNOWN,
-            seen if is_known else "",
-        ),
+        ("decrease of the step from top to bottom of the swing", *decrease),
         ("kind of dead time", kind or UNKNOWN, likely),
     )
-    charts = [
-        captioned(
-            _drops_chart(device),
-            "A point per pixel and level. On the line, noise is that of single events; points of "
-            "bright light lie below it where dead time regularizes events.",
-        )
-    ]
+    charts = [captioned(_drops_chart(device), _DROPS)]
     if device.efficiency is not None and device.dead_time_s is not None:
-        charts.append(
-            captioned(
-                _saturation_chart(device, device.efficiency, device.dead_time_s),
-                "Counts of the median pixel. Their distance below the line without dead time gives "
-                "the dead time; its kind shows where the two models diverge.",
-            )
-        )
+        chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
+        charts.append(captioned(chart, _SATURATION))
     head = ("", "estimate", "confidence")
-    return Section("Photon transfer and saturation", CURVES, head, rows, tuple(charts))
+    return Section("Photon transfer and saturation", _CURVES, head, rows, tuple(charts))
 
 
 @style.in_style
@@ -263,11 +229,11 @@ def _saturation_chart(device: Device, efficiency: Estimate, dead_time_s: Estimat
 
 def emva_section(
     device: Path,
-    shape: tuple[int, int],
+    shape: tuple[int, ...],
     wavelength_nm: float | None,
     recorded: Sequence[tuple[float, Step]],
 ) -> Section:
-    """Return the section of a device file of (rows, columns) pixels, or why there is none.
+    """Return the figures of a device file, and those of the recordings if there are enough.
 
     `recorded` are exposure (s) and readings of each recording.
     """
@@ -278,19 +244,21 @@ def emva_section(
     sensor = changed(load_sensor(device), exposure_s=exposure_s)
     if sensor.counter.capacity == 1:
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
+    at = (shape[0], shape[1]), wavelength_nm
     try:
-        dark, steps = standard.device_steps(sensor, shape, wavelength_nm)
-        factors = standard.without_dead_time(sensor, shape, wavelength_nm, steps)
+        dark, steps = standard.device_steps(sensor, *at)
+        factors = standard.without_dead_time(sensor, *at, steps)
         figures = [standard.emva(dark, steps, factors=factors)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
-    seen = [step for each, step in recorded if each == exposure_s]
+    seen = [step for time_s, step in recorded if time_s == exposure_s]
     darkest, lit = min(seen, key=lambda step: step.photons), [s for s in seen if s.photons]
     if not darkest.photons and len(lit) >= standard.FEWEST_STEPS:
-        seen_factors = standard.without_dead_time(sensor, shape, wavelength_nm, lit)
+        seen_factors = standard.without_dead_time(sensor, *at, lit)
         figures.append(standard.emva(darkest, lit, factors=seen_factors))
     rows = tuple(
-        (symbol, title, *(number(of(each)) for each in figures), *("",) * (2 - len(figures)))
-        for symbol, title, of in _ROWS
+        (symbol, title, *(number(scale * getattr(figure, name)) for figure in figures))
+        for symbol, title, name, scale in _ROWS
     )
-    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), _HEAD, rows)
+    head = ("symbol", "quantity", "device", "recordings")[: 2 + len(figures)]
+    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), head, rows)

@@ -1,7 +1,4 @@
-"""Record a camera until stopped, and show the recording.
-
-A terminal shows the newest frame, other outputs a line now and then.
-"""
+"""Record a camera until stopped, and show the recording."""
 
 import math
 import sys
@@ -24,9 +21,6 @@ from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats import protocol
 
 _SHOW_EVERY_S = 0.1
-_SWITCHING_S = 0.0002
-"""The reader releases the GIL several times per 4 KiB, and waits this long for it while a record is
-written: with the default of 5 ms, 1000 frames/s are too fast."""
 _LOOK_AGAIN_S = 0.1
 PATIENCE_S = 8.0
 """Longest wait for frames of a connected camera, beyond three frame periods."""
@@ -88,10 +82,10 @@ class CaptureSettings:
                 f"lower the rate to {1 / self.exposure_s:g} or less"
             )
         if not settings.are_possible:
-            first, end = self.row_window
+            rows = " ".join(map(str, self.row_window))
             raise UserError(
-                f"--step-bias {self.step_bias}, --rows {first} {end}: give a bias of 0 to "
-                "4095, and rows 0 <= first < end <= 16"
+                f"--step-bias {self.step_bias}, --rows {rows}: give a bias of 0 to 4095, and rows "
+                "0 <= first < end <= 16"
             )
         return settings
 
@@ -114,49 +108,43 @@ def capture(
     a setting is impossible, the folder exists, or the camera is absent, does not answer, refuses,
     or sends no frames; earlier frames are kept.
     """
-    asked = settings.of_camera
+    of_camera, recorder = settings.of_camera, None
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
-    recorder = None
-    switching_s = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCHING_S)
-    try:
-        with locked(out):
-            try:
-                with _linked(find, wait_s, stop) as link:
-                    identity, start_s = _identity(link), time.monotonic()
-                    sensor = sensor_as_set(settings.sensor, asked, identity)
-                    valid_us = _configure(link, asked)
-                    recorder = Recorder(out, sensor, settings.kind, identity, asked, start_s)
-                    try:
-                        _record(link, recorder, settings, valid_us, stop, show)
-                    finally:
-                        recorder.finish(link.damaged)
-            except (OSError, UserError) as problem:
-                if recorder is None or not recorder.frames:
-                    remove(out)
-                    raise
-                reason = str(problem)
-                if isinstance(problem, OSError):
-                    reason = (machine_problem(problem) or reason).partition(";")[0]
-                kept = f"the {recorder.frames} earlier frames are kept in {out}"
-                raise UserError(f"{reason}; {kept}") from problem
-    finally:
-        sys.setswitchinterval(switching_s)
+    with locked(out):
+        try:
+            with _linked(find, wait_s, stop) as link:
+                identity, start_s = _identity(link), time.monotonic()
+                sensor = sensor_as_set(settings.sensor, of_camera, identity)
+                valid_us = _configure(link, of_camera)
+                recorder = Recorder(out, sensor, settings.kind, identity, of_camera, start_s)
+                try:
+                    _record(link, recorder, settings, valid_us, stop, show)
+                finally:
+                    recorder.finish(link.damaged)
+        except (OSError, UserError) as problem:
+            if recorder is None or not recorder.frames:
+                remove(out)
+                raise
+            reason = str(problem)
+            if isinstance(problem, OSError):
+                reason = (machine_problem(problem) or reason).partition(";")[0]
+            kept = f"the {recorder.frames} earlier frames are kept in {out}"
+            raise UserError(f"{reason}; {kept}") from problem
     return open_recording(out)
 
 
 def _linked(find: Callable[[], str], wait_s: float, stop: threading.Event) -> links.Link:
-    end_s, is_told = time.monotonic() + wait_s, False
+    end_s, is_noted = time.monotonic() + wait_s, False
     while True:
         try:
             return links.Link(find)
         except links.NoPortError as problem:
             if time.monotonic() >= end_s or stop.is_set():
                 raise
-            if not is_told:
+            if not is_noted:
                 say(f"capture: waiting up to {wait_s:g} s: {problem}")
-                is_told = True
+            is_noted = True
             stop.wait(_LOOK_AGAIN_S)
 
 
@@ -174,15 +162,13 @@ def _identity(link: links.Link) -> protocol.Identity:
 def _configure(link: links.Link, wanted: protocol.Settings) -> int:
     """Configure the camera; return its time when the first exposure ends, µs."""
     kinds = protocol.Kind
-    commands: tuple[tuple[protocol.Kind, tuple[int, ...]], ...] = (
-        # The shortest exposure allows every frame rate.
-        (kinds.SET_EXPOSURE, (1,)),
-        (kinds.SET_FRAME_RATE, (wanted.frame_rate_mhz,)),
-        (kinds.SET_EXPOSURE, (wanted.exposure_us,)),
-        (kinds.SET_STEP_BIAS, (wanted.step_bias,)),
-        (kinds.SET_ROW_WINDOW, (wanted.first_row, wanted.end_row)),
-    )
-    for kind, values in commands:
+    for kind, *values in (
+        (kinds.SET_EXPOSURE, 1),  # the shortest, which allows every frame rate
+        (kinds.SET_FRAME_RATE, wanted.frame_rate_mhz),
+        (kinds.SET_EXPOSURE, wanted.exposure_us),
+        (kinds.SET_STEP_BIAS, wanted.step_bias),
+        (kinds.SET_ROW_WINDOW, wanted.first_row, wanted.end_row),
+    ):
         reply = link.request(*protocol.command(kind, *values))
         if (reported := protocol.Settings.of(reply.payload)).refused:
             raise UserError(
@@ -206,8 +192,8 @@ def _record(
     show: Show,
 ) -> None:
     """Record frames as they arrive; after unplugging, configure the camera again."""
-    asked, serial_number = settings.of_camera, recorder.header.serial_number
-    patience_s = PATIENCE_S + 3e-6 * asked.period_us
+    of_camera, serial_number = settings.of_camera, recorder.header.serial_number
+    patience_s = PATIENCE_S + 3e-6 * of_camera.period_us
     connection, first_s, shown_s = link.connection, math.inf, 0.0
     frame_s = time.monotonic()
     while not stop.is_set() and recorder.frames != settings.frames:
@@ -222,7 +208,7 @@ def _record(
                         f"{link.path}: camera {identity.serial_number} was plugged in instead of "
                         f"{serial_number}; record it separately"
                     )
-                valid_us = _configure(link, asked)
+                valid_us = _configure(link, of_camera)
                 recorder.plugged_again()
                 frame_s = time.monotonic()
         elif arrival is not None and arrival.connection == connection:
@@ -239,12 +225,11 @@ def _record(
             )
         if recorder.last is not None and now_s - shown_s >= _SHOW_EVERY_S:
             shown_s, rate_hz = now_s, recorder.frames / max(now_s - first_s, 1.0)
-            show(
-                recorder,
+            state = (
                 f"{recorder.frames} frames, {rate_hz:.1f} frames/s, {recorder.missing_frames} "
                 f"missing, {link.damaged} packets damaged"
-                f"{'' if link.is_plugged else ', unplugged, waiting'}",
             )
+            show(recorder, state if link.is_plugged else f"{state}, unplugged, waiting")
 
 
 def recorded_line(recording: Recording) -> str:
@@ -261,11 +246,15 @@ def recorded_line(recording: Recording) -> str:
 def viewing() -> Iterator[Show]:
     """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
-        last = ["no frames yet"]
-        with speaking(lambda: f"capture: {last[0]}"):
-            yield lambda recorder, state: last.__setitem__(0, state)
+        states = ["no frames yet"]
+
+        def note(recorder: Recorder, state: str) -> None:
+            states[0] = state
+
+        with speaking(lambda: f"capture: {states[0]}"):
+            yield note
         return
-    from rich.console import Console, Group
+    from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
@@ -276,13 +265,10 @@ def viewing() -> Iterator[Show]:
             brightest = max(int(counts.max(initial=1, where=~saturated)), 1)
             grays = np.minimum(255 * np.sqrt(counts / brightest), 255).astype(int)
             pixels = Text()
-            for row, full in zip(grays, saturated, strict=True):
-                for gray, is_full in zip(row, full, strict=True):
-                    color = "220,60,40" if is_full else f"{gray},{gray},{gray}"
-                    pixels.append("  ", f"on rgb({color})")
-                pixels.append("\n")
-            live.update(
-                Group(pixels, Text(f"{state}, {saturated.sum()} pixels saturated; Ctrl-C stops"))
-            )
+            for (row, column), gray in np.ndenumerate(grays):
+                color = "220,60,40" if saturated[row, column] else f"{gray},{gray},{gray}"
+                pixels.append("  ", f"on rgb({color})")
+                pixels.append("\n" * (column == protocol.COLUMNS - 1))
+            live.update(pixels.append(f"{state}, {saturated.sum()} saturated; Ctrl-C stops"))
 
         yield show

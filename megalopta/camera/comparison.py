@@ -1,9 +1,7 @@
 """`megalopta spadcam compare`: recordings against the device model's simulation of the stimulus.
 
-Stimuli are levels of uniform light, the moving plate of the motion bench, or a scene. The frames of
-a scene's dataset are a cycle, in which a recording begins anywhere. Of shifts by a quarter of a
-frame, the one with the highest correlation is chosen, over all frames and pixels, after the mean of
-each pixel is subtracted.
+The frames of a scene's dataset are a cycle, in which a recording begins anywhere. Of shifts by a
+quarter of a frame, the one with the highest correlation is chosen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +46,7 @@ class CompareSettings:
 
 
 def compare_captured(
-    sources: Sequence[Source], device: Path, out: Path, asked: CompareSettings
+    sources: Sequence[Source], device: Path, out: Path, settings: CompareSettings
 ) -> str:
     """Write the report, an HTML page; return the main differences in a sentence.
 
@@ -60,34 +58,30 @@ def compare_captured(
         sensor = PRESETS.get(str(device)) or load_sensor(device)
         if any(source.sums for source in sources):
             raise UserError("compare: sums of binary frames; give frames as they were recorded")
-        if asked.scene == "levels":
-            levels = [
-                captured_frames(
-                    read_recorded(source), sensor, asked.beam.photons_hz(source.light, sensor)
-                )
-                for source in sources
-            ]
-            page = pages.levels_page(sensor.name, _compare_levels(levels, sensor, asked))
-        elif asked.scene == "plate":
-            plates = {
-                source.light: captured_frames(read_recorded(source), sensor, source.light)
-                for source in sources
-            }
-            page = pages.motion_page(sensor.name, plate_responses(plates, sensor, asked))
+        captured: list[Level] = []
+        for source in sources:
+            light = source.light
+            if settings.scene == "levels":
+                light = settings.beam.photons_hz(light, sensor)
+            captured.append(captured_frames(read_recorded(source), sensor, light))
+        if settings.scene == "levels":
+            page = pages.levels_page(sensor.name, _compare_levels(captured, sensor, settings))
+        elif settings.scene == "plate":
+            plates = {frames.light_hz: frames for frames in captured}
+            page = pages.motion_page(sensor.name, plate_responses(plates, sensor, settings))
         else:
-            dataset = Path(asked.scene)
+            dataset = Path(settings.scene)
             if not dataset.is_dir():
                 raise UserError(
                     f"--scene: {dataset}; give levels, plate or the folder of a rendered dataset"
                 )
-            if len(sources) != 1:
+            if len(captured) != 1:
                 raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
-            lux = sources[0].light
-            captured = captured_frames(read_recorded(sources[0]), sensor, lux or 1.0)
-            cycle = rendered(dataset, lux or None)(sensor)
-            page = pages.scene_page(dataset.name, _compare_scene(captured, cycle, sensor, asked))
-    write_sections(out, page.title, page.sentence, page.sections)
-    return page.sentence
+            lux = captured[0].light_hz
+            cycle, frames = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
+            page = pages.scene_page(dataset.name, _compare_scene(frames, cycle, sensor, settings))
+    write_sections(out, *page)
+    return page[1]
 
 
 def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) -> Level:
@@ -99,7 +93,7 @@ def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) 
 
 
 def _compare_levels(
-    captured: Sequence[Level], device: Sensor, asked: CompareSettings
+    captured: Sequence[Level], device: Sensor, settings: CompareSettings
 ) -> pages.Compared:
     """Compare levels of uniform light."""
     rates = []
@@ -108,32 +102,32 @@ def _compare_levels(
         if level.is_dark:
             rates.append(np.zeros((1, *shape)))
             continue
-        if asked.beam.wavelength_nm is None:
+        if settings.beam.wavelength_nm is None:
             raise UserError("compare: unknown wavelength of the light; give --wavelength-nm")
         sensor = changed(device, exposure_s=level.exposure_s)
-        nominal = float(sensor.photon_detection_efficiency(np.array(asked.beam.wavelength_nm)))
+        nominal = float(sensor.photon_detection_efficiency(np.array(settings.beam.wavelength_nm)))
         factor = draw_fixed_pattern(sensor, shape).efficiency_factor
         rates.append(level.light_hz * nominal * factor[np.newaxis])
-    return _compared(captured, rates, device, asked)
+    return _compared(captured, rates, device, settings)
 
 
 def _compared(
     captured: Sequence[Level],
     rates: Sequence[Floats],
     device: Sensor,
-    asked: CompareSettings,
+    settings: CompareSettings,
     stimulus: str = "",
 ) -> pages.Compared:
     """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
     model = Model(device, rates)
-    simulated = model.drawn(captured, asked.seed, stimulus)
+    simulated = model.drawn(captured, settings.seed, stimulus)
     errors = [
         _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
     ]
-    found = compare_recordings(
-        captured, simulated, model, margin=asked.margin, errors=errors, is_scene=bool(stimulus)
+    comparison = compare_recordings(
+        captured, simulated, model, margin=settings.margin, errors=errors, is_scene=bool(stimulus)
     )
-    return pages.Compared(captured, simulated, found)
+    return pages.Compared(captured, simulated, comparison)
 
 
 def _errors(device: Sensor, rates: Floats) -> Floats:
@@ -145,10 +139,7 @@ def _errors(device: Sensor, rates: Floats) -> Floats:
 
 
 def _map_error(file: MapFile | None) -> Floats | float:
-    """Standard errors of a map, from the intervals next to it; 0 without intervals.
-
-    NaN where the calibration does not know the pixel.
-    """
+    """Standard errors of a map, from the intervals next to it; 0 without, NaN if unknown."""
     if file is None:
         return 0.0
     path, ends = Path(file.path), []
@@ -166,7 +157,7 @@ def _map_error(file: MapFile | None) -> Floats | float:
 
 
 def plate_responses(
-    captured: Mapping[float, Level], device: Sensor, asked: CompareSettings
+    captured: Mapping[float, Level], device: Sensor, settings: CompareSettings
 ) -> list[pages.SpeedResponse]:
     """Compare responses to a plate at each speed (mm/s), over complete passages.
 
@@ -175,19 +166,19 @@ def plate_responses(
     without a gap.
     """
     responses = []
-    for speed, frames in sorted(captured.items()):
-        counts = passages_at(speed, frames)
+    for speed, recorded in sorted(captured.items()):
+        counts = passages_at(speed, recorded)
         sensor = changed(device, exposure_s=1 / motion_bench.FRAME_RATE_HZ)
-        simulated = motion_bench.record(speed, sensor, asked.seed).counts
+        simulated = motion_bench.record(speed, sensor, settings.seed).counts
         for name, unit in motion_bench.UNITS.items():
             method = motion_bench.detector(name)
             peaks = [
-                motion_bench.crossing_peaks(method, motion_bench.pooled(each)).mean(axis=(1, 2))
-                for each in (counts, simulated)
+                motion_bench.crossing_peaks(method, motion_bench.pooled(frames)).mean(axis=(1, 2))
+                for frames in (counts, simulated)
             ]
             title = f"{name} response at {speed:g} mm/s"
-            apart = difference(title, unit, peaks[0], peaks[1], asked.margin)
-            responses.append(pages.SpeedResponse(name, speed, peaks[0], peaks[1], apart))
+            change = difference(title, unit, peaks[0], peaks[1], settings.margin)
+            responses.append(pages.SpeedResponse(name, speed, peaks[0], peaks[1], change))
     return responses
 
 
@@ -206,7 +197,7 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[np.generic]:
 
 
 def _compare_scene(
-    captured: Level, cycle: Cycle, device: Sensor, asked: CompareSettings
+    captured: Level, cycle: Cycle, device: Sensor, settings: CompareSettings
 ) -> pages.Compared:
     """Align captured frames with a scene, and simulate the matching frames."""
     shape, length = captured.readings.shape[1:], len(cycle.rates_hz)
@@ -216,8 +207,7 @@ def _compare_scene(
             "capture all rows"
         )
     times_s = captured.times_s
-    if times_s is None:
-        times_s = captured.exposure_s * np.arange(len(captured.readings), dtype=np.float64)
+    assert times_s is not None
     # frame of the cycle at each captured frame, for every shift, (shifts, n)
     shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
     at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
@@ -233,9 +223,9 @@ def _compare_scene(
     best = np.flatnonzero(correlation >= correlation.max() - _TIE)
     # the middle of equal shifts is the least sensitive to clock differences
     rates_hz = cycle.rates_hz[frame[best[len(best) // 2]]]
-    compared = _compared([captured], [rates_hz], device, asked, "scene, ")
+    compared = _compared([captured], [rates_hz], device, settings, "scene, ")
     (simulated,) = compared.simulated
     errors_hz = _errors(device, rates_hz)
-    differences = scene_differences(captured, simulated, rates_hz, asked.margin, errors_hz)
-    found = replace(compared.found, differences=differences)
-    return compared._replace(found=found, correlation=float(correlation.max()))
+    differences = scene_differences(captured, simulated, rates_hz, settings.margin, errors_hz)
+    comparison = replace(compared.comparison, differences=differences)
+    return compared._replace(comparison=comparison, correlation=float(correlation.max()))

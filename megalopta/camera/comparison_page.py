@@ -19,22 +19,24 @@ from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
-_HEAD = ("", "captured", "simulated", "difference", "95 % CI", "p", "verdict")
 _LARGEST_Z = 6.0
 _FAULTS = (
     "Steadiness in time, order of the pixels, rows and columns, single pixels and codes of the "
-    "ADC, before any parameter is fitted. What is found is taken out or masked in all that follows."
+    "ADC, before any parameter is fitted. Faults are taken out or masked in all that follows."
 )
 _TESTS = (
-    "Tests of every pixel that is left, at every level; false discovery rate by Benjamini and "
-    "Hochberg. Captured and simulated maps share a scale. The third map is their difference in "
-    "standard errors of counting and calibration: pale grain is chance; strong colors, rows, "
-    "columns or patches are a difference of the device. Gray pixels are saturated, or have too few "
-    "counts."
+    "Tests of every pixel that is left; false discovery rate by Benjamini and Hochberg. The third "
+    "map is the difference in standard errors of counting and calibration: pale grain is chance; "
+    "strong colors, rows, columns or patches are a difference of the device. Gray pixels are "
+    "saturated, or have too few counts."
 )
 _TRANSFER = (
-    "Where captured points lie on simulated ones, device and model respond alike to motion; the "
-    "table gives the significance."
+    "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
+    "noise; a higher one has a larger step or more crosstalk."
+)
+_DARK = (
+    "Distribution of dark counts over pixels. A horizontal shift is a difference in temperature "
+    "or excess bias; a difference at the end only is one of hot pixels."
 )
 _FRAMES_SHOWN = 200
 _MOST_POINTS = 2000
@@ -50,7 +52,7 @@ class Compared(NamedTuple):
 
     captured: Levels
     simulated: Levels
-    found: Comparison
+    comparison: Comparison
     correlation: float = 0.0
     """Correlation of the frames of a scene with their aligned simulation"""
 
@@ -66,18 +68,13 @@ class SpeedResponse(NamedTuple):
     difference: Difference
 
 
-class Page(NamedTuple):
-    """Content of a page."""
-
-    title: str
-    sentence: str
-    """Summary"""
-    sections: list[Section]
+Page = tuple[str, str, list[Section]]
+"""Title, summary and sections"""
 
 
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
-    comparison = compared.found
+    comparison = compared.comparison
     explained, order = comparison.explained, comparison.arrangement
     if not explained.alone:
         explanation = "Frames are not independent, or no pixel is left: none is tested."
@@ -86,7 +83,9 @@ def levels_page(name: str, compared: Compared) -> Page:
     elif not explained.accepted:
         explanation = "No one or two of them explain the difference."
     else:
-        sets = (f"{' and '.join(each.names)} (p = {each.p:.2g})" for each in explained.accepted)
+        sets = (
+            f"{' and '.join(causes.names)} (p = {causes.p:.2g})" for causes in explained.accepted
+        )
         explanation = f"The difference is explained by {', or else by '.join(sets)}."
     faults = Section(
         "Faults",
@@ -99,19 +98,19 @@ def levels_page(name: str, compared: Compared) -> Page:
         f"{explanation} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
         f"raise a false alarm. “Equivalent”: a difference below {100 * comparison.margin:g} % (two "
         "one-sided tests at 95 %).",
-        comparison,
+        *(comparison.differences, comparison.significant),
     )
     lights = [
         "Dark" if level.is_dark else f"{number(level.light_hz)} photons/s per pixel"
         for level in compared.captured
     ]
     title = f"{name}: captured and simulated"
-    return Page(title, comparison.sentence, [faults, device, *_pixels(compared, lights)])
+    return title, comparison.sentence, [faults, device, *_pixels(compared, lights)]
 
 
 def scene_page(name: str, compared: Compared) -> Page:
     """Return the differences of a captured from a simulated scene, with pictures."""
-    comparison = compared.found
+    comparison = compared.comparison
     in_time = captioned(
         _time_chart(compared.captured[0], compared.simulated[0]),
         "Coincident curves saw the same frames of the scene; a horizontal shift is a difference "
@@ -122,99 +121,80 @@ def scene_page(name: str, compared: Compared) -> Page:
         f"Frames are aligned in time by correlation ({compared.correlation:.2f}), "
         "and the matching frames are simulated. Quantities are compared in blocks of frames; "
         f"differences below {100 * comparison.margin:g} % are ignored.",
-        comparison,
+        *(comparison.differences, comparison.significant),
     )
     sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
-    return Page(f"{name}: captured and simulated", comparison.sentence, sections)
+    return f"{name}: captured and simulated", comparison.sentence, sections
 
 
 def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
     """Return the differences of responses to a moving plate."""
+    differences = [response.difference for response in responses]
     limit = FALSE_ALARMS / len(responses)
-    differences = [each.difference for each in responses]
-    real = sorted((each for each in differences if each.p < limit), key=lambda each: -each.size)
-    sentence = f"Captured: {'; '.join(map(str, real[:3]))}." if real else ""
-    charts = (captioned(_response_chart(responses, each), _TRANSFER) for each in ("NDM", "NDS"))
+    real = [difference for difference in differences if difference.p < limit]
+    largest = sorted(real, key=lambda difference: -difference.size)[:3]
+    sentence = f"Captured: {'; '.join(map(str, largest))}." if real else ""
+    about = "Mean and standard deviation over crossings of 32 frames around a passing edge."
+    charts = tuple(_response_chart(responses, method) for method in ("NDM", "NDS"))
     sections = [
-        Section(
-            "Transfer functions",
-            "Mean and standard deviation over crossings, each of 32 captured frames around a "
-            "passing edge.",
-            charts=tuple(charts),
-        ),
-        Section(
-            "Responses",
-            "Peak responses to the edge.",
-            _HEAD,
-            tuple(_cells(each, each.p < limit) for each in differences),
-        ),
+        Section("Transfer functions", about, charts=charts),
+        _differences("Responses", "Peak responses to the edge.", differences, real),
     ]
     title = f"{name}: responses to a moving plate"
-    return Page(title, sentence or "No significant difference.", sections)
+    return title, sentence or "No significant difference.", sections
 
 
-def _differences(title: str, text: str, found: Comparison) -> Section:
-    rows = (_cells(each, each in found.significant) for each in found.differences)
-    return Section(title, text, _HEAD, tuple(rows))
-
-
-def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
-    verdicts = {"differs": differs, "equivalent": each.is_equivalent}
-    sizes = each.captured, each.expected
-    return (
-        each.name if each.unit == "s" else f"{each.name} ({each.unit})",
-        *(with_error(size, 0, "s") if each.unit == "s" else number(size) for size in sizes),
-        f"{100 * each.relative:+.2g} %{each.base}",
-        f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
-        f"{each.p:.2g}",
-        " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
-    )
+def _differences(
+    title: str, text: str, differences: Sequence[Difference], significant: Sequence[Difference]
+) -> Section:
+    rows = []
+    for change in differences:
+        verdicts = {"differs": change in significant, "equivalent": change.is_equivalent}
+        is_time, sizes = change.unit == "s", (change.captured, change.expected)
+        cells = (
+            change.name if is_time else f"{change.name} ({change.unit})",
+            *(with_error(size, 0, "s") if is_time else number(size) for size in sizes),
+            f"{100 * change.relative:+.2g} %{change.base}",
+            f"{100 * change.low:+.2g} to {100 * change.high:+.2g} %",
+            f"{change.p:.2g}",
+            " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
+        )
+        rows.append(cells)
+    head = ("", "captured", "simulated", "difference", "95 % CI", "p", "verdict")
+    return Section(title, text, head, tuple(rows))
 
 
 def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
     """Yield sections on the differences of pixels, level by level, titled by their lights."""
-    captured, simulated, comparison = compared.captured, compared.simulated, compared.found
-    yield Section("Distributions", charts=tuple(_curves(captured, simulated)))
+    captured, simulated, comparison = compared.captured, compared.simulated, compared.comparison
+    curves = [captioned(_transfer_chart(captured, simulated), _TRANSFER)]
+    dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
+    if dark:
+        longest = max(dark, key=lambda pair: pair[0].exposure_s)
+        curves.append(captioned(_dark_chart(*longest), _DARK))
+    yield Section("Distributions", charts=tuple(curves))
     counted = tuple(
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
         for name, test in comparison.tests.items()
     )
     text = f"{_TESTS} Alarms: {'; '.join(comparison.alarms) or 'none'}."
     yield Section("Pixels", text, ("quantity", "tested", "differ"), counted)
-    for at, (one, other) in enumerate(zip(captured, simulated, strict=True)):
+    for place, levels in enumerate(zip(captured, simulated, strict=True)):
         means, variances = (comparison.tests[name] for name in ("mean", "variance"))
-        maps = [each.readings.mean(axis=0) for each in (one, other)]
+        p, maps = means.p[place], [level.readings.mean(axis=0) for level in levels]
+        limits, charts = style.color_limits(*maps), []
+        for values, label in zip(maps, ("captured", "simulated"), strict=True):
+            title = f"mean, {label} (counts)"
+            charts.append(style.map_chart(values, f"mean-{place}-{label}", title, limits))
+        z, ends = np.sign(maps[0] - maps[1]) * norm.isf(p / 2), (-_LARGEST_Z, _LARGEST_Z)
+        title = "mean, captured minus simulated (standard errors)"
+        charts.append(style.map_chart(z, f"mean-{place}-difference", title, ends, "PuOr"))
         yield Section(
-            f"{lights[at]}, {with_error(one.exposure_s, 0, 's')}",
-            f"Of {np.isfinite(means.p[at]).sum()} pixels {means.differs[at].sum()} differ in the "
-            f"mean, {variances.differs[at].sum()} in the variance.",
-            charts=tuple(_maps(at, maps, means.p[at])),
+            f"{lights[place]}, {with_error(levels[0].exposure_s, 0, 's')}",
+            f"Of {np.isfinite(p).sum()} pixels {means.differs[place].sum()} differ in the "
+            f"mean, {variances.differs[place].sum()} in the variance.",
+            charts=tuple(charts),
         )
-
-
-def _curves(captured: Levels, simulated: Levels) -> Iterator[Markup]:
-    yield captioned(
-        _transfer_chart(captured, simulated),
-        "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
-        "noise; a higher one has a larger step or more crosstalk.",
-    )
-    dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
-    if dark:
-        yield captioned(
-            _dark_chart(*max(dark, key=lambda pair: pair[0].exposure_s)),
-            "Distribution of dark counts over pixels. A horizontal shift is a difference in "
-            "temperature or excess bias; a difference at the end only is one of hot pixels.",
-        )
-
-
-def _maps(at: int, maps: Sequence[Floats], p: Floats) -> Iterator[Markup]:
-    """Yield maps of the mean at one level: captured, simulated, and their difference."""
-    limits = style.color_limits(*maps)
-    for values, label in zip(maps, ("captured", "simulated"), strict=True):
-        yield style.map_chart(values, f"mean-{at}-{label}", f"mean, {label} (counts)", limits)
-    apart = np.sign(maps[0] - maps[1]) * norm.isf(p / 2)
-    title = "mean, captured minus simulated (standard errors)"
-    yield style.map_chart(apart, f"mean-{at}-apart", title, (-_LARGEST_Z, _LARGEST_Z), "PuOr")
 
 
 @style.in_style
@@ -261,11 +241,11 @@ def _time_chart(captured: Level, simulated: Level) -> Markup:
 def _response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
     """Draw a transfer function: peak response over speed, mean and standard deviation."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    shown = [each for each in responses if each.name == method]
-    speeds = [each.speed_mm_s for each in shown]
-    sides = [each.captured for each in shown], [each.simulated for each in shown]
-    for values, line in zip(sides, _STYLES, strict=True):
-        means, spreads = zip(*((each.mean(), each.std(ddof=1)) for each in values), strict=True)
+    shown = [response for response in responses if response.name == method]
+    speeds = [response.speed_mm_s for response in shown]
+    for side, line in zip(("captured", "simulated"), _STYLES, strict=True):
+        peaks = [getattr(response, side) for response in shown]
+        means, spreads = [values.mean() for values in peaks], [v.std(ddof=1) for v in peaks]
         axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **line)
     axes.axhline(0, color=BLACK, linewidth=0.5)
     unit = shown[0].difference.unit

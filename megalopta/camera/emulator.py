@@ -1,8 +1,4 @@
-"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal.
-
-It sees a film: uniform light, the plate of the motion bench, or a rendered dataset. The last two
-load scenes and the renderer on first use.
-"""
+"""An emulated camera: the sensor model behind SPADCAM's protocol, on a pseudo-terminal."""
 
 import math
 import os
@@ -60,65 +56,53 @@ Film = Callable[[Sensor], Cycle]
 """Light on a sensor; raises UserError"""
 
 
-def flat(photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Film:
+def flat(sensor: Sensor, photons_hz: tuple[float, ...] = (0.0,), step_s: float = math.inf) -> Cycle:
     """The same light on all pixels: none, one level, or a cycle of levels of this duration.
 
     `photons_hz` are photons per second on a pixel of pitch × pitch, at 700 nm.
     """
-
-    def film(sensor: Sensor) -> Cycle:
-        light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
-        detected_hz, photon_hz = (
-            rate(light, (BAND_NM,), sensor) for rate in (detection_rate, photon_rate)
-        )
-        return Cycle(np.array(photons_hz)[:, None, None] * (detected_hz / photon_hz), 1 / step_s)
-
-    return film
+    light = np.ones((1, protocol.ROWS, protocol.COLUMNS, 1))
+    detected_hz, photon_hz = (
+        rate(light, (BAND_NM,), sensor) for rate in (detection_rate, photon_rate)
+    )
+    return Cycle(np.array(photons_hz)[:, None, None] * (detected_hz / photon_hz), 1 / step_s)
 
 
-def plate(speed_mm_s: float) -> Film:
+def plate(sensor: Sensor, speed_mm_s: float) -> Cycle:
     """The plate of the motion bench (§2.4.8), frame by frame at 10 per second.
 
     In its light an open pixel detects 65 photons in 0.1 s.
     """
+    from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
 
-    def film(sensor: Sensor) -> Cycle:
-        from megalopta.camera.motion_bench import FRAME_RATE_HZ, passing_rates
-
-        as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
-        return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
-
-    return film
+    as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+    return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
 
 
-def rendered(path: Path, lux: float | None = None) -> Film:
+def rendered(sensor: Sensor, path: Path, lux: float | None = None) -> Cycle:
     """Frames of a dataset, at their rate: the middle square, averaged to 16 × 16.
 
     `lux` is the light level; default: that of the rendering.
     """
+    from megalopta.config.light_scale import light_scale
+    from megalopta.dataset.frames import read_radiance_frame
+    from megalopta.dataset.store import open_sequence
 
-    def film(sensor: Sensor) -> Cycle:
-        from megalopta.config.light_scale import light_scale
-        from megalopta.dataset.frames import read_radiance_frame
-        from megalopta.dataset.store import open_sequence
-
-        dataset = open_sequence(path)
-        configuration, camera = dataset.configuration, dataset.configuration.camera
-        block = min(camera.height, camera.width) // protocol.ROWS
-        if block == 0:
-            raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
-        side = block * protocol.ROWS
-        top, left = (camera.height - side) // 2, (camera.width - side) // 2
-        scale = 1.0 if lux is None else light_scale(configuration, lux)
-        frames = []
-        for index in range(configuration.trajectory.frames):
-            image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
-            blocks = image.reshape(protocol.ROWS, block, protocol.COLUMNS, block, -1)
-            frames.append(blocks.mean(axis=(1, 3), dtype=np.float64) * scale)
-        rates = detection_rate(np.array(frames), configuration.render.bands_nm, sensor)
-        return Cycle(rates, configuration.trajectory.frame_rate_hz)
-
-    return film
+    dataset = open_sequence(path)
+    configuration, camera = dataset.configuration, dataset.configuration.camera
+    block = min(camera.height, camera.width) // protocol.ROWS
+    if block == 0:
+        raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
+    side = block * protocol.ROWS
+    top, left = (camera.height - side) // 2, (camera.width - side) // 2
+    scale = 1.0 if lux is None else light_scale(configuration, lux)
+    frames = []
+    for index in range(configuration.trajectory.frames):
+        image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
+        blocks = image.reshape(protocol.ROWS, block, protocol.COLUMNS, block, -1)
+        frames.append(blocks.mean(axis=(1, 3), dtype=np.float64) * scale)
+    rates = detection_rate(np.array(frames), configuration.render.bands_nm, sensor)
+    return Cycle(rates, configuration.trajectory.frame_rate_hz)
 
 
 class EmulatedCamera:
@@ -177,87 +161,64 @@ class EmulatedCamera:
     def _draw(
         self, settings: protocol.Settings, sensor: Sensor, cycle: Cycle
     ) -> NDArray[np.uint16]:
-        """Draw the next frame and those after it that share its stream.
-
-        Streams begin at fixed numbers, so that frames do not depend on the time of the settings.
-        """
+        """Draw the next frame and those after it that share its stream, from a fixed number on."""
         period_us = settings.period_us
         together = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
-        samples = expose_adc(
-            cycle.at(times_s),
-            sensor,
-            seed=self.seed,
-            stream=0,
-            first_frame=self._number - gone,
-            together=together,
-        )[gone:]
-        samples[:, : settings.first_row] = protocol.NOT_READ
-        samples[:, settings.end_row :] = protocol.NOT_READ
+        stream = {"stream": 0, "first_frame": self._number - gone, "together": together}
+        samples = expose_adc(cycle.at(times_s), sensor, seed=self.seed, **stream)[gone:]
+        samples[:, : settings.first_row] = samples[:, settings.end_row :] = protocol.NOT_READ
         return samples
 
 
-class EmulatedPort:
-    """A pseudo-terminal with an emulated camera behind it.
+def emulate(
+    camera: EmulatedCamera,
+    stop: threading.Event,
+    link: Path | None = None,
+    plugged_in: Callable[[str], None] = lambda path: None,
+    clock_rate: float = 1.0,
+) -> int:
+    """Send frames when they are due, and answer, until stopped; return the packets dropped.
 
-    `link` is a symbolic link to the terminal; `plugged_in` is called with its path. The camera's
-    clock runs `clock_rate` times as fast as the host's.
+    `link` is a symbolic link to the pseudo-terminal; `plugged_in` is called with its path. The
+    camera's clock runs `clock_rate` times as fast as the host's.
     """
-
-    def __init__(
-        self,
-        camera: EmulatedCamera,
-        link: Path | None = None,
-        plugged_in: Callable[[str], None] = lambda path: None,
-        clock_rate: float = 1.0,
-    ) -> None:
-        if link is not None and link.exists() and not link.is_symlink():
-            raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
-        self._camera, self._link, self._clock_rate = camera, link, clock_rate
-        self._plugged_in, self._waiting = plugged_in, bytearray()
-        self.dropped = 0
-        """Packets that did not fit into the buffer."""
-
-    def run(self, stop: threading.Event) -> None:
-        """Send frames when they are due, and answer, until stopped."""
-        # While the other end is open somewhere, writing to this one does not fail.
-        end, other_end = pty.openpty()
-        try:
-            tty.setraw(other_end)
-            os.set_blocking(end, False)
-            path = os.ttyname(other_end)
-            if self._link is not None:
-                self._link.parent.mkdir(parents=True, exist_ok=True)
-                self._link.unlink(missing_ok=True)
-                self._link.symlink_to(path)
-            self._plugged_in(path)
-            parser, start_s = protocol.Parser(), time.monotonic()
-            while not stop.is_set():
-                now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
-                if self._camera.due_us <= now_us:
-                    self._post(self._camera.next_frame())
-                due_s = (self._camera.due_us - now_us) * 1e-6 / self._clock_rate
-                pause_s = min(max(due_s, 0.0), _LONGEST_WAIT_S)
-                writing = [end] if self._waiting else []
-                can_read, can_write, _ = select.select([end], writing, [], pause_s)
-                for command in parser.feed(os.read(end, 4096)) if can_read else ():
-                    if command.kind >= protocol.Kind.IDENTIFY:
-                        now_us = int((time.monotonic() - start_s) * 1e6 * self._clock_rate)
-                        self._post(self._camera.answer(command, now_us))
-                if can_write:
-                    del self._waiting[: os.write(end, self._waiting)]
-        finally:
-            if self._link is not None:
-                self._link.unlink(missing_ok=True)
-            os.close(end)
-            os.close(other_end)
-
-    def _post(self, packet: protocol.Packet) -> None:
-        """Queue a packet, if it fits into the buffer."""
-        line = protocol.encode(packet)
-        if len(self._waiting) + len(line) <= BUFFER_BYTES:
-            self._waiting += line
-        else:
-            self.dropped += 1
+    if link is not None and link.exists() and not link.is_symlink():
+        raise UserError(f"{link}: exists and is not a symbolic link; choose another name")
+    parser, waiting, dropped = protocol.Parser(), bytearray(), 0
+    # While the other end is open somewhere, writing to this one does not fail.
+    end, other_end = pty.openpty()
+    try:
+        tty.setraw(other_end)
+        os.set_blocking(end, False)
+        path = os.ttyname(other_end)
+        if link is not None:
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.unlink(missing_ok=True)
+            link.symlink_to(path)
+        plugged_in(path)
+        start_s = time.monotonic()
+        while not stop.is_set():
+            now_us = int((time.monotonic() - start_s) * 1e6 * clock_rate)
+            packets = [camera.next_frame()] if camera.due_us <= now_us else []
+            pause_s = min(max((camera.due_us - now_us) * 1e-6 / clock_rate, 0.0), _LONGEST_WAIT_S)
+            ends = select.select([end], [end] if waiting else [], [], 0 if packets else pause_s)
+            for command in parser.feed(os.read(end, 4096)) if ends[0] else ():
+                if command.kind >= protocol.Kind.IDENTIFY:
+                    now_us = int((time.monotonic() - start_s) * 1e6 * clock_rate)
+                    packets.append(camera.answer(command, now_us))
+            for line in map(protocol.encode, packets):
+                if len(waiting) + len(line) <= BUFFER_BYTES:
+                    waiting += line
+                else:
+                    dropped += 1
+            if ends[1]:
+                del waiting[: os.write(end, waiting)]
+    finally:
+        if link is not None:
+            link.unlink(missing_ok=True)
+        os.close(end)
+        os.close(other_end)
+    return dropped

@@ -1,11 +1,8 @@
-"""The link to a camera: its serial port, and a thread that reads it.
-
-The thread reads, notes the time and decodes packets, so that a slow disk does not make it miss any.
-When the camera is unplugged, it waits until it is back.
-"""
+"""The link to a camera: its serial port, and a thread that reads it, also after unplugging."""
 
 import errno
 import queue
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -20,35 +17,26 @@ from megalopta.core.errors import UserError
 from megalopta.sensor.formats import protocol
 
 TEENSY_VENDOR = 0x16C0
-UDEV_RULE = (
-    'SUBSYSTEM=="tty", ATTRS{idVendor}=="16c0", MODE="0660", GROUP="dialout", '
-    'ENV{ID_MM_DEVICE_IGNORE}="1"'
-)
-"""For /etc/udev/rules.d/: lets the group open the port, and keeps ModemManager away."""
 _CHOOSE = "choose another port (see megalopta spadcam list)"
 _PLUG_IN = f"plug the camera in, start an emulated one (megalopta spadcam emulate), or {_CHOOSE}"
+_BUSY = (
+    "another program has it open; close it. To keep ModemManager away: sudo systemctl stop "
+    "ModemManager, or the udev rule in docs/spadcam-protocol.md"
+)
 _REMEDIES = {
     errno.ENOENT: f"no such port; {_PLUG_IN}",
-    errno.EACCES: (
-        "no permission; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
-        f"this udev rule into /etc/udev/rules.d/49-spadcam.rules: {UDEV_RULE}"
-    ),
-    **dict.fromkeys(
-        (errno.EBUSY, errno.EAGAIN),
-        "another program has it open; close it. To keep ModemManager away: "
-        f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
-    ),
+    errno.EACCES: "no permission; join its group (sudo usermod -aG dialout $USER, log in again)",
+    **dict.fromkeys((errno.EBUSY, errno.EAGAIN), _BUSY),
 }
 _RETRY_S = 0.1
-_REPLY_S = 0.7
+_SWITCHING_S = 0.0002
+"""The reader releases the GIL several times per 4 KiB, and waits this long for it while a record is
+written: with the default of 5 ms, 1000 frames/s are too fast."""
+_REPLY_S, _ATTEMPTS = 0.7, 3
 _REPLIES = protocol.Kind.IDENTITY, protocol.Kind.SETTINGS
-_ATTEMPTS = 3
-"""Attempts of a command; all may be repeated."""
-_GATHER_S = 0.003
-_MUCH = 3000
+_GATHER_S, _MUCH = 0.003, 3000
 """Pause after fewer bytes than this, in which further packets gather: at 1000 frames/s waking up
-for each would cost more than reading it. A pseudo-terminal holds 4096 bytes; as many waiting mean
-that the reader is late."""
+for each would cost more than reading it. A pseudo-terminal holds 4096 bytes."""
 
 
 class NoPortError(UserError):
@@ -68,10 +56,7 @@ def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
 
 
 def find_port() -> str:
-    """Path of the only Teensy.
-
-    Raises UserError if there is none (NoPortError), or more than one.
-    """
+    """Path of the only Teensy. Raises NoPortError without any, UserError for more than one."""
     cameras = {path: number for path, is_teensy, number, _ in _usb_ports() if is_teensy}
     if not cameras:
         raise NoPortError(f"no camera is plugged in; {_PLUG_IN}")
@@ -82,10 +67,7 @@ def find_port() -> str:
 
 
 def open_port(path: str) -> serial.Serial:
-    """Open a port exclusively.
-
-    Raises UserError if it does not open; NoPortError if there is none.
-    """
+    """Open a port exclusively. Raises UserError if it does not open; NoPortError without it."""
     try:
         # USB ignores the baud rate.
         return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)
@@ -98,9 +80,9 @@ def open_port(path: str) -> serial.Serial:
 def port_lines() -> Iterator[str]:
     """Yield a line per USB serial port: path, serial number, description, whether it opens."""
     for path, is_teensy, number, description in _usb_ports():
+        state = "free"
         try:
             open_port(path).close()
-            state = "free"
         except UserError as problem:
             state = str(problem).partition(": ")[2].partition(";")[0]
         kind = "Teensy" if is_teensy else "other"
@@ -137,9 +119,12 @@ class Link:
         self._reader.start()
 
     def __enter__(self) -> Self:
+        self._switching_s = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCHING_S)
         return self
 
     def __exit__(self, *_: object) -> None:
+        sys.setswitchinterval(self._switching_s)
         self._stop.set()
         self._reader.join()
         self._port.close()
@@ -176,15 +161,12 @@ class Link:
                 is_reply = arrival and arrival.packet.kind in _REPLIES
                 if arrival and is_reply and arrival.packet.sequence == self._commands:
                     return arrival.packet
-        if (version := self._parser.other_version) is not None:
-            raise UserError(
-                f"{self.path}: speaks version {version} of the protocol, not {protocol.VERSION}; "
-                "flash this release's firmware"
-            )
         fault = "does not speak SPADCAM's protocol" if self._read_bytes else "is silent"
+        if (version := self._parser.other_version) is not None:
+            fault = f"speaks version {version} of the protocol, not {protocol.VERSION}"
         raise UserError(
-            f"{self.path}: {fault}; unplug it and plug it in again, flash its firmware, or "
-            f"{_CHOOSE}"
+            f"{self.path}: {fault}; unplug it and plug it in again, flash this release's firmware, "
+            f"or {_CHOOSE}"
         )
 
     def _read(self) -> None:

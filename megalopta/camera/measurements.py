@@ -18,11 +18,10 @@ import numpy as np
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import TEXT_BYTES, check_count, plain_array, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.files import write_text
+from megalopta.core.files import write_csv
 from megalopta.sensor.calibrate.crosstalk import PairCrosstalk
 from megalopta.sensor.calibrate.time_tags import (
     Autocorrelation,
-    Coincidences,
     autocorrelation_of,
     coincidences,
     events_of,
@@ -51,7 +50,7 @@ def read_measurement(path: Path) -> Measurement:
             return _pairs(rows)
         if rows[0][0] == "events":
             return _autocorrelation(rows)
-        return _map(np.array([[float(each) for each in row] for row in rows]))
+        return _map(np.array([[float(cell) for cell in row] for row in rows]))
     except (ValueError, csv.Error) as problem:
         raise DamagedFileError(f"{path}: {printable(str(problem))}; {_KINDS}") from None
 
@@ -65,32 +64,25 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
     if tags.channels % columns:
         raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
     rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
+    lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
+    names = (f"{start:g}-{end:g}" for start, end in pairwise(_EDGES_NS))
+    events = np.column_stack([lags.events, np.full(len(lags.events), tags.duration_s), lags.pairs])
     written = {
-        "dark-counts.csv": [",".join(f"{each:.5g}" for each in row) for row in rates],
-        "autocorrelation.csv": _lags_text(tags),
+        "dark-counts.csv": rates.tolist(),
+        "autocorrelation.csv": [["events", "duration_s", *names], *events.tolist()],
     }
     if tags.channels > columns > 1:
-        written["crosstalk.csv"] = _pairs_text(coincidences(tags, window_s), columns)
-    for name, lines in written.items():
-        write_text(folder / name, "\n".join(lines) + "\n")
+        pairs = coincidences(tags, window_s)
+        (row, column), (other_row, other_column) = (
+            np.divmod(pixel, columns) for pixel in (pairs.first, pairs.second)
+        )
+        distance = np.hypot(other_row - row, other_column - column)
+        values = pairs.first, pairs.second, distance, pairs.probability, pairs.error
+        written["crosstalk.csv"] = [list(_PAIR), *np.transpose(values).tolist()]
+    for name, (head, *rows) in written.items():
+        heads = (f"{value:.5g}" if isinstance(value, float) else value for value in head)
+        write_csv(folder / name, heads, rows, digits=9)
     return [folder / name for name in written]
-
-
-def _lags_text(tags: TimeTags) -> list[str]:
-    lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
-    head = ",".join(f"{a:g}-{b:g}" for a, b in pairwise(_EDGES_NS))
-    rows = (
-        ",".join([f"{events:.0f}", f"{tags.duration_s:.5g}", *(f"{each:.0f}" for each in pairs)])
-        for events, pairs in zip(lags.events, lags.pairs, strict=True)
-    )
-    return [f"events,duration_s,{head}", *rows]
-
-
-def _pairs_text(found: Coincidences, columns: int) -> list[str]:
-    down = found.second // columns - found.first // columns
-    distance = np.hypot(down, found.second % columns - found.first % columns)
-    table = zip(found.first, found.second, distance, found.probability, found.error, strict=True)
-    return [",".join(_PAIR), *(f"{a},{b},{d:.4g},{p:.4g},{e:.3g}" for a, b, d, p, e in table)]
 
 
 def _map(rates: Floats | None) -> Floats:
@@ -112,16 +104,16 @@ def _pairs(rows: Sequence[Sequence[str]]) -> PairCrosstalk:
     if len(table) < _FEWEST or not below.any() or first.min() < 0:
         raise ValueError(f"{len(table)} pairs, without two pixels of a column at a distance of 1")
     columns = int(np.abs(second - first)[below].min())
-    (row, column), (other_row, other_column) = (divmod(each, columns) for each in (first, second))
+    (row, column), (other_row, other_column) = (divmod(pixel, columns) for pixel in (first, second))
     middle = (column + other_column) / 2
     distances = np.abs(other_row - row), np.abs(other_column - column)
     return PairCrosstalk(*distances, middle, table[:, 3], table[:, 4])
 
 
 def _autocorrelation(rows: Sequence[Sequence[str]]) -> Autocorrelation:
-    lags = [[float(each) for each in text.split("-")] for text in rows[0][2:]]
+    lags = [[float(end) for end in text.split("-")] for text in rows[0][2:]]
     edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
-    table = np.array([[float(each) for each in row] for row in rows[1:]], ndmin=2)
+    table = np.array([[float(cell) for cell in row] for row in rows[1:]], ndmin=2)
     if (np.diff(edges) <= 0).any() or len(table) < _FEWEST or not (table[:, 0] > 0).all():
         raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
     return Autocorrelation(edges, table[:, 2:], table[:, 0])

@@ -1,14 +1,11 @@
 """The motion bench of §2.4.8: a plate's edge crosses SPADCAM and returns, simulated or recorded.
 
-The bench scene is rendered for one row of 16 pixels and exposed by a sensor of 16 such rows, which
-see the same edge: the dissertation measures one row of its device, the simulation all. Frames
-follow each other at 10 per second without gaps, so a moving edge is blurred by its motion in a
-frame. Open pixels detect 65 photons per frame, on average over the pixels, hidden ones 27; dark
-counts are added. The preset of SPADCAM has no afterpulsing, since its value is unknown.
-
-Rows are pooled from 16 to 12 pixels and pass through NDM and NDS without a low-pass at the output,
-which the dissertation does not mention here. The response of a detector to an edge is its largest
-value during one crossing, 32 frames at every speed.
+The bench scene is rendered for one row of 16 pixels and exposed by a sensor of 16 such rows; the
+dissertation measures one row of its device. Frames follow each other at 10 per second without gaps.
+Open pixels detect 65 photons per frame, on average over the pixels, hidden ones 27, besides dark
+counts. Rows are pooled from 16 to 12 pixels and pass through NDM and NDS without a low-pass at the
+output, which the dissertation does not mention here. The response of a detector to an edge is its
+largest value during one crossing, 32 frames at every speed.
 
 A recording begins at any time, and the plate rests at its ends for any time. The mean count of the
 array falls while an edge hides it and rises while one uncovers it; at the halfway value, the edge
@@ -68,7 +65,7 @@ class Peaks(NamedTuple):
     noisy: Floats
     """(crossings, rows, detectors): in counts (NDS) or counts² (NDM)."""
     ideal: Floats
-    """(crossings, rows, detectors): the same without noise."""
+    """The same without noise, of fewer crossings."""
 
     @property
     def mean(self) -> float:
@@ -150,17 +147,6 @@ def record(speed_mm_s: float, sensor: Sensor, seed: int = 0) -> Exposure:
     return expose(rows, _BANDS_NM, sensor, seed=seed, stream=name)
 
 
-def _mean_readings(speed_mm_s: float, sensor: Sensor) -> Floats:
-    """Mean readings in the frames of `record`, computed once for identical frames."""
-    frames = _frames(speed_mm_s, sensor)
-    forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
-    seen = forth.reshape(-1, *frames.shape[1:])
-    mean = expectation(seen, _BANDS_NM, sensor).mean_reading
-    mean = mean.reshape(_PHASES, FRAMES, *mean.shape[1:])
-    there_and_back = np.concatenate([mean, mean[:, ::-1]], axis=1)
-    return np.tile(there_and_back.reshape(-1, *mean.shape[2:]), (_REPEATS, 1, 1))
-
-
 def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
     """Detection rates (recordings·2·FRAMES, 16, 16), Hz, one recording per phase."""
     return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
@@ -183,7 +169,8 @@ def pooled(counts: NDArray[Any]) -> Floats:
 def peaks(speed_mm_s: float, sensor: Sensor) -> dict[str, Peaks]:
     """Peak responses of NDM and NDS to every crossing at one speed."""
     noisy = pooled(record(speed_mm_s, sensor).counts)
-    ideal = pooled(_mean_readings(speed_mm_s, sensor))
+    mean = expectation(_frames(speed_mm_s, sensor), _BANDS_NM, sensor).mean_reading
+    ideal = pooled(mean)
     return {
         name: Peaks(crossing_peaks(detector(name), noisy), crossing_peaks(detector(name), ideal))
         for name in TIME_CONSTANTS_S
@@ -216,12 +203,6 @@ _CLOSEST = FRAMES - 2
 """Frames between edges: half a frame before and after the middle may be lost to rounding."""
 
 
-class _Edge(NamedTuple):
-    middle: float
-    """Time when half of the array is hidden, in frames from the opening of the first."""
-    hides: bool
-
-
 def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> NDArray[Any]:
     """Cut the passages of an edge from frames (T, rows, columns).
 
@@ -233,15 +214,17 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     (passages · 2 · FRAMES, rows, columns)
     """
     edges = list(_edges(np.asarray(counts.mean(axis=(1, 2)), np.float64)))
-    if edges and min(apart := np.diff([edge.middle for edge in edges]), default=FRAMES) < _CLOSEST:
+    gap = min((second - first for (first, _), (second, _) in pairwise(edges)), default=FRAMES)
+    if gap < _CLOSEST:
         raise ValueError(
-            f"an edge passes {min(apart):.0f} frames after another; let the plate rest at its ends "
-            f"for a gap of {FRAMES} frames"
+            f"an edge passes {gap:.0f} frames after another; let the plate rest at its ends for a "
+            f"gap of {FRAMES} frames"
         )
     number = np.arange(len(counts)) if numbers is None else numbers.astype(np.int64)
     complete = []
     for middle, hides in edges:
-        start, last = (first := round(middle) - FRAMES // 2), first + FRAMES - 1
+        start = round(middle) - FRAMES // 2
+        last = start + FRAMES - 1
         if start >= 0 and last < len(counts) and number[last] - number[start] == FRAMES - 1:
             complete.append((start, hides))
     pairs = [(first, second) for (first, hides), (second, _) in pairwise(complete) if hides]
@@ -250,11 +233,11 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
             f"{len(pairs)} passages of the plate to and fro in {len(counts)} frames; record "
             f"{LEAST} or more"
         )
-    return np.concatenate([counts[at : at + FRAMES] for pair in pairs for at in pair])
+    return np.concatenate([counts[start : start + FRAMES] for pair in pairs for start in pair])
 
 
-def _edges(level: Floats) -> Iterator[_Edge]:
-    """Find the times when the level falls or rises between its two extremes."""
+def _edges(level: Floats) -> Iterator[tuple[float, bool]]:
+    """Yield frames, from the opening of the first, of half of the array hidden, and if it falls."""
     low, high = np.percentile(level, (5, 95))
     # For a normal distribution the median distance of neighbors is 0.954 σ.
     if not high - low > _CLEAR * np.median(np.abs(np.diff(level))) / 0.954:
@@ -274,4 +257,4 @@ def _edges(level: Floats) -> Iterator[_Edge]:
         last = np.flatnonzero((falling[:-1] > 0) & (falling[1:] <= 0))[-1]
         # The level of a frame is that at its middle.
         part = falling[last] / (falling[last] - falling[last + 1])
-        yield _Edge(float(before + last + part + 0.5), hides)
+        yield float(before + last + part + 0.5), hides

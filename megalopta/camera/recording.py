@@ -1,10 +1,7 @@
 """A recording of the camera: written while frames arrive, and opened at any moment.
 
     RECORDING/recording.yaml   header: the fields of `RecordingSettings`
-    RECORDING/frames.bin       a record for each frame, as in `RECORD`
-
-Records are only appended, so a recording opens even after its capture was killed; an incomplete one
-at the end is dropped and counted.
+    RECORDING/frames.bin       a record for each frame, as in `RECORD`, only appended
 
 Times are the camera's. Each connection begins at the host's time of the frame that came fastest,
 since the delay of an arrival is never negative and sometimes large.
@@ -113,11 +110,6 @@ class Recording:
     """Frames skipped there, as far as known."""
     dropped_bytes: int
     """Bytes of an incomplete record at the end."""
-
-    @property
-    def sensor(self) -> Sensor:
-        """Nominal sensor, from which counts were computed."""
-        return self.settings.sensor
 
     @property
     def kind(self) -> str:

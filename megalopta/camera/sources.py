@@ -10,7 +10,7 @@ A recording is named RECORDING or RECORDING@LIGHT; another camera's file of coun
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,32 +61,31 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
 
     `kind` is the format of those in words. Raises UserError.
     """
-    if len(words) != 1 or not words[0].endswith((".yaml", ".yml")):
-        return [_named(word, kind) for word in words]
-    path = Path(words[0])
-    try:
-        with refused_as(str(path)):
-            listed = checked(_List, strict_yaml.load(read_text(path, _LIST_BYTES))).recordings
-    except OSError as error:
-        raise UserError(
-            f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"
-        ) from None
-    return [entry.model_copy(update={"path": path.parent / entry.path}) for entry in listed]
-
-
-def _named(word: str, kind: FrameKind | None) -> Source:
-    name, at, numbers = word.partition("@")
-    if not at and ":" in Path(name).name and not Path(name).exists():
-        raise UserError(f"{word!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
-    light, _, exposure_s = numbers.partition(":")
-    fields: dict[str, Any] = {"path": Path(name), "format": kind}
-    try:
-        fields |= {"light": float(light)} if light else {}
-        fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
-    except ValueError:
-        raise UserError(f"{word!r}: give RECORDING@LIGHT, with a number after the @") from None
-    with refused_as(repr(word)):
-        return checked(Source, fields)
+    if len(words) == 1 and words[0].endswith((".yaml", ".yml")):
+        path = Path(words[0])
+        try:
+            with refused_as(str(path)):
+                listed = checked(_List, strict_yaml.load(read_text(path, _LIST_BYTES))).recordings
+        except OSError as error:
+            raise UserError(
+                f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"
+            ) from None
+        return [entry.model_copy(update={"path": path.parent / entry.path}) for entry in listed]
+    named = []
+    for word in words:
+        name, at, numbers = word.partition("@")
+        if not at and ":" in Path(name).name and not Path(name).exists():
+            raise UserError(f"{word!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
+        light, _, exposure_s = numbers.partition(":")
+        fields: dict[str, Any] = {"path": Path(name), "format": kind}
+        try:
+            fields |= {"light": float(light)} if light else {}
+            fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
+        except ValueError:
+            raise UserError(f"{word!r}: give RECORDING@LIGHT, with a number after the @") from None
+        with refused_as(repr(word)):
+            named.append(checked(Source, fields))
+    return named
 
 
 @dataclass(frozen=True)
@@ -103,11 +102,9 @@ class Beam:
         Raises ValueError if the sensor's curve has no efficiency at the wavelength.
         """
         curve, nm = sensor.efficiency, self.wavelength_nm
+        if nm is None and self.area_mm2 is not None:
+            raise ValueError("--beam-area-mm2: give --wavelength-nm too, which makes it photons")
         if nm is None:
-            if self.area_mm2 is not None:
-                raise ValueError(
-                    "--beam-area-mm2: give --wavelength-nm too, to convert watts to photons"
-                )
             return light
         first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
         if not (first <= nm <= last and curve(np.array(nm)) > 0):
@@ -126,13 +123,13 @@ class RecordingFrames:
 
     counts: NDArray[Any]
     """(n, rows, columns)"""
-    codes: NDArray[Any] | None
-    """Codes of the ADC, if recorded."""
     exposure_s: float
-    sensor: Sensor | None
-    """Nominal sensor."""
     times_s: Floats
     """Start of each exposure; consecutive if not recorded."""
+    codes: NDArray[Any] | None = None
+    """Codes of the ADC, if recorded."""
+    sensor: Sensor | None = None
+    """Nominal sensor."""
     is_binary: bool = False
     """True if counts are bits."""
 
@@ -142,38 +139,30 @@ def read_recorded(source: Source) -> RecordingFrames:
 
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
+    codes, sensor, is_binary = None, None, False
     with refused_as("", OSError):
         if is_recording(source.path):
             recording = open_recording(source.path)
-            exposure_s = recording.exposure_s
-            start_s = recording.times_s - exposure_s
-            recorded = RecordingFrames(
-                recording.counts[:], recording.adc, exposure_s, recording.sensor, start_s
-            )
+            counts, codes = recording.counts[:], recording.adc
+            exposure_s, sensor = recording.exposure_s, recording.settings.sensor
+            times_s = recording.times_s - exposure_s
         else:
-            recorded = _of_others(source)
-    if source.frames is None:
-        return recorded
-    first, end = source.frames
-    if not first < end <= len(recorded.counts):
+            stored = read_frames(source.path, source.format)
+            counts, is_binary = stored.counts, stored.bit_depth == 1
+            if counts.ndim != 3:
+                raise ValueError(f"{source.path}: {counts.ndim} dimensions; give gray frames")
+            if not (exposure_s := source.exposure_s or stored.exposure_s or 0.0):
+                raise ValueError(
+                    f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in "
+                    "a list exposure_s"
+                )
+            times_s = exposure_s * np.arange(len(counts), dtype=np.float64)
+    first, end = source.frames or (0, len(counts))
+    if source.frames and not first < end <= len(counts):
         raise UserError(
             f"{source.path}: frames [{first}, {end}]; give the first and a later one, at most "
-            f"{len(recorded.counts)}"
+            f"{len(counts)}"
         )
-    codes = None if recorded.codes is None else recorded.codes[first:end]
-    counts, times_s = recorded.counts[first:end], recorded.times_s[first:end]
-    return replace(recorded, counts=counts, codes=codes, times_s=times_s)
-
-
-def _of_others(source: Source) -> RecordingFrames:
-    frames = read_frames(source.path, source.format)
-    exposure_s = source.exposure_s or frames.exposure_s
-    if exposure_s is None:
-        raise ValueError(
-            f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in a list "
-            "exposure_s"
-        )
-    if frames.counts.ndim != 3:
-        raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
-    times_s = exposure_s * np.arange(len(frames.counts), dtype=np.float64)
-    return RecordingFrames(frames.counts, None, exposure_s, None, times_s, frames.bit_depth == 1)
+    part = slice(first, end)
+    codes = None if codes is None else codes[part]
+    return RecordingFrames(counts[part], exposure_s, times_s[part], codes, sensor, is_binary)

@@ -3,6 +3,7 @@
 from argparse import Namespace
 from collections.abc import Iterator
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -231,18 +232,18 @@ def _tags(options: Namespace) -> list[Path]:
 )
 def _emulate(options: Namespace) -> None:
     from megalopta.camera.capture import named_sensor
-    from megalopta.camera.emulator import EmulatedCamera, EmulatedPort
+    from megalopta.camera.emulator import EmulatedCamera, emulate
 
     camera = EmulatedCamera(named_sensor(options.sensor), _film(options), options.seed)
-    port = EmulatedPort(
+    dropped = emulate(
         camera,
+        stopped_by_signals(),
         options.link,
         lambda path: print(options.link or path, flush=True),
         clock_rate=options.clock,
     )
-    port.run(stopped_by_signals())
     say(
-        f"emulate: stopped; {port.dropped} packets were dropped because nothing read them in"
+        f"emulate: stopped; {dropped} packets were dropped because nothing read them in"
         " time; a capture counts as missing only those between its first and last frame"
     )
 
@@ -252,19 +253,20 @@ def _film(options: Namespace) -> "Film":
 
     match options.stimulus:
         case "dark":
-            return flat()
+            return flat
         case "flat":
             if options.photons and len(options.photons) > 1:
                 raise UserError("--photons: several values; give one for flat, or --stimulus steps")
-            return flat(tuple(options.photons or (5e6,)))
+            return partial(flat, photons_hz=tuple(options.photons or (5e6,)))
         case "steps":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
-            return flat(tuple(map(float, levels)), options.step_s)
+            photons_hz = tuple(map(float, levels))
+            return partial(flat, photons_hz=photons_hz, step_s=options.step_s)
         case "plate":
-            return plate(options.speed)
+            return partial(plate, speed_mm_s=options.speed)
     folder = Path(options.stimulus)
     if not folder.is_dir():
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
-    return rendered(folder, options.lux)
+    return partial(rendered, path=folder, lux=options.lux)

@@ -2,6 +2,7 @@
 
 import base64
 import html
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -32,11 +33,9 @@ from megalopta.stages.limits import size
 SHOWN = 24
 """Default number of sequences of a contact sheet"""
 _FRAMES, _FRAME_MS = 12, 120
-"""Most frames of a clip, from the first frame of the sequence, and how long one is shown"""
+"""Most frames of a clip, and how long one is shown"""
 _STRIP, _WIDTH_PX = 6, 160
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
-_TEMPLATE = Path(__file__).with_name("dataset_card.md")
-"""Text of the card of every dataset, with fields in braces."""
 _QUANTITIES = {
     "mean_speed_px": "mean flow, px per frame",
     "percentile_99_speed_px": "99th percentile of flow, px per frame",
@@ -45,8 +44,6 @@ _QUANTITIES = {
     "median_depth_m": "median depth, m",
     "texture": "texture (relative difference of neighbors)",
 }
-
-Rows = list[dict[str, Any]]
 
 
 def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Path:
@@ -57,7 +54,7 @@ def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Pa
     dataset = open_dataset(root)
     if not len(dataset):
         raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")
-    names = dataset.names[:: max(1, -(-len(dataset) // most))]
+    names = dataset.names[:: math.ceil(len(dataset) / most)]
     sections = []
     with progress("Drawing clips", len(names), "sequence") as advance:
         for name in names:
@@ -108,19 +105,36 @@ def write_card(root: Path) -> Path:
     sequences, exposures = (_rows(root, name) for name in ("sequences", "exposures"))
     if not sequences:
         raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")
-    _draw_strip(root, root / "card" / "sequences.png")
+    dataset = open_dataset(root)
+    columns = []
+    for name in dataset.names[:: math.ceil(len(dataset) / _STRIP)]:
+        pictures = [panel.picture(0).convert("RGB") for panel in _panels(dataset[name])]
+        height_px = max(1, round(_WIDTH_PX * pictures[0].height / pictures[0].width))
+        small_px = _WIDTH_PX, height_px
+        small = [picture.resize(small_px, Image.Resampling.NEAREST) for picture in pictures]
+        columns.append([*(("", picture) for picture in small[:-1]), (name, small[-1])])
+    images.write_sheet(root / "card" / "sequences.png", list(zip(*columns, strict=True)))
     splits = Counter(row["split"] for row in sequences)
     kinds = (
-        (f"{what}: {plain_text(value)}", str(count))
-        for what in ("scene", "light", "trajectory")
-        for value, count in sorted(Counter(row[what] for row in sequences).items())
+        (f"{name}: {plain_text(value)}", str(count))
+        for name in ("scene", "light", "trajectory")
+        for value, count in sorted(Counter(row[name] for row in sequences).items())
     )
     statistics = (
         (meaning, *_percentiles(row[name] for row in sequences))
         for name, meaning in _QUANTITIES.items()
     )
+    sensors = []
+    for sensor in sorted({row["sensor"] for row in exposures}):
+        rows = [row for row in exposures if row["sensor"] == sensor]
+        times = sorted({row["exposure_s"] for row in rows})
+        exposed = " to ".join(f"{time:g}" for time in dict.fromkeys((times[0], times[-1])))
+        photons = _percentiles(row["photons_per_pixel"] for row in rows)
+        saturated = float(np.mean([row["saturated_fraction"] for row in rows]))
+        sensors.append((plain_text(sensor), exposed, *photons, f"{saturated:.2g}"))
     head = ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated")
-    text = _TEMPLATE.read_text("utf-8").format(
+    template = Path(__file__).with_name("dataset_card.md").read_text("utf-8")
+    text = template.format(
         name=plain_text(plan.name),
         description=plain_text(plan.description),
         version=__version__,
@@ -133,27 +147,17 @@ def write_card(root: Path) -> Path:
         sample=plan.sample,
         kinds=_table(("", "sequences"), kinds),
         statistics=_table(("per sequence", "5 %", "median", "95 %"), statistics),
-        exposures=_table(head, _of_sensors(exposures)),
+        exposures=_table(head, sensors),
     )
     path = root / "README.md"
     files.write_text(path, text)
     return path
 
 
-def _rows(root: Path, table: str) -> Rows:
+def _rows(root: Path, table: str) -> list[dict[str, Any]]:
     path = table_path(root, table)
     with undamaged(path, "run megalopta check files"):
         return list(pq.read_table(path).to_pylist())
-
-
-def _of_sensors(exposures: Rows) -> Iterator[tuple[str, ...]]:
-    for sensor in sorted({row["sensor"] for row in exposures}):
-        rows = [row for row in exposures if row["sensor"] == sensor]
-        times = sorted({row["exposure_s"] for row in rows})
-        exposed = " to ".join(f"{time:g}" for time in dict.fromkeys((times[0], times[-1])))
-        photons = _percentiles(row["photons_per_pixel"] for row in rows)
-        saturated = float(np.mean([row["saturated_fraction"] for row in rows]))
-        yield plain_text(sensor), exposed, *photons, f"{saturated:.2g}"
 
 
 def plain_text(text: object) -> str:
@@ -173,17 +177,3 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     lines = [list(head), *([*row] for row in rows)]
     texts = [f"| {' | '.join(line)} |" for line in lines]
     return "\n".join([texts[0], "|---" * len(lines[0]) + "|", *texts[1:]])
-
-
-def _draw_strip(root: Path, path: Path) -> None:
-    """Draw light, counts, flow and depth of a few sequences in rows, a column each."""
-    dataset = open_dataset(root)
-    names = dataset.names[:: max(1, -(-len(dataset) // _STRIP))]
-    columns = []
-    for name in names:
-        pictures = [panel.picture(0).convert("RGB") for panel in _panels(dataset[name])]
-        height_px = max(1, round(_WIDTH_PX * pictures[0].height / pictures[0].width))
-        size = _WIDTH_PX, height_px
-        small = [picture.resize(size, Image.Resampling.NEAREST) for picture in pictures]
-        columns.append([*(("", picture) for picture in small[:-1]), (name, small[-1])])
-    images.write_sheet(path, list(zip(*columns, strict=True)))

@@ -1,12 +1,7 @@
-"""Sections on motion detectors: their errors, and the photons that they need.
-
-A method with velocities is also compared with the true motion: a consistently wrong one is
-perfectly repeatable. The others give a number without a unit, so the only test is whether their
-response to counts equals that to the noise-free readings.
-"""
+"""Sections on motion detectors: their errors, and the photons that they need."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -16,15 +11,12 @@ from markupsafe import Markup
 from matplotlib.ticker import FuncFormatter
 
 from megalopta.core.errors import shell_command
-from megalopta.dataset.flow_record import FlowRecord
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report import sections as html, style as svg
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
 from megalopta.report.style import BLACK, method_style
 from megalopta.report.text import (
-    FAILS,
-    SENSELESS,
     UNDEFINED,
     level_name,
     number,
@@ -35,33 +27,23 @@ from megalopta.report.text import (
 
 ACCURATE = 0.25
 """The dissertation's 2-bit accuracy: an error below 2⁻²."""
-_CAUTION = 0.1
 _BAND_STANDARD_ERRORS = 2
 _SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
 
-_GUIDE = (
-    "Each detector runs on the {}, and on their noise-free mean. The first tables compare motion "
-    "with the true one, the last the two responses."
-)
-_FLICKER = (
-    "This noise is the same in both responses, so it adds no error between them, but it adds to "
-    "the errors against the true motion."
-)
 _ERRORS = Markup(
-    "Readings are scaled to a mean of 1. Errors compare the "
-    "response to counts with that to the noise-free reading, over all frames after the "
-    "detectors have settled. <b>Ratio</b>: sum of all differences over sum of all responses. "
-    "<b>Literal</b> (the dissertation's Eq. 4.5): mean of each pixel's quotient, dominated by the "
-    "few responses near zero. <b>To a perfect sensor</b>: ratio error against the response to the "
-    "mean of a perfect sensor, and that of corrected readings if there are any. “fails”: an error "
-    "of ten times or more. A dash: the noise-free response shows no motion."
+    "Readings are scaled to a mean of 1. Errors compare the response to counts with that to the "
+    "noise-free reading, after the detectors have settled. <b>Ratio</b>: sum of all differences "
+    "over sum of all responses. <b>Literal</b> (the dissertation's Eq. 4.5): mean of each pixel's "
+    "quotient, dominated by the few responses near zero. <b>To a perfect sensor</b>: ratio error "
+    "against the response to its mean, and that of corrected readings if there are any. “fails”: "
+    "an error of ten times or more. A dash: the noise-free response shows no motion."
 )
 _TRUTH = (
     "Mean endpoint error of blocks, share of outliers (blocks with an error over 25 %), and median "
-    "relative error: noise-free → on {} → on corrected readings if there are any. {} of the pixels "
-    "shown are mixed: the object at their center fills less than {}. They count like all others."
+    "relative error: noise-free → on {} → on corrected readings if there are any. The object at "
+    "the center of a mixed pixel fills less than {}; {} of the pixels shown are mixed."
 )
-_STAND_IN = (
+STAND_IN = (
     "The true motion of pictures is unknown. The flow by DIS between the pictures without photon "
     "noise stands in for it, which favors DIS. "
 )
@@ -72,10 +54,9 @@ _NEEDED = Markup(
     "and have dark counts in proportion to their area ({}, per frame)."
 )
 _CURVES = (
-    "Bands are ± 2 standard errors; errors of zero and beyond the axis are not drawn. The first {} "
-    "frames, in which filters settle, are not scored. Dotted lines: photons that a sensor detects "
-    "per frame at a light level. A curve that falls below 25 % on their left needs fewer photons, "
-    "apart from the sensor’s dark readings."
+    "Bands are ± 2 standard errors. The first {} frames, in which filters settle, are not scored. "
+    "Dotted lines: photons that a sensor detects per frame at a light level; a curve that falls "
+    "below 25 % on their left needs fewer."
 )
 _UNITS = Markup(
     "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
@@ -87,35 +68,9 @@ _UNITS = Markup(
 def absent(report: Report, stage: str, what: str) -> Markup:
     """Return the command to run for a missing stage."""
     root = report.dataset.root
-    return html.paragraph(
-        Markup("{} Run <code>{}</code> and then <code>{}</code>.").format(
-            what, shell_command(*stage.split(), root), shell_command("report", root)
-        ),
-        "absent",
-    )
-
-
-def rendering(record: Mapping[str, Any], consequence: str) -> Markup:
-    """Return the noise of the rendering, from a scene record; empty if unknown.
-
-    More than a tenth of a pixel's light (median over pixels) is a warning. The render stage
-    measures it, on pixels without sky if there are any.
-    """
-    noise = record.get("monte_carlo")
-    if not noise or not noise["median_relative"]:
-        return Markup("")
-    relative, photons = noise["median_relative"], number(noise["equivalent_photons_per_pixel"])
-    is_noisy = relative > _CAUTION
-    text = Markup(
-        "{}The rendering is as noisy as {} photons per pixel ({} of a pixel’s light, median over "
-        "pixels). {}"
-    ).format(
-        Markup("<b>Caution: noisy rendering.</b> ") if is_noisy else "",
-        photons,
-        percent(relative),
-        consequence,
-    )
-    return html.paragraph(text, "warn" if is_noisy else "note")
+    commands = shell_command(*stage.split(), root), shell_command("report", root)
+    text = Markup("{} Run <code>{}</code> and then <code>{}</code>.").format(what, *commands)
+    return html.paragraph(text, "absent")
 
 
 def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> Markup:
@@ -134,39 +89,32 @@ def detector_section(report: Report) -> Section:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
     settings, units = report.settings.flow, " or ".join(report.units)
-    body = [rendering(report.scene, _FLICKER)]
-    if tables := against_truth(report):
+    body = []
+    if true_motion := against_truth(report):
         shares = [
             (truth.footprint.purity < settings.least_purity).mean() for truth in report.truths
         ]
-        text = _TRUTH.format(
-            units,
-            percent(float(np.mean(shares)) if shares else 0.0),
-            percent(settings.least_purity),
-        )
-        text = text if report.has_truth else _STAND_IN + text
+        mixed = percent(float(np.mean(shares)) if shares else 0.0)
+        text = _TRUTH.format(units, percent(settings.least_purity), mixed)
+        text = text if report.has_truth else STAND_IN + text
         title = html.heading(f"Against the {report.motion_name}")
-        body.append(title + html.paragraph(text) + tables)
+        body.append(title + html.paragraph(text) + true_motion)
     body.append(html.heading("Against the noise-free response: ratio error (literal)"))
-    for sensor in report.settings.sensors:
-        records = [record for record in report.flow if record.sensor == sensor.name]
-        body.append(response_table(sensor.name, records))
-    body.append(html.paragraph(_ERRORS, "note"))
-    return replace(section, text=_GUIDE.format(units), body=Markup("\n").join(body))
-
-
-def response_table(sensor: str, records: Iterable[FlowRecord]) -> Markup:
-    """Return ratio and literal errors on one sensor, and ratio errors to a perfect sensor."""
-    cells = []
-    for record in records:
+    tables: dict[str, list[tuple[str, str, str]]] = {}
+    for record in report.flow:
         level, error = level_name(record.level), record.error
         text = f"{relative_error(error.ratio)} ({relative_error(error.literal)})"
+        cells = tables.setdefault(record.sensor, [])
         cells.append((record.method, level, UNDEFINED if error.ratio is None else text))
         if record.error_perfect:
-            errors = filter(None, (record.error_perfect, record.error_corrected))
-            ratios = " → ".join(relative_error(error.ratio) for error in errors)
+            stages = filter(None, (record.error_perfect, record.error_corrected))
+            ratios = " → ".join(relative_error(stage.ratio) for stage in stages)
             cells.append((record.method, f"{level}, to a perfect sensor", ratios))
-    return pivoted(f"Errors of the responses on {sensor}", sensor, cells)
+    for sensor, cells in tables.items():
+        body.append(pivoted(f"Errors of the responses on {sensor}", sensor, cells))
+    body.append(html.paragraph(_ERRORS, "note"))
+    text = f"Each detector runs on the {units}, and on their noise-free mean."
+    return replace(section, text=text, body=Markup("\n").join(body))
 
 
 def against_truth(report: Report) -> Markup:
@@ -176,16 +124,16 @@ def against_truth(report: Report) -> Markup:
         if (truth := record.truth) is None:
             continue
         exposure = f"{record.sensor}, {level_name(record.level)}"
-        texts: dict[str, list[str]] = {}
-        for errors in filter(None, (truth.ideal, truth.counts, truth.corrected)):
-            relative, error_px = errors.relative_error_median, errors.endpoint_error_px
-            fails = relative is not None and relative >= SENSELESS
-            mean = UNDEFINED if error_px is None else FAILS if fails else number(error_px)
-            texts.setdefault("Mean error (px)", []).append(mean)
-            texts.setdefault("Outliers", []).append(percent(errors.outlier_fraction))
-            texts.setdefault("Median relative error", []).append(relative_error(relative))
-        for label, stages in texts.items():
-            tables.setdefault(label, []).append((exposure, record.method, " → ".join(stages)))
+        stages = list(filter(None, (truth.ideal, truth.counts, truth.corrected)))
+        columns = {
+            "Mean error (px)": [number(errors.endpoint_error_px) for errors in stages],
+            "Outliers": [percent(errors.outlier_fraction) for errors in stages],
+            "Median relative error": [
+                relative_error(errors.relative_error_median) for errors in stages
+            ],
+        }
+        for label, texts in columns.items():
+            tables.setdefault(label, []).append((exposure, record.method, " → ".join(texts)))
     return Markup("\n").join(pivoted(label, label, cells) for label, cells in tables.items())
 
 
@@ -235,30 +183,28 @@ def error_chart(
     Dotted lines are what sensors detect at a light level.
     """
     figure, axes = svg.new_axes(svg.CHART_PT[0], 300)
-    fluxes = [flux for curve in curves[:1] for flux in curve.fluxes]
     for curve in curves:
-        style = method_style(curve.method)
-        spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
+        look = method_style(curve.method)
         errors = np.array(curve.errors)
         errors = np.where(errors > 0, errors, np.nan)
-        lower, upper = (np.clip(errors + sign * spread, 1e-9, None) for sign in (-1, 1))
-        axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
-        axes.plot(curve.fluxes, errors, **style, markersize=4, label=curve.method)
+        spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
+        ends = np.clip(errors - spread, 1e-9, None), errors + spread
+        axes.fill_between(curve.fluxes, *ends, color=look["color"], alpha=0.2, linewidth=0)
+        axes.plot(curve.fluxes, errors, **look, markersize=4, label=curve.method)
     axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle="--")
-    right: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 10.5}
-    place = {"xycoords": ("axes fraction", "data"), **right}
-    axes.annotate(f"{percent(ACCURATE)} error", (1, ACCURATE), (-3, 3), **place)
+    near: dict[str, Any] = {"textcoords": "offset points", "ha": "right"}
+    right = {"xycoords": ("axes fraction", "data"), "fontsize": 10.5, **near}
+    axes.annotate(f"{percent(ACCURATE)} error", (1, ACCURATE), (-3, 3), **right)
+    above = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 9, **near}
     for budget in budgets:
-        if fluxes and fluxes[0] <= (flux := budget.photons_per_frame) <= fluxes[-1]:
+        flux = budget.photons_per_frame
+        if curves and curves[0].fluxes[0] <= flux <= curves[0].fluxes[-1]:
             axes.axvline(flux, color=BLACK, linewidth=1, linestyle=":")
             sensor = budget.sensor.name.replace("$", r"\$")  # no mathematics
             text = f"{sensor}, {level_name(budget.level)}"
-            place = {"xycoords": ("data", "axes fraction"), **right, "rotation": 90}
-            axes.annotate(text, (flux, 1), (-2, -3), **place | {"va": "top", "fontsize": 9})
+            axes.annotate(text, (flux, 1), (-2, -3), rotation=90, **above)
     svg.logarithmic(axes, "x", svg.NUMBERS)
-    percents = FuncFormatter(
-        lambda value, _: f"{100 * value:g} %" if value < 9.9 else f"{short(value)}×"
-    )
+    percents = FuncFormatter(lambda value, _: percent(value) if value < 9.9 else f"{short(value)}×")
     svg.logarithmic(axes, "y", percents)
     largest = max((float(np.nanmax(curve.errors, initial=1)) for curve in curves), default=1.0)
     axes.set(

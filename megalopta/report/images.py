@@ -1,7 +1,6 @@
 """Arrays as pictures, and pictures as films: PNG of a page, contact sheets, GIF and MP4.
 
-A page shows some frames and pixels (`selection`), in few colors, so that it stays small. Pixels are
-repeated or skipped, never averaged, so that noise keeps its strength.
+Pixels are repeated or skipped, never averaged, so that noise keeps its strength.
 """
 
 import base64
@@ -17,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 from markupsafe import Markup
 from matplotlib import colormaps
-from matplotlib.colors import hsv_to_rgb
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
@@ -33,10 +31,8 @@ Item = TypeVar("Item")
 
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
-PLAYBACK_HZ = (2.0, 30.0)
-"""Frame rates at which a film can be followed (Hz)."""
 
-_COLORS, _ID_COLORS, _RGB_BITS = 96, 89, 6
+_COLORS, _RGB_BITS = 96, 6
 _LEGEND_STEPS, _WHEEL_PX = 128, 96
 _GAP_PX = 6
 _MOST_PIXELS_SHOWN = 8_000_000
@@ -59,33 +55,23 @@ class ColorScale:
     special: tuple[int, int, int] = GRAY
     """Color of marked pixels and of NaN"""
     root: float = 1.0
-    """Colors are uniform in this root of the value, on each side of 0 for a scale with two; 2.2
-    makes the luminance of grays proportional to the value."""
-    logarithmic: bool = False
-    """Colors are uniform in the logarithm of the value instead."""
+    """Colors are uniform in this root of the value above `low`; 2.2 makes the luminance of grays
+    proportional to the value."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
-
-        def stretched(values: Floats | float) -> Floats:
-            if self.logarithmic:
-                return np.log(values)
-            return np.sign(values) * np.abs(values) ** (1 / self.root)
-
         unknown = np.isnan(values) if marked is None else marked | np.isnan(values)
-        low, high = stretched(self.low), stretched(self.high)
-        place = (stretched(np.clip(np.nan_to_num(values), self.low, self.high)) - low) / (
-            high - low
-        )
-        index = np.where(unknown, len(self.colors), np.rint(place * (len(self.colors) - 1)))
-        return _indexed(index, self.colors.tobytes() + bytes(self.special))
+        share = (np.nan_to_num(values) - self.low) / (self.high - self.low)
+        place = np.clip(share, 0, 1) ** (1 / self.root) * (len(self.colors) - 1)
+        index = np.where(unknown, len(self.colors), np.rint(place))
+        picture = Image.fromarray(index.astype(np.uint8))
+        picture.putpalette(self.colors.tobytes() + bytes(self.special))
+        return picture
 
     def legend(self, low: str, high: str, special: str = "") -> Markup:
         """Return the legend: the colors between two texts, and the meaning of the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
-        if self.logarithmic:
-            values = self.low * (self.high / self.low) ** steps
         bar = image(data_uri(self.picture(values[np.newaxis])), f"color scale from {low} to {high}")
         marked = Markup('<span class="special"><i style="background:rgb{}"></i>{}</span>')
         return Markup('<span class="scale"><span>{}</span>{}<span>{}</span>{}</span>').format(
@@ -93,45 +79,21 @@ class ColorScale:
         )
 
 
-def _indexed(index: NDArray[np.generic], palette: bytes) -> Image.Image:
-    picture = Image.fromarray(index.astype(np.uint8))
-    picture.putpalette(palette)
-    return picture
-
-
 def gray_scale(white: float) -> ColorScale:
     """Light from 0 (black) to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
-    colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
-    return ColorScale(0.0, white, colors, ORANGE, root=2.2)
+    return ColorScale(0.0, white, np.repeat(ramp[:, np.newaxis], 3, axis=1), ORANGE, root=2.2)
 
 
-def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
-    """Return counts (H, W) as a picture, from black to the brightest 1 %."""
-    values = np.asarray(counts, dtype=np.float64)
-    return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
-
-
-def map_scale(
-    name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
-) -> ColorScale:
+def map_scale(name: str, low: float, high: float) -> ColorScale:
     """A matplotlib color map between two values."""
     colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
-    return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
+    return ColorScale(low, high, colors[:, :3])
 
 
 def rgb_picture(pixels: Rgb) -> Image.Image:
     """Return an image of colors (H, W, 3)."""
     return ImageOps.posterize(Image.fromarray(pixels), _RGB_BITS)
-
-
-def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
-    """Return an image of object numbers (H, W), successive ones in distinct colors; 0 is dark."""
-    # Multiples of the golden ratio spread evenly over the hues.
-    hue, value = np.outer((0.618034, 0.7548777), np.arange(_ID_COLORS)) % 1
-    colors = hsv_to_rgb(np.stack([hue, np.full_like(hue, 0.45), 0.55 + 0.4 * value], axis=-1))
-    palette = bytes((24, 26, 30)) + np.rint(255 * colors).astype(np.uint8).tobytes()
-    return _indexed(np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS), palette)
 
 
 def data_uri(picture: Image.Image) -> str:
@@ -212,38 +174,31 @@ def sheet(rows: Sequence[Row], letters_px: int = 12, footer: str = "") -> Image.
     below = line_px if footer else 0
     drawn = Image.new("RGB", (width, sum(lines) + sum(heights) + _GAP_PX + below), "white")
     draw, font, top = ImageDraw.Draw(drawn), ImageFont.load_default(letters_px), _GAP_PX
-
-    def write(text: str, left: int, top: int) -> None:
-        # the font has no space but the plain one
-        draw.text((left, top), " ".join(text.split()), "black", font)
-
+    texts = [(footer, _GAP_PX, drawn.height - below - _GAP_PX)]
     for row, line, height in zip(rows, lines, heights, strict=True):
         left = _GAP_PX
         for title, picture in row:
             drawn.paste(picture, (left, top))
-            write(title, left, top + picture.height + 1)
+            texts.append((title, left, top + picture.height + 1))
             left += picture.width + _GAP_PX
         top += line + height
-    write(footer, _GAP_PX, top)
+    for text, left, top in texts:  # the font has no space but the plain one
+        draw.text((left, top), " ".join(text.split()), "black", font)
     return drawn
 
 
 def write_sheet(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows of pictures with titles, as one PNG of few colors or JPEG."""
-    drawn = sheet(rows)
+    """Write rows of pictures with titles, as one PNG of few colors."""
     with atomic_write(path) as temporary:
-        if path.suffix == ".png":
-            drawn.quantize(256).save(temporary, "PNG", optimize=True)
-        else:
-            drawn.save(temporary, "JPEG", quality=88)
+        sheet(rows).quantize(256).save(temporary, "PNG", optimize=True)
 
 
 _PANEL_PX, _IN_ONE_ROW = 480, 4
 _GIF_FRAMES, _FEWEST_GIF_FRAMES, _GIF_BYTES = 60, 8, 4_000_000
 _GIF_MS = (20, 600_000)
 """Shortest and longest duration of a GIF frame"""
-_CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
-"""MP4 codecs, the better first, with their options for good quality"""
+_H264 = {"crf": "20", "preset": "veryfast"}
+"""Options of libx264 for good quality"""
 
 
 def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image.Image:
@@ -255,10 +210,8 @@ def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image
     panel_px = min(width_px // columns, _PANEL_PX)
     drawn = []
     for title, picture in pictures:
-        scale: float = panel_px // picture.width
-        if picture.width > panel_px:
-            scale = 1 / math.ceil(picture.width / panel_px)
-        size = math.ceil(picture.width * scale), math.ceil(picture.height * scale)
+        magnified, skipped = panel_px // picture.width, math.ceil(picture.width / panel_px)
+        size = [math.ceil(max(magnified, 1) * side / skipped) for side in picture.size]
         drawn.append((title, picture.convert("RGB").resize(size, Image.Resampling.NEAREST)))
     rows = [drawn[first : first + columns] for first in range(0, len(drawn), columns)]
     return sheet(rows, letters_px, label)
@@ -279,10 +232,9 @@ def write_film(
                 write(composed(label, pictures, 1280, 16))
             if index % every == 0:
                 shown.append(composed(label, pictures, 640, 12).quantize(256))
-    content, frame_ms = gif(shown, 1000 * every / rate_hz), 1000 * every / rate_hz
-    while len(content) > _GIF_BYTES and len(shown) >= 2 * _FEWEST_GIF_FRAMES:
+    frame_ms = 1000 * every / rate_hz
+    while len(content := gif(shown, frame_ms)) > _GIF_BYTES and len(shown) > _FEWEST_GIF_FRAMES:
         shown, frame_ms = shown[::2], 2 * frame_ms
-        content = gif(shown, frame_ms)
     with atomic_write(folder / "film.gif") as temporary:
         temporary.write_bytes(content)
     return [folder / "film.mp4", folder / "film.gif"] if write else [folder / "film.gif"]
@@ -310,10 +262,9 @@ def _mp4_writer(path: Path, rate_hz: float) -> Iterator[Callable[[Image.Image], 
         say(f"view: no film.mp4: {problem}; film.gif is written")
         yield None
         return
-    name = next(codec for codec in _CODECS if codec in av.codecs_available)
     with atomic_write(path) as temporary, av.open(str(temporary), "w") as container:
-        stream = container.add_stream(name, Fraction(rate_hz).limit_denominator(1000))
-        stream.pix_fmt, stream.options = "yuv420p", _CODECS[name]
+        stream = container.add_stream("libx264", Fraction(rate_hz).limit_denominator(1000))
+        stream.pix_fmt, stream.options = "yuv420p", _H264
 
         def write(picture: Image.Image) -> None:
             # yuv420p needs even sides: the last line is repeated

@@ -1,13 +1,11 @@
-"""The report of a dataset: its opening with results, its light, its motion, and how it was made."""
+"""The report of a dataset: results, light, motion, detectors, and how it was made."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.ticker import EngFormatter
 
 from megalopta import __version__
 from megalopta.config.model import LightLevel
@@ -17,9 +15,9 @@ from megalopta.dataset.store import Dataset
 from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
     ACCURATE,
+    STAND_IN,
     absent,
     detector_section,
-    rendering,
     threshold_section,
 )
 from megalopta.report.sections import Section
@@ -30,30 +28,17 @@ from megalopta.report.text import (
     number,
     percent,
     title,
+    with_error,
 )
 from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
-from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.spad.counters import LARGEST_CAPACITY
-from megalopta.sensor.spad.model import active_effects
 
 _MOST_LEVELS = 4
 _BACKDROP_GRAY = 0.35
 
-_OUTCOME = ("sensor", "best method", "within 25 % down to", "median error there")
-"""Heads of the table of results"""
-_STAND_IN = (
-    "Within 25 % of the flow by DIS between the clean pictures, a stand-in for the unknown true "
-    "motion that favors DIS."
-)
 _LIGHT = (
     "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
-    "spectrum. A reading with mean N scatters by about √N; an integrating pixel adds dark current, "
-    "reset and read noise. Orange pixels are saturated: their readings are lower bounds. "
-)
-_INSTANT = "Every frame is rendered at one instant, without motion blur."
-_PICTURE = (
-    "The light of a picture is constant during an exposure, unless sub_frames says otherwise."
+    "spectrum. Orange pixels are saturated: their readings are lower bounds. "
 )
 _COLUMNS = Markup(
     "Means over pixels and frames, per pixel and exposure. <b>Detected</b>: photons that release a "
@@ -62,21 +47,8 @@ _COLUMNS = Markup(
     "reading over the reading's standard deviation. <b>Rendering : shot noise</b>: ratio of "
     "standard deviations; above 1, the rendering is noisier than the photons."
 )
-_SECONDS = EngFormatter("s")
-_BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
-_MOTION = "The median speed is {:.2g} px per frame; {} of the pixels are hidden in the next frame."
-_PICTURES_MOTION = (
-    "The true motion of pictures is unknown. A stand-in replaces it: the flow by DIS between them "
-    "without photon noise. Its median speed is {:.2g} px per frame."
-)
-_DEPTH = (
-    "Depth is measured {}; its colors are logarithmic. Orange pixels are occluded in the next "
-    "frame. Every object has its own color."
-)
-_MADE = (
-    "The settings below, with their seeds, reproduce everything on this page. Only the noise of "
-    "rendering may differ between machines."
-)
+_CAUTION = 0.1
+"""Relative noise of a pixel's rendered light from which it is a warning"""
 
 
 def write_report(dataset: Dataset) -> Path:
@@ -91,9 +63,15 @@ def write_report(dataset: Dataset) -> Path:
         dataset.root / "report.html",
         title(report.settings),
         lead(report),
-        [make(report) for make in SECTIONS],
+        [
+            light_section(report),
+            motion_section(report),
+            detector_section(report),
+            threshold_section(report),
+            making_section(report),
+        ],
         header=_opening(report),
-        film=report.film(),
+        player=report.player(),
         footer=(
             f"Written by megalopta {__version__}. Pictures show {pixels}{len(shown.frames)} of "
             f"{frames} frames; the last one has no next frame, so no motion."
@@ -126,66 +104,57 @@ def lead(report: Report) -> str:
 
 
 class _Reached(NamedTuple):
-    """Errors of a method at one light level, against the reference motion."""
+    """Errors of a method at one light level, against the reference motion; the best is least."""
 
+    is_wrong: bool
+    """True if the median error is above 25 %"""
     illuminance_lux: float
+    """0 if it is wrong"""
     error: float
     """Median over the blocks, relative"""
+    outliers: float
+    """Share of blocks that are off by more than 25 %"""
+    sensor: str
     method: str
     """Name, with ", corrected" on corrected readings"""
     level: LightLevel
-    outliers: float
-    """Share of blocks that are off by more than 25 %"""
-
-
-def _reached(report: Report, sensor: str) -> _Reached | None:
-    """Return the best method in the least light at which one is accurate.
-
-    Where none is, it is the one with the least error at any light.
-    """
-    errors = [
-        _Reached(
-            illuminance_of(record.level),
-            errors.relative_error_median,
-            f"{record.method}{ending}",
-            record.level,
-            errors.outlier_fraction or 0.0,
-        )
-        for record in report.flow
-        if record.sensor == sensor and record.truth
-        for ending, errors in (("", record.truth.counts), (", corrected", record.truth.corrected))
-        if errors and errors.relative_error_median is not None
-    ]
-    accurate = [reached for reached in errors if reached.error < ACCURATE]
-    return min(accurate) if accurate else min(errors, key=lambda one: one.error, default=None)
 
 
 def _opening(report: Report) -> Markup:
-    """Return the results: how far down in light motion is found, and on which sensor."""
+    """Return how far down in light motion is found, or the least error, and on which sensor."""
     if not report.exposures:
         return Markup("")
-    names = [sensor.name for sensor in report.settings.sensors]
-    best = {name: reached for name in names if (reached := _reached(report, name))}
-    accurate = {name: reached for name, reached in best.items() if reached.error < ACCURATE}
-    sensor, sentence = names[0], ""
-    if accurate:
-        sensor, reached = min(accurate.items(), key=lambda pair: pair[1])
+    reached: dict[str, list[_Reached]] = {}
+    for record in report.flow:
+        if (truth := record.truth) is None:
+            continue
+        for ending, errors in (("", truth.counts), (", corrected", truth.corrected)):
+            if errors and (median := errors.relative_error_median) is not None:
+                is_wrong = median >= ACCURATE
+                lux = 0.0 if is_wrong else illuminance_of(record.level)
+                where = record.sensor, f"{record.method}{ending}", record.level
+                result = _Reached(is_wrong, lux, median, errors.outlier_fraction or 0.0, *where)
+                reached.setdefault(record.sensor, []).append(result)
+    best = [min(results, key=lambda result: result[:3]) for results in reached.values()]
+    sensor, sentence, rows = report.settings.sensors[0].name, "", []
+    if report.flow:
+        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
+    if best and not (first := min(best, key=lambda result: result[:3])).is_wrong:
+        sensor = first.sensor
         sentence = (
-            f"{reached.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-            f"{level_title(reached.level)}: the median error of its blocks is "
-            f"{percent(reached.error)}, and {percent(reached.outliers)} of them are off by more "
+            f"{first.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
+            f"{level_title(first.level)}: the median error of its blocks is "
+            f"{percent(first.error)}, and {percent(first.outliers)} of them are off by more "
             "than 25 %."
         )
-    elif report.flow:
-        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
-    rows = []
-    for name, reached in best.items():
-        level, error = level_name(reached.level), percent(reached.error)
-        reach = (level, error) if name in accurate else ("none", f"{error} at {level}")
-        rows.append((name, reached.method, *reach))
-    shown, frames = report.shown, report.shown.frames
-    budgets = report.of(sensor)
-    films = [_counts_film(report, one) for one in images.evenly_spaced(budgets, _MOST_LEVELS)]
+    head = ("sensor", "best method", "within 25 % down to", "median error there")
+    for result in best:
+        level, error = level_name(result.level), percent(result.error)
+        reach = ("none", f"{error} at {level}") if result.is_wrong else (level, error)
+        rows.append((result.sensor, result.method, *reach))
+    shown, frames, budgets = report.shown, report.shown.frames, report.of(sensor)
+    bright_first = images.evenly_spaced(budgets, _MOST_LEVELS)
+    films = [_counts_film(report, budget) for budget in bright_first]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
     if shown.rim:
@@ -195,8 +164,8 @@ def _opening(report: Report) -> Markup:
         Markup("<h2>Results</h2>"),
         html.paragraph(sentence),
         html.block("strip", *films),
-        html.table("Results", _OUTCOME, rows) if rows else Markup(""),
-        html.paragraph("" if report.has_truth or not report.flow else _STAND_IN, "note"),
+        html.table("Results", head, rows) if rows else Markup(""),
+        html.paragraph("" if report.has_truth or not report.flow else STAND_IN, "note"),
     )
 
 
@@ -211,29 +180,26 @@ def light_section(report: Report) -> Section:
     section = Section(
         f"From light to {' and '.join(report.units)}",
         name="light",
-        link=f"Light to {report.units[0]}",
     )
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
     shutter, body, rows = report.settings.shutter, [], []
     if not report.has_truth:
-        timing = _PICTURE
+        timing = "The light of a picture is constant during an exposure, but for sub_frames."
     elif shutter.is_instant:
-        timing = _INSTANT
+        timing = "Every frame is rendered at one instant, without motion blur."
     else:
-        line = ("column", "row")[shutter.across]
         timing = (
-            f"Frames and true motion are those of the shutter, blurred by the motion during "
-            f"{shutter.exposure_s or 0:g} s and read out {line} by {line} from the "
-            f"{shutter.readout_from} within {shutter.readout_s or 0:g} s."
+            "Frames and true motion are those of the shutter, blurred by the motion during "
+            f"{shutter.exposure_s or 0:g} s and read out from the {shutter.readout_from} within "
+            f"{shutter.readout_s or 0:g} s."
         )
     for sensor in report.settings.sensors:
-        about = " · ".join(f"{name} {value}" for name, value in _properties(sensor))
         budgets = report.of(sensor.name)
         films = (_counts_film(report, budget) for budget in budgets)
-        note = html.paragraph(f"{about}.", "note")
-        body.append(html.card(sensor.name, note, html.block("strip", *films)))
+        exposure = html.paragraph(f"Exposure: {with_error(sensor.exposure_s, 0, 's')}.", "note")
+        body.append(html.card(sensor.name, exposure, html.block("strip", *films)))
         for budget in budgets:
             cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
             saturated = percent(budget.saturated_fraction)
@@ -253,34 +219,19 @@ def light_section(report: Report) -> Section:
     return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
-def _properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
-    """Yield properties of a sensor by name: pixel, efficiency, exposure, readout, effects."""
-    curve = sensor.efficiency
-    best = int(np.argmax(curve.values))
-    yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
-    yield "fill factor", percent(sensor.fill_factor)
-    where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
-    yield "efficiency", f"{percent(curve.values[best])}{where}"
-    yield "exposure", _SECONDS(sensor.exposure_s)
-    if isinstance(sensor, CtiaSensor):
-        yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
-        yield "swing", f"{sensor.swing_v:g} V"
-        yield "bias of the diodes", _BIASES[sensor.bias.kind]
-        return
-    yield "dead time", f"{_SECONDS(sensor.dead_time.dead_time_s)} ({sensor.dead_time.kind})"
-    if sensor.counter.capacity < LARGEST_CAPACITY:
-        yield "counter up to", f"{sensor.counter.capacity:,}"
-    yield "effects:", ", ".join(name.replace("_", " ") for name in active_effects(sensor))
-
-
 def motion_section(report: Report) -> Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
     shown, truths = report.shown, report.truths
-    films = [shown.motion(report.motion_name).film(shown.frames)] if shown.rim else []
+    films, speed = [], 0.0
+    if shown.rim:
+        films.append(shown.motion(report.motion_name).film(shown.frames))
+        flow = np.concatenate([shown.motion_of(frame).reshape(-1, 2) for frame in shown.frames])
+        known = np.hypot(*flow[np.isfinite(flow).all(axis=-1)].T)
+        speed = float(np.median(known)) if known.size else 0.0
     if not report.has_truth:
         body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
-        text = _PICTURES_MOTION.format(report.median_speed)
-        return Section("Motion of the pictures", text, body=body, name="motion", link="Motion")
+        text = f"{STAND_IN}Its median speed is {speed:.2g} px per frame."
+        return Section("Motion of the pictures", text, body=body, name="motion")
     films.append(shown.depth.film(shown.frames))
     if shown.rim:
         hidden = []
@@ -291,40 +242,40 @@ def motion_section(report: Report) -> Section:
             hidden.append(images.rgb_picture(picture))
         alt = "Occluded pixels in orange"
         films.append(images.film(hidden, "occluded in the next frame", alt))
-    objects = [images.id_picture(shown.pixels(truth.object_id)) for truth in truths]
-    films.append(images.film(objects, "objects", "Each object in its own color, the sky dark"))
     body = html.block("strip", *films)
     if not shown.rim:
-        text = "A single frame has no motion; its depth and objects are known exactly."
+        text = "A single frame has no motion; its depth is known exactly."
         return Section("Truth", text, body=body, name="motion")
-    depth = _DEPTH.format(report.settings.camera.depth_meaning)
-    body += images.wheel(shown.rim) + html.paragraph(depth, "note")
-    share = float(np.mean([truth.occluded_forward.mean() for truth in truths]))
-    text = _MOTION.format(report.median_speed, percent(share))
+    note = (
+        f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic. "
+        "Orange pixels are occluded in the next frame."
+    )
+    body += images.wheel(shown.rim) + html.paragraph(note, "note")
+    share = percent(float(np.mean([truth.occluded_forward.mean() for truth in truths])))
+    text = f"The median speed is {speed:.2g} px per frame; {share} of the pixels are hidden next."
     return Section("True motion", text, body=body, name="motion")
 
 
 def making_section(report: Report) -> Section:
-    """Return the noise of the rendered light, times and settings."""
-    samples = f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times "
+    """Return the noise of the rendered light (median over pixels), times and settings."""
     times = report.timings.items()
     spent = ", ".join(f"{stage} {duration(seconds)}" for stage, seconds in times)
-    variant = ""
+    body = [html.paragraph(f"Time spent: {spent}.", "note")]
+    noise = report.scene.get("monte_carlo") or {}
+    if relative := noise.get("median_relative"):
+        is_noisy = relative > _CAUTION
+        text = (
+            f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as "
+            f"{number(noise['equivalent_photons_per_pixel'])} photons per pixel "
+            f"({percent(relative)} of its light). It adds to the errors against the true motion. "
+            f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
+            "many halve the noise of a frame."
+        )
+        body.insert(0, html.paragraph(text, "warn" if is_noisy else "note"))
     if report.has_truth:
-        variant = f"Rendered with Mitsuba’s variant {report.scene.get('variant', 'not noted')}."
-    body = [
-        rendering(report.scene, f"{samples}as many halve the noise of a frame."),
-        html.paragraph(f"Time spent: {spent}. {variant}", "note"),
-        html.folded("All settings", Markup("<pre>{}</pre>").format(to_yaml(report.settings))),
-    ]
-    return Section("How it was made", _MADE, body=Markup("\n").join(body), name="made")
-
-
-SECTIONS: tuple[Callable[[Report], Section], ...] = (
-    light_section,
-    motion_section,
-    detector_section,
-    threshold_section,
-    making_section,
-)
-"""Sections of the page and its navigation, in order."""
+        variant = report.scene.get("variant", "not noted")
+        body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
+    settings = Markup("<pre>{}</pre>").format(to_yaml(report.settings))
+    body.append(html.folded("All settings", settings))
+    text = "The settings, with their seeds, reproduce this page, but for the noise of rendering."
+    return Section("How it was made", text, body=Markup("\n").join(body), name="made")

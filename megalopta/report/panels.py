@@ -1,14 +1,9 @@
-"""What is shown is one thing: a panel, the pictures of one quantity, frame by frame.
-
-Panels are of a dataset's sequence (light, readings, flow by a method, true motion, depth) or of a
-file of readings. Page, film and report show the same ones.
-"""
+"""Panels: pictures of one quantity, frame by frame, of a sequence or of a file of readings."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence as Listed
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import product
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -31,7 +26,7 @@ from megalopta.dataset.store import exposure_name
 from megalopta.flow import formats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.registry import METHODS, velocity_method
-from megalopta.report import images
+from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
 from megalopta.report.text import level_name, number, short, title
 from megalopta.scenes import Pictures, ToneCurve
@@ -46,7 +41,7 @@ from megalopta.stages.run import finished, has_output, require
 MOST_FRAMES = 80
 """Of a page"""
 LONGEST_SIDE_PX = 320
-WHITE_PERCENTILE = 99.0
+_WHITE_PERCENTILE = 95.0
 """Percentile of readings above which all are white"""
 _SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
@@ -57,7 +52,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Pictures of one quantity, drawn when they are asked for."""
+    """Pictures of one quantity, drawn on demand."""
 
     kind: Literal["light", "readings", "flow", "motion", "depth"]
     """Flow is estimated from readings; motion is the true one, or its stand-in."""
@@ -104,13 +99,14 @@ class View:
         """Return the panels of these kinds."""
         return [panel for panel in self.panels if panel.kind in kinds]
 
-    @property
-    def rate_hz(self) -> float | None:
-        """Real frame rate of the frames that can be shown, if known."""
-        times = self.times_s
-        if times is None or len(times) < 2 or times[-1] <= times[0]:
-            return None
-        return float((len(times) - 1) / (times[-1] - times[0])) / self.frames.step
+    def player(self, frames: Listed[int], fps: float | None = None) -> sections.Player:
+        """Return the slider of some of the frames, in real time where that can be followed."""
+        times, real_hz = self.times_s, None
+        if times is not None and len(times) > 1 and times[-1] > times[0]:
+            shown_s = (times[-1] - times[0]) / (len(times) - 1) * self.frames.step
+            real_hz = float(len(frames) / len(self.frames) / shown_s)
+        labels = [images.frame_label(frame, times, self.treatment.summed) for frame in frames]
+        return sections.Player(labels, self.shape, real_hz, fps)
 
 
 def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -> View:
@@ -156,10 +152,10 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
     panels += filter(None, (shown.found_flow(*exposure) for exposure in darkest_first))
     if shown.rim:
         panels.append(shown.motion("true flow" if has_truth else "flow of the clean pictures"))
+    caveat = "" if has_truth else _CAVEAT
     return View(
         title=title(settings),
-        summary=f"{len(sequence)} frames of {width} × {height} pixels."
-        + ("" if has_truth else _CAVEAT),
+        summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
         shape=sequence.shape,
         frames=frames,
         step=step,
@@ -172,7 +168,7 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
 
 
 class SequencePanels:
-    """Panels of a sequence: some frames, every `step`-th pixel of a line, of finished stages.
+    """Panels of finished stages of a sequence: some frames, every `step`-th pixel of a line.
 
     Eight of the frames set the scales of colors. Raises UserError on use of what is damaged.
     """
@@ -183,10 +179,9 @@ class SequencePanels:
         frames: Listed[int],
         step: int,
         treatment: Treatment | None = None,
-        white_percentile: float = WHITE_PERCENTILE,
     ) -> None:
         self.sequence, self.frames, self.step = sequence, frames, step
-        self._treatment, self._white_percentile = treatment or Treatment(), white_percentile
+        self._treatment = treatment or Treatment()
         self._sampled = images.evenly_spaced(frames, _SAMPLED)
 
     @cached_property
@@ -196,28 +191,22 @@ class SequencePanels:
         stages = finished(dataset)
         for stage in STAGES:
             if stage not in stages and has_output(dataset, stage):
-                say(
-                    f"{dataset.root}: stage {stage!r} is not finished with this configuration, and "
-                    "not shown"
-                )
+                fault = "is not finished with this configuration, and not shown"
+                say(f"{dataset.root}: stage {stage!r} {fault}")
         return stages
 
     @cached_property
     def records(self) -> list[FlowRecord]:
-        """Errors of every method on every exposure, in the configured order; none without flow.
+        """Errors of every method on every exposure; none without flow.
 
         Raises UserError if flow.json is damaged.
         """
         if "flow" not in self.finished:
             return []
-        dataset, settings = self.sequence.dataset, self.sequence.configuration
-        check = TypeAdapter(list[FlowRecord]).validate_python
+        dataset = self.sequence.dataset
         remedy = f"run: {shell_command('flow', dataset.root, '--redo')}"
-        stored = checked_json(dataset.result("flow.json"), check, remedy)
-        records = {(record.sensor, record.level, record.method): record for record in stored}
-        sensors = [sensor.name for sensor in settings.sensors]
-        order = product(sensors, settings.light_levels, settings.methods)
-        return [records[key] for key in order if key in records]
+        check = TypeAdapter(list[FlowRecord]).validate_python
+        return checked_json(dataset.result("flow.json"), check, remedy)
 
     @cached_property
     def rim(self) -> float | None:
@@ -249,8 +238,7 @@ class SequencePanels:
         counts, full = (self.sequence.counts(name, array) for array in ("counts", "saturated"))
         unit = counts.unit.split()[0]
         raw = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
-        treated = raw.treated(self._treatment)
-        panel = readings_panel(treated, self.frames, self.step, self._white_percentile)
+        panel = readings_panel(raw.treated(self._treatment), self.frames, self.step)
         return replace(panel, sensor=sensor.name, level=self._level(level))
 
     def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
@@ -268,15 +256,14 @@ class SequencePanels:
         with bounded.undamaged(path, "run flow again"):
             stored = StoredFrames.open(path, method)
         grid = velocity_method(method).grid(self.sequence.shape)
-        bottom = grid.top + grid.rows * grid.block_px
-        right = grid.left + grid.columns * grid.block_px
+        inside = np.ones((grid.block_px, grid.block_px, 1))
 
         def flow(frame: int) -> Floats:
             blocks = stored.read([min(frame, len(stored) - 1)])[0].astype(np.float64)
+            covered = np.kron(blocks, inside)
             pixels = np.full((*grid.shape, 2), np.nan)
-            pixels[grid.top : bottom, grid.left : right] = np.repeat(
-                np.repeat(blocks, grid.block_px, axis=0), grid.block_px, axis=1
-            )
+            rows, columns = covered.shape[:2]
+            pixels[grid.top : grid.top + rows, grid.left : grid.left + columns] = covered
             return self.pixels(pixels)
 
         panel = flow_panel("flow", f"flow by {method}", flow, self.rim)
@@ -290,18 +277,19 @@ class SequencePanels:
     def depth(self) -> Panel:
         """Depth in logarithmic colors, the sky gray."""
 
-        def depth(frame: int) -> NDArray[np.floating]:
-            values = self.pixels(self.sequence.depth[frame]).astype(np.float64)
-            return np.where(np.isinf(values), np.nan, values)
+        def log_depth(frame: int) -> Floats:
+            depth = self.pixels(self.sequence.depth[frame]).astype(np.float64)
+            return np.log(np.where(np.isinf(depth), np.nan, depth))
 
-        sampled = np.concatenate([depth(frame).ravel() for frame in self._sampled])
+        sampled = np.concatenate([log_depth(frame).ravel() for frame in self._sampled])
         known = sampled[~np.isnan(sampled)]
-        near, far = np.percentile(known, [1, 99]).tolist() if known.size else (1.0, 2.0)
-        far = max(far, near * 1.01)
-        scale = images.map_scale("viridis_r", near, far, logarithmic=True)
-        caption = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-        legend = scale.legend(number(near), f"{number(far)} m", "sky" * (known.size < sampled.size))
-        return Panel("depth", "depth", caption, lambda frame: scale.picture(depth(frame)), legend)
+        ends = np.percentile(known, [1, 99]).tolist() if known.size else (0.0, math.log(2))
+        near, far = ends[0], max(ends[1], ends[0] + 0.01)
+        scale = images.map_scale("viridis_r", near, far)
+        low, high = number(math.exp(near)), f"{number(math.exp(far))} m"
+        caption = f"yellow {low} m to violet {high}, the sky gray"
+        legend = scale.legend(low, high, "sky" * (known.size < sampled.size))
+        return Panel("depth", "depth", caption, lambda at: scale.picture(log_depth(at)), legend)
 
     def pixels(self, image: NDArray[Any]) -> NDArray[Any]:
         """Return the shown pixels of an image (H, W, ...)."""
@@ -339,37 +327,28 @@ class SequencePanels:
         return f"{name}, {number(per_lux * illuminance_of(level))} photons"
 
 
-def readings_panel(
-    readings: ShownReadings,
-    frames: Listed[int],
-    step: int,
-    white_percentile: float = WHITE_PERCENTILE,
-) -> Panel:
+def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), white_percentile)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = images.gray_scale(white)
 
     @lru_cache(MOST_FRAMES)
     def picture(frame: int) -> Image.Image:
         values, full = readings.frame(frame)
-        values, full = values[::step, ::step], full[::step, ::step]
+        values = values[::step, ::step]
         if values.ndim == 2:
-            return scale.picture(values, full)
-        part = np.clip(values / white, 0, 1) ** (1 / scale.root)
-        return images.rgb_picture(np.rint(255 * part).astype(np.uint8))
+            return scale.picture(values, full[::step, ::step])
+        share = np.clip(values / white, 0, 1) ** (1 / scale.root)
+        return images.rgb_picture(np.rint(255 * share).astype(np.uint8))
 
     is_full = any(full.any() for _, full in sampled)
     unit = "detections" if readings.treatment.is_inverted else readings.unit
-    return Panel(
-        "readings",
-        unit,
-        f"black 0, white {number(white)} {unit}",
-        picture,
-        scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else ""),
-        "orange: saturated pixels" if is_full else "",
-    )
+    legend = scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else "")
+    note = "orange: saturated pixels" if is_full else ""
+    caption = f"black 0, white {number(white)} {unit}"
+    return Panel("readings", unit, caption, picture, legend, note)
 
 
 def flow_panel(

@@ -1,8 +1,4 @@
-"""Readings of any sensor as they are shown: summed, the response inverted, bad pixels filled in.
-
-Frames come from a dataset, a recording, or a file of frames or events of any camera, and are read
-when they are asked for.
-"""
+"""Readings of any sensor as they are shown, read on demand: of a dataset, recording or file."""
 
 import math
 from collections.abc import Callable
@@ -27,13 +23,11 @@ from megalopta.sensor.formats.recorded_frames import file_bytes
 from megalopta.sensor.quantities import histogram
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
-"""Of files that hold readings, or pictures"""
+"""Suffixes of files that hold readings, or pictures"""
 _BYTES_EACH = 40
 """Bytes of a reading in memory while its frame is drawn"""
-_COLOR = 3
 _AT_ONCE = 2**23
 """Readings in memory"""
-_EVENTS = (HDF5_SIGNATURE, NPZ_SIGNATURE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +43,17 @@ class Treatment:
 
     def description(self) -> str:
         """Return what was done, in sentences; nothing where nothing was."""
-        said = []
+        sentences = []
         if self.summed > 1:
-            sums = f"Readings are sums of {self.summed} frames."
-            said.append(f"{self.summed} frames are taken together." if self.is_inverted else sums)
+            sentences.append(f"{self.summed} frames are taken together.")
         if self.is_inverted:
-            said.append(
+            sentences.append(
                 "The sensor's response is inverted: gray is the mean number of detections in a "
                 "frame if none were lost, dark counts included; saturated pixels are orange."
             )
         if self.bad is not None:
-            said.append(f"{int(self.bad.sum())} bad pixels are the mean of their good neighbors.")
-        return " ".join(said)
+            sentences.append(f"{self.bad.sum()} bad pixels are the mean of their good neighbors.")
+        return " ".join(sentences)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +85,7 @@ class ShownReadings:
                 f"pixels, but frames have {columns} × {rows}; give one of their size"
             )
         if treatment.is_inverted and self.is_binary and treatment.summed == 1:
-            raise UserError(
-                "--invert: one binary frame does not determine the flux; add --sum, such as "
-                "--sum 64"
-            )
+            raise UserError("--invert: one binary frame does not determine the flux; add --sum 64")
         if treatment.is_inverted and not (self.is_binary or isinstance(self.sensor, Sensor)):
             raise UserError(
                 "--invert: the response of this sensor is not known; omit it, or give binary "
@@ -124,10 +114,10 @@ class ShownReadings:
             values = -np.log1p(-np.minimum(values, most_share))
         if (bad := self.treatment.bad) is None:
             return values, is_full
-        planes = np.moveaxis(values, -1, 0) if values.ndim > 2 else values[np.newaxis]
-        filled, _ = filled_in(planes, np.zeros_like(planes), bad)
-        good = ~bad[..., np.newaxis] if values.ndim > 2 else ~bad
-        return np.moveaxis(filled, 0, -1) if values.ndim > 2 else filled[0], is_full & good
+        colors = np.moveaxis(np.atleast_3d(values), -1, 0)
+        filled, _ = filled_in(colors, np.zeros_like(colors), bad)
+        is_full &= ~bad if values.ndim == 2 else ~bad[..., np.newaxis]
+        return np.moveaxis(filled, 0, -1).reshape(values.shape), is_full
 
     @cached_property
     def _curve(self) -> ResponseCurve:
@@ -142,22 +132,24 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
     Raises UserError where there are none, or they are damaged.
     """
     is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin"))
-    if not (is_array or is_recording(path)) and path.exists():
-        if is_footage(path):
-            raise UserError(
-                f"{path}: pictures, no readings; make photons of them first: "
-                f"{shell_command('sense', path, '--photons', '2')}"
-            )
-        for folder in path.resolve().parents:
-            if (folder / "dataset.yaml").exists() or is_recording(folder):
-                run = shell_command("view", folder)
-                raise UserError(f"{path}: a part of {folder}; run: {run}")
+    if not (is_array or is_recording(path)) and path.exists() and is_footage(path):
+        sense = shell_command("sense", path, "--photons", "2")
+        raise UserError(f"{path}: pictures, no readings; make photons of them first: {sense}")
     if not (is_array or is_recording(path) or path.is_file()):
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
     with refused_as("", OSError):
         if is_recording(path):
-            return _recorded(path)
-        if path.is_file() and file_bytes(path)[:8].tobytes().startswith(_EVENTS):
+            recording = open_recording(path)
+            counts, full = recording.counts, recording.saturated
+            return ShownReadings(
+                recording.adc.shape,
+                lambda part: (counts[part], full[part]),
+                sensor=recording.settings.sensor,
+                times_s=recording.times_s - recording.exposure_s,
+            )
+        if path.is_file() and file_bytes(path)[:8].tobytes().startswith(
+            (HDF5_SIGNATURE, NPZ_SIGNATURE)
+        ):
             return _of_events(path)
         return _of_frames(path, kind)
 
@@ -173,21 +165,10 @@ def read_mask(path: Path) -> Mask:
     return mask
 
 
-def _recorded(path: Path) -> ShownReadings:
-    recording = open_recording(path)
-    counts, full = recording.counts, recording.saturated
-    return ShownReadings(
-        recording.adc.shape,
-        lambda part: (counts[part], full[part]),
-        sensor=recording.sensor,
-        times_s=recording.times_s - recording.exposure_s,
-    )
-
-
 def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     first = read_frames(path, kind, frames=slice(0, 1))
     shape = first.counts.shape[1:]
-    if len(shape) > 2 and shape[2] != _COLOR:
+    if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
     check_decoded(path, shape, _BYTES_EACH)
     stated = kind or cast(FrameKind, first.source)
@@ -211,17 +192,10 @@ def _of_events(path: Path) -> ShownReadings:
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         starts = events.starts[part.start : part.stop + 1]
-        chosen = slice(starts[0], starts[-1])
-        counts = histogram(
-            replace(
-                events,
-                time_s=events.time_s[chosen],
-                pixel=events.pixel[chosen],
-                starts=starts - starts[0],
-                shape=(len(starts) - 1, *events.shape[1:]),
-            )
-        )
-        return counts, np.zeros(counts.shape, np.bool_)
+        inside, shape = slice(starts[0], starts[-1]), (len(starts) - 1, *events.shape[1:])
+        chosen: dict[str, Any] = {"time_s": events.time_s[inside], "pixel": events.pixel[inside]}
+        counts = histogram(replace(events, **chosen, starts=starts - starts[0], shape=shape))
+        return counts, np.zeros(shape, np.bool_)
 
     frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
     return ShownReadings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)

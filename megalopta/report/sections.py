@@ -3,12 +3,16 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from megalopta.core.files import write_text
+
+_PLAYBACK_HZ = (2.0, 30.0)
+"""Rates at which a film can be followed"""
+_UNTIMED_HZ = 12.0
+"""Rate of frames without times"""
 
 
 @dataclass(frozen=True)
@@ -19,17 +23,37 @@ class Section:
     text: str = ""
     head: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
-    charts: tuple[Markup, ...] = field(default=())
+    charts: tuple[Markup, ...] = ()
     body: Markup = field(default=Markup(""))
     name: str = ""
     """Identifier; a section with one is linked at the top of the page."""
-    link: str = ""
-    """Text of that link; default: the title"""
+
+
+@dataclass(frozen=True)
+class Player:
+    """Slider over time that all films of a page follow, and further choices."""
+
+    labels: Sequence[str]
+    """Name of each frame"""
+    shape: tuple[int, int]
+    """Rows and columns of a frame"""
+    real_hz: float | None = None
+    """Rate of the frames in reality, if known"""
+    fps: float | None = None
+    """Rate to play at; default: real time where it can be followed"""
+    sensors: Sequence[str] = ()
+    levels: Sequence[str] = ()
+    """Sensors and light levels to choose from"""
+    radiance: str = ""
+    """Picture of the light, frames above each other, at the top of the page"""
 
     @property
-    def table(self) -> Markup:
-        """Table as HTML; empty without rows."""
-        return table(self.title, self.head, self.rows) if self.rows else Markup("")
+    def playback_hz(self) -> float:
+        """Rate at which the page plays."""
+        if self.fps or self.real_hz is None:
+            return self.fps or _UNTIMED_HZ
+        slowest, fastest = _PLAYBACK_HZ
+        return min(max(self.real_hz, slowest), fastest)
 
 
 def captioned(chart: Markup, caption: str) -> Markup:
@@ -47,15 +71,14 @@ def paragraph(text: str, kind: str = "") -> Markup:
     return Markup('<p class="{}">{}</p>').format(kind, text) if text else Markup("")
 
 
-def block(kind: str, *parts: Markup, style: str = "") -> Markup:
+def block(kind: str, *parts: Markup) -> Markup:
     """Return parts inside a box of this style-sheet class."""
-    inside = Markup("\n").join(parts)
-    return Markup('<div class="{}" style="{}">\n{}\n</div>').format(kind, style, inside)
+    return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(parts))
 
 
-def card(title: str, *parts: Markup, kind: str = "card") -> Markup:
+def card(title: str, *parts: Markup) -> Markup:
     """Return parts in a frame below a title."""
-    return block(kind, heading(title), *parts)
+    return block("card", heading(title), *parts)
 
 
 def heading(title: str) -> Markup:
@@ -90,12 +113,17 @@ def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Mar
 
 
 def write_sections(
-    path: Path, title: str, summary: str, sections: Iterable[Section | None], **parts: Any
+    path: Path,
+    title: str,
+    summary: str,
+    sections: Iterable[Section | None],
+    header: str = "",
+    footer: str = "",
+    player: Player | None = None,
 ) -> Path:
     """Write a page atomically; return its path. Text that is not marked as safe is escaped.
 
-    Further parts are `header`, HTML below the summary, `footer`, and the `film` with a slider
-    (`megalopta.report.source.Report.film`).
+    `header` is HTML below the summary.
     """
     template = Environment(
         loader=PackageLoader("megalopta.report", "."),
@@ -104,8 +132,7 @@ def write_sections(
         trim_blocks=True,
         lstrip_blocks=True,
     ).get_template("page.html")
-    values = {"header": "", "footer": "", "film": None, **parts}
     shown = [section for section in sections if section]
-    text = template.render(title=title, summary=summary, sections=shown, **values)
-    write_text(path, text)
+    parts = {"header": header, "footer": footer, "film": player, "table": table}
+    write_text(path, template.render(title=title, summary=summary, sections=shown, **parts))
     return path

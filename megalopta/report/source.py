@@ -1,20 +1,9 @@
-"""Data of the report: every finished stage, read once, on first use.
-
-JSON files are validated before use. To keep the file small, few frames and pixels of a sequence are
-shown: frames are evenly spaced, pixels are subsampled, not averaged, so that noise looks as strong
-as it is. The last frame is omitted: it has no next frame and so no true flow.
-
-The photon budget lists the light on a pixel in one exposure and the sensor's response to it.
-Readings are counts, or electrons of an integrating sensor. Photons, detections and the
-signal-to-noise ratio are those of the frames shown; mean readings and saturation are those of all
-stored frames.
-"""
+"""Data of the report: every finished stage, read once, on first use."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +15,7 @@ from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import BenchmarkResult
-from megalopta.report import images
+from megalopta.report import images, sections
 from megalopta.report.panels import SequencePanels, checked_json
 from megalopta.scenes.levels import illuminance_of
 from megalopta.sensor import ImageSensor, detected_photons, expectation
@@ -42,10 +31,7 @@ _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
 _MOST_PIXELS_READ = 4_000_000
 _OTHER_FILMS = 6
-_WHITE_PERCENTILE = 90.0
-"""Of readings, as in the preview of the radiance: the brightest tenth may be pure white."""
 _BRIGHTER = 0.01
-_RED_END_NM = 700.0
 
 
 def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
@@ -57,15 +43,15 @@ def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
     return images.selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
 
 
-@dataclass(frozen=True, eq=False)
-class Budget:
-    """One sensor at one light level; means over pixels and frames unless stated."""
+class Budget(NamedTuple):
+    """Light on a pixel in one exposure, and the sensor's response; means over pixels and frames.
+
+    Readings and saturation are those of all stored frames, the others those of the frames shown.
+    """
 
     sensor: ImageSensor
     level: LightLevel
-    illuminance_lux: float
     photons: float
-    """Photons on a pixel per exposure"""
     detected: float
     """Detected photons, without dead time"""
     dark: float
@@ -75,15 +61,14 @@ class Budget:
     signal_to_noise: float
     """Median over single pixels of the middle frame"""
     saturated_fraction: float
-    """Share of saturated readings"""
     photons_per_frame: float
     """Detected photons summed over the frame"""
-    rendering_noise: float = math.nan
+    rendering_noise: float
     """Rendering noise of a pixel over its shot noise (standard deviations); NaN if not measured"""
 
 
 class Report:
-    """A dataset as seen by the report; everything is read once, on first use.
+    """A dataset as seen by the report.
 
     Raises UserError for damaged numbers of a finished stage at once, for an unreadable file on use.
     """
@@ -97,9 +82,7 @@ class Report:
         self.scene: Mapping[str, Any] = checked_json(dataset.scene_record, dict, remedy)
         spent = timings(dataset)
         self.timings = {stage: spent[stage] for stage in STAGES if stage in spent}
-        self.shown = SequencePanels(
-            Sequence(dataset), *select(self.settings), white_percentile=_WHITE_PERCENTILE
-        )
+        self.shown = SequencePanels(Sequence(dataset), *select(self.settings))
         # before pictures take seconds to draw
         self.flow = self.shown.records
         self.benchmark: BenchmarkResult | None = None
@@ -141,17 +124,14 @@ class Report:
         frames, bands = list(self.shown.frames), settings.render.bands_nm
         scale, noise = light_scale(settings, level), self.scene.get("monte_carlo") or {}
         light, middle = radiance * scale.astype(np.float32), len(frames) // 2
-        period_s = 1 / settings.trajectory.frame_rate_hz
+        when: dict[str, Any] = {
+            "first_frame": frames[middle],
+            "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
+        }
         with refused_as(f"sensor {opened.sensor.name!r}"):  # a measured map is missing
             detected = detected_photons(light, bands, opened.sensor)
             dark, lit, brighter = (
-                expectation(
-                    np.float32(factor) * light[[middle]],
-                    bands,
-                    opened.sensor,
-                    first_frame=frames[middle],
-                    frame_period_s=period_s,
-                )
+                expectation(np.float32(factor) * light[[middle]], bands, opened.sensor, **when)
                 for factor in (0.0, 1.0, 1 + _BRIGHTER)
             )
         relative_noise = math.nan
@@ -161,7 +141,6 @@ class Report:
         return Budget(
             sensor=opened.sensor,
             level=level,
-            illuminance_lux=illuminance_of(level),
             photons=float(opened["photons"][frames].mean()),
             detected=float(detected.mean()),
             dark=float(dark.mean_reading.mean()),
@@ -175,32 +154,15 @@ class Report:
     def of(self, sensor: str) -> list[Budget]:
         """Return the budgets of a sensor, from the brightest light on."""
         budgets = [budget for budget in self.exposures if budget.sensor.name == sensor]
-        return sorted(budgets, key=lambda budget: -budget.illuminance_lux)
+        return sorted(budgets, key=lambda budget: -illuminance_of(budget.level))
 
-    @cached_property
-    def median_speed(self) -> float:
-        """Median speed (px per frame) of the frames shown; 0 if no motion is known."""
-        frames = self.shown.frames if self.shown.rim else ()
-        flow = [self.shown.motion_of(frame).reshape(-1, 2) for frame in frames]
-        speed = np.linalg.norm(np.concatenate([np.zeros((0, 2)), *flow]), axis=-1)
-        return float(np.median(known)) if (known := speed[np.isfinite(speed)]).size else 0.0
-
-    def film(self) -> dict[str, Any]:
-        """Return the settings of the page's films, which follow one slider."""
-        trajectory, camera = self.settings.trajectory, self.settings.camera
-        frames = self.shown.frames
-        slowest, fastest = images.PLAYBACK_HZ
-        shown_hz = trajectory.frame_rate_hz * len(frames) / trajectory.frames
-        note = "The light in photopic colors."
-        if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
-            note = "The light, mean of its bands in gray; it is invisible."
+    def player(self) -> sections.Player:
+        """Return the slider of the page's films, with the light at the top."""
+        trajectory, frames = self.settings.trajectory, self.shown.frames
         strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
-        return {
-            "labels": [images.frame_label(frame, trajectory.times_s) for frame in frames],
-            "start": len(frames) // 2,
-            "playback_hz": min(max(shown_hz, slowest), fastest),
-            "choices": (),
-            "aspect": f"{camera.width}/{camera.height}",
-            "radiance": images.data_uri(strip),
-            "note": note,
-        }
+        return sections.Player(
+            [images.frame_label(frame, trajectory.times_s) for frame in frames],
+            self.shown.sequence.shape,
+            trajectory.frame_rate_hz * len(frames) / trajectory.frames,
+            radiance=images.data_uri(strip),
+        )

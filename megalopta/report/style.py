@@ -1,8 +1,7 @@
 """House style of all figures, and charts of pages as SVG in light and dark.
 
-The colors are those of Okabe and Ito (2008), for color-blind readers. Curves should also differ in
-marker or dash, for readers in gray. Figures stay readable at half their width. Only matplotlib's
-object interface is used: no window, no state shared between figures.
+Colors are those of Okabe and Ito (2008), for color-blind readers; curves also differ in marker or
+dash. Only matplotlib's object interface is used: no window, no state shared between figures.
 """
 
 import io
@@ -111,8 +110,7 @@ def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> 
 def to_svg(figure: Figure, name: str, description: str) -> Markup:
     """Return a figure as an SVG element; for `in_style` functions.
 
-    The name, of letters, digits and dashes, makes its identifiers unique on the page; the
-    description is its text alternative. A wide figure scrolls, so that its text stays readable.
+    The name makes its identifiers unique on the page. A wide figure scrolls.
     """
     file = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name}):
@@ -160,6 +158,6 @@ def map_chart(
 
 def color_limits(*maps: Floats) -> tuple[float, float]:
     """Return the ends of a color scale that holds 98 % of the known pixels."""
-    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    known = np.concatenate([values[np.isfinite(values)] for values in maps])
     low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
     return float(low), float(high)

@@ -13,9 +13,9 @@ SENSELESS = 10.0
 """Relative error from which the report prints "fails" instead of a number."""
 
 
-def number(value: float) -> str:
+def number(value: float | None) -> str:
     """Format three digits, thousands with a prefix (12.3k), small numbers two digits (0.0012)."""
-    if not math.isfinite(value):
+    if value is None or not math.isfinite(value):
         return UNDEFINED
     if value == 0:
         return "0"
@@ -26,7 +26,11 @@ def number(value: float) -> str:
         return f"{value:.0f}"
     if size >= 0.9995:
         return f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
-    return f"{value:.2g}" if size >= 1e-4 else _power_of_ten(value)
+    if size >= 1e-4:
+        return f"{value:.2g}"
+    digits, exponent = f"{value:.1e}".split("e")
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{superscript}" if digits == "1.0" else f"{digits} · 10{superscript}"
 
 
 def with_error(value: float, error: float, unit: str) -> str:
@@ -42,7 +46,7 @@ def with_error(value: float, error: float, unit: str) -> str:
     if not (math.isfinite(error) and error > 0):
         return f"{number(value)} {unit}"
     digits = 1 - math.floor(math.log10(error))
-    texts = (f"{round(each, digits):.{max(digits, 0)}f}" for each in (value, error))
+    texts = (f"{round(size, digits):.{max(digits, 0)}f}" for size in (value, error))
     return f"{' ± '.join(texts)} {unit}"
 
 
@@ -102,9 +106,3 @@ def lux(illuminance_lux: float) -> str:
 def three_digits(value: float) -> str:
     """Format a number with three digits: "98700", "0.000314"."""
     return f"{float(f'{value:.3g}'):g}"
-
-
-def _power_of_ten(value: float) -> str:
-    digits, exponent = f"{value:.1e}".split("e")
-    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{superscript}" if digits == "1.0" else f"{digits} · 10{superscript}"

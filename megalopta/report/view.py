@@ -1,13 +1,9 @@
-"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events.
-
-Rerun's recording has the timelines "time" and "frame". A sequence has its camera and its visible
-points in the world there: z is up, meters.
-"""
+"""`megalopta view`: a film and a page of a dataset, a recording, or a file of frames or events."""
 
 import io
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +14,13 @@ from megalopta import __version__
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
+from megalopta.dataset.frames import read_truth_frame
+from megalopta.dataset.opened import open_dataset
 from megalopta.report import images
+from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.panels import (
     LONGEST_SIDE_PX,
     MOST_FRAMES,
-    Panel,
     View,
     file_view,
     sequence_view,
@@ -37,10 +35,10 @@ _STRIP_PX = 16_000
 """Height of the frames of a page above each other, which browsers must be able to draw"""
 _MOST_EXPOSURES = 4
 """Of a film"""
-_UNTIMED_HZ = 12.0
-"""Playback rate of frames without times, Hz"""
 _RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
 """Most frames, and points of a frame"""
+_PLACES = {"light": ["world", "camera", "light"], "readings": ["readings"]}
+"""Nested entities of panels; default: their name"""
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class ViewOptions:
 
 
 def view(
-    thing: str | Path, out: str | Path = "out/view", asked: ViewOptions | None = None
+    thing: str | Path, out: str | Path = "out/view", options: ViewOptions | None = None
 ) -> list[Path]:
     """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
 
@@ -70,30 +68,27 @@ def view(
     a recording, or a file or folder of frames or events. film.mp4 needs PyAV (extra `video`),
     view.rrd the Rerun SDK (extra `rerun`).
 
-    Raises UserError where it is none of these, is damaged, or cannot be shown as asked.
+    Raises UserError where it is none of these, is damaged, or cannot be shown as options.
     """
-    from megalopta.dataset.opened import open_dataset
-    from megalopta.report.dataset_card import SHOWN, write_contact_sheet
-
-    thing, folder, asked = Path(thing), Path(out), asked or ViewOptions()
+    thing, folder, options = Path(thing), Path(out), options or ViewOptions()
     is_dataset = (thing / "dataset.yaml").exists()
     if is_dataset and len(open_dataset(thing)) > 1:
-        if asked != ViewOptions():
+        if options != ViewOptions():
             raise UserError(
                 f"{thing}: many sequences have only a contact sheet; omit --sum and similar options"
             )
         return [write_contact_sheet(thing, SHOWN, folder)]
-    if is_dataset and asked.kind:
-        raise UserError(f"{thing}: a dataset states its own format; omit --format {asked.kind}")
-    bad = read_mask(asked.bad_pixels) if asked.bad_pixels else None
-    treatment = Treatment(asked.summed, asked.is_inverted, bad)
+    if is_dataset and options.kind:
+        raise UserError(f"{thing}: a dataset states its own format; omit --format {options.kind}")
+    bad = read_mask(options.bad_pixels) if options.bad_pixels else None
+    treatment = Treatment(options.summed, options.is_inverted, bad)
     if is_dataset:
         shown = sequence_view(thing, treatment)
     else:
-        shown = file_view(thing, treatment, asked.kind)
-    written = [write_rrd(folder / "view.rrd", shown)] if asked.with_rerun else []
-    page = _write_page(shown, folder / "view.html", asked.fps)
-    return [*_write_film(shown, folder, asked.fps), page, *written]
+        shown = file_view(thing, treatment, options.kind)
+    written = [write_rrd(folder / "view.rrd", shown)] if options.with_rerun else []
+    page = _write_page(shown, folder / "view.html", options.fps)
+    return [*_write_film(shown, folder, options.fps), page, *written]
 
 
 def _exposures(shown: View) -> tuple[list[str], list[str]]:
@@ -103,22 +98,10 @@ def _exposures(shown: View) -> tuple[list[str], list[str]]:
     return list(sensors), list(dict.fromkeys(panel.level for panel in readings))
 
 
-def _playback_hz(shown: View, frames: int, fps: float | None) -> float:
-    """Return the rate of so many frames, evenly spaced: real time if that can be followed."""
-    if fps or shown.rate_hz is None:
-        return fps or _UNTIMED_HZ
-    slowest, fastest = images.PLAYBACK_HZ
-    return min(max(shown.rate_hz * frames / len(shown.frames), slowest), fastest)
-
-
 def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
-    """Write the film.
-
-    Of exposures it has few, from the brightest on: the first sensor's, or at one light level of all
-    sensors; of flow by a method, that in the brightest.
-    """
+    """Write the film: few exposures, of one sensor or at one level, and flow in the brightest."""
     sensors, levels = _exposures(shown)
-    varied = "level" if len(levels) > 1 else "sensor"
+    varied, constant = ("level", sensors) if len(levels) > 1 else ("sensor", levels)
     readings = shown.of("readings")[::-1]
     if varied == "level":
         readings = [panel for panel in readings if panel.sensor == sensors[0]]
@@ -127,21 +110,19 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     flow = [panel for panel in shown.of("flow") if (panel.sensor, panel.level) in brightest]
     panels = [*shown.of("light"), *readings, *flow, *shown.of("motion")]
     titles = [f"{panel.name}, {getattr(panel, varied)}".rstrip(", ") for panel in panels]
-    constant = (sensors if varied == "level" else levels)[:1]
-    notes = filter(None, dict.fromkeys([*constant, *(panel.note for panel in panels)]))
+    notes = filter(None, dict.fromkeys([*constant[:1], *(panel.note for panel in panels)]))
     remarks = "".join(f" · {note}" for note in notes)
     frames = images.evenly_spaced(shown.frames, _FILM_FRAMES)
+    player = shown.player(frames, fps)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
         def moments() -> Iterator[tuple[str, images.Row]]:
-            for frame in frames:
-                label = images.frame_label(frame, shown.times_s, shown.treatment.summed)
+            for frame, label in zip(frames, player.labels, strict=True):
                 pictures = (panel.picture(frame) for panel in panels)
                 yield f"{label}{remarks}", list(zip(titles, pictures, strict=True))
                 advance()
 
-        playback_hz = _playback_hz(shown, len(frames), fps)
-        return images.write_film(folder, moments(), len(frames), playback_hz)
+        return images.write_film(folder, moments(), len(frames), player.playback_hz)
 
 
 def _write_page(shown: View, path: Path, fps: float | None) -> Path:
@@ -150,63 +131,45 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0])
     frames, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
     sensors, levels = _exposures(shown)
+    player = replace(shown.player(frames, fps), sensors=sensors, levels=levels)
+    chosen = Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>')
     parts = []
     with progress("Drawing the page", len(shown.panels), "panel") as advance:
         for panel in shown.panels:
-            parts.append(_chosen(panel, panel.film(frames), sensors, levels))
+            film = panel.film(frames)
+            if panel.kind in ("readings", "flow"):
+                places = sensors.index(panel.sensor), levels.index(panel.level)
+                is_first = places == (0, len(levels) - 1)
+                parts.append(chosen.format(*places, "" if is_first else Markup(" hidden"), film))
+            else:
+                parts.append(block("", film))
             advance()
     body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
-    heading = "Side by side" if len(parts) > 1 else "What was read"
-    playback_hz = _playback_hz(shown, len(frames), fps)
-    treatment = shown.treatment.description() if shown.of("readings") else ""
-    speed = ""
-    if shown.rate_hz is not None:
-        slower = shown.rate_hz * len(frames) / len(shown.frames) / playback_hz
+    summary = [shown.summary]
+    if shown.of("readings"):
+        summary.append(shown.treatment.description())
+    if player.real_hz is not None:
+        slower = player.real_hz / player.playback_hz
         ratio = f"{number(max(slower, 1 / slower))} times {'slower' if slower > 1 else 'faster'}"
         is_real = abs(slower - 1) < 0.02
-        speed = f"It plays {'in real time' if is_real else f'{ratio} than in reality'}."
+        summary.append(f"It plays {'in real time' if is_real else f'{ratio} than in reality'}.")
     total, filmed = len(shown.frames), min(len(shown.frames), _FILM_FRAMES)
-    left_out = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
-    left_out += f" and {f'all {total}' if len(frames) == total else f'{len(frames)} of {total}'}"
-    left_out += " frames" + (f"; the film has {filmed}" if filmed > len(frames) else "")
-    choices: list[dict[str, Any]] = [
-        {"name": "sensor", "title": "sensor", "texts": sensors, "is_slider": False},
-        {"name": "level", "title": "light", "texts": levels, "is_slider": True},
-    ]
-    film: dict[str, Any] = {
-        "labels": [
-            images.frame_label(frame, shown.times_s, shown.treatment.summed) for frame in frames
-        ],
-        "start": len(frames) // 2,
-        "playback_hz": playback_hz,
-        "choices": [choice for choice in choices if len(choice["texts"]) > 1],
-        "aspect": f"{shown.shape[1]}/{shown.shape[0]}",
-        "radiance": "",
-        "note": "",
-    }
+    pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
+    extent = f"all {total}" if len(frames) == total else f"{len(frames)} of {total}"
+    film_has = f"; the film has {filmed}" if filmed > len(frames) else ""
     return write_sections(
         path,
         shown.title,
-        " ".join(filter(None, (shown.summary, treatment, speed))),
-        [Section(heading, body=body)],
-        film=film,
-        footer=f"Written by megalopta {__version__}. The page shows {left_out}.",
-    )
-
-
-def _chosen(panel: Panel, film: Markup, sensors: list[str], levels: list[str]) -> Markup:
-    """Return a film, of readings and flow shown only where sensor and level are chosen."""
-    if panel.kind in ("light", "motion"):
-        return block("", film)
-    places = sensors.index(panel.sensor), levels.index(panel.level)
-    is_first = places == (0, len(levels) - 1)
-    return Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>').format(
-        *places, "" if is_first else Markup(" hidden"), film
+        " ".join(filter(None, summary)),
+        [Section("Side by side" if len(parts) > 1 else "What was read", body=body)],
+        footer=f"Written by megalopta {__version__}. The page shows {pixels} and {extent} frames"
+        f"{film_has}.",
+        player=player,
     )
 
 
 def write_rrd(path: Path, shown: View) -> Path:
-    """Write a view as .rrd for Rerun's viewer; return its path.
+    """Write a view as .rrd for Rerun's viewer, in the world (z up, meters); return its path.
 
     Raises ModuleNotFoundError if the Rerun SDK is not installed.
     """
@@ -223,25 +186,16 @@ def write_rrd(path: Path, shown: View) -> Path:
                 if shown.times_s is not None:
                     recording.set_time("time", duration=float(shown.times_s[frame]))
                 for panel in shown.panels:
-                    recording.log(*_rerun_image(rerun, panel, frame))
+                    names = *_PLACES.get(panel.kind, [panel.name]), panel.sensor, panel.level
+                    data = io.BytesIO()
+                    panel.picture(frame).convert("RGB").save(data, "PNG")
+                    picture = rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
+                    recording.log(["_".join(name.split()) for name in names if name], picture)
                 for place, entity in _rerun_scene(rerun, shown, frame):
                     recording.log(place, entity)
                 advance()
         recording.disconnect()
     return path
-
-
-def _rerun_image(rerun: Any, panel: Panel, frame: int) -> tuple[list[str], Any]:
-    """Return the place of a panel, names of nested entities, and its picture."""
-    above = {
-        "light": ["world", "camera", "light"],
-        "readings": ["readings"],
-        "flow": ["found_flow"],
-    }.get(panel.kind, [panel.name])
-    place = ["_".join(name.split()) for name in (*above, panel.sensor, panel.level) if name]
-    data = io.BytesIO()
-    panel.picture(frame).convert("RGB").save(data, "PNG")
-    return place, rerun.EncodedImage(contents=data.getvalue(), media_type="image/png")
 
 
 def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str], Any]]:
@@ -258,8 +212,6 @@ def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str
         axes = rerun.ViewCoordinates.RDF
         yield camera, rerun.Pinhole(image_from_camera=matrix, resolution=size, camera_xyz=axes)
     if sequence.configuration.scene.has_truth:
-        from megalopta.dataset.frames import read_truth_frame
-
         (light,) = shown.of("light")
         colors = np.asarray(light.picture(frame).convert("RGB")).reshape(-1, 3)
         position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)

@@ -1,8 +1,6 @@
 """`megalopta check files`: a dataset against its records and its plan.
 
-Every file is compared with its hash, shapes with the configuration, and unknown files are reported.
-Of a plan, also its number of sequences, the index, and the truth of a few sequences with a second
-derivation.
+Hashes and unknown files; of a plan, its sequences, index and splits, and the truth of a few.
 """
 
 import shlex
@@ -17,28 +15,26 @@ from rich.console import Console
 from megalopta.config.drawing import sequence_name
 from megalopta.config.recipe import Plan
 from megalopta.core import files
-from megalopta.core.bounded import METADATA, open_store, printable, read_json
+from megalopta.core.bounded import printable, read_json
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset import index
 from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, whole_of
-from megalopta.render import read_size
 from megalopta.stages.registry import STAGES
 from megalopta.stages.run import entry
 from megalopta.verification.truth import check_truth
 
 _OWN = ("dataset.yaml", "report.html", "croissant.json", "README.md", "index.html", LOCK_NAME)
-_RANKING = "ranking"
-"""Folder of a ranking, which the demo writes"""
-_STRANGE = "belongs to no sequence of this dataset"
+_OTHER_FOLDERS = (*BOOKS, "ranking")
+"""Folders without files of sequences; the demo writes a ranking"""
 
 
 class FileFault(NamedTuple):
     """A damaged, missing or unknown file."""
 
     path: Path
-    what: str
+    fault: str
     remedy: str
 
 
@@ -54,7 +50,7 @@ def run_check_files(root: Path, truths: int = 0) -> bool:
     faults = check_files(tree, truths)
     for fault in faults:
         console.print(
-            printable(f"{fault.path}: {fault.what}; {fault.remedy}"),
+            printable(f"{fault.path}: {fault.fault}; {fault.remedy}"),
             markup=False, highlight=False, soft_wrap=True,
         )  # fmt: skip
     names, checked = tree.names(), ""
@@ -89,9 +85,10 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     ]
     known |= {tree.root / name for name in _OWN}
     for top in tree.root.iterdir():
-        if top.name not in (*BOOKS, _RANKING) and not files.is_temporary(top):
+        if top.name not in _OTHER_FOLDERS and not files.is_temporary(top):
             for path in sorted(set(files.files_in([top])) - known):
-                all_faults.append(FileFault(path, _STRANGE, "move it elsewhere"))
+                fault = "belongs to no sequence of this dataset"
+                all_faults.append(FileFault(path, fault, "move it elsewhere"))
     return all_faults
 
 
@@ -102,7 +99,7 @@ def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
         finished = entry(dataset, stage)
         for name, (size, digest) in (finished.files or {} if finished else {}).items():
             path = root / name
-            if fault := file_difference(path, size, digest) or wrong_shape(dataset, path):
+            if fault := file_difference(path, size, digest):
                 store = whole_of(path, root)
                 damaged, verb = store if store.exists() else None, STAGES[stage].command
                 if plan:
@@ -112,24 +109,6 @@ def _file_faults(dataset: Dataset, plan: Plan | None) -> Faults:
                 again = f"{remove}run: {shell_command(*verb.split(), root, *out)}"
                 faults[store] = FileFault(path, fault, again)
     yield from faults.values()
-
-
-def wrong_shape(dataset: Dataset, path: Path) -> str | None:
-    """Return what is wrong with the shape of a file, or with the store that it describes."""
-    camera = dataset.configuration.camera
-    size = (camera.height, camera.width)
-    try:
-        if path.suffix == ".exr" and (found := read_size(path)) != size:
-            return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
-        store = whole_of(path, dataset.root)
-        if path.name.startswith(".z") or (path.name == METADATA and path.parent == store):
-            counts = open_store(store).arrays.get("counts")
-            shape = (dataset.configuration.trajectory.frames, *size)
-            if counts is not None and counts.shape != shape:
-                return f"has counts of shape {tuple(counts.shape)} instead of {shape}"
-    except Exception as problem:  # a forged file can raise any exception
-        return f"cannot be read ({problem or type(problem).__name__})"
-    return None
 
 
 def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
@@ -164,10 +143,9 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
             record = tree.record(name)
             for split in index.splits_of(record, plan):
                 members_of.setdefault(split, []).append(name)
-                for link in index.split_links(root, split, record):
-                    if not link.is_symlink():
-                        yield FileFault(link, "is missing", again)
-                        break
+                links = index.split_links(root, split, record)
+                if missing_link := next((link for link in links if not link.is_symlink()), None):
+                    yield FileFault(missing_link, "is missing", again)
     for split, members in members_of.items():
         if list(lists.get(split, [])) != members:
             path = root / "splits" / f"{split}.txt"

@@ -1,18 +1,15 @@
 """`megalopta check truth`: a dataset's flow against a second derivation, and against its images.
 
-Flow is rederived from stored depth, poses and motions (`reprojection`), in both directions. Then
-the next image is warped back along the stored flow, and the remaining shift between it and this
-image is estimated by least squares on the gradient (Lucas and Kanade, 1981), over the whole image.
-Aliasing and moving shadows leave one or two tenths of a pixel; a wrong sign or a grid off by half a
-pixel leaves more than the limit. Noise of the rendering leaves more in small images, so three
-standard errors of the shift are subtracted.
+Flow is rederived from stored depth, poses and motions, in both directions. The next image is warped
+back along the stored flow, and the remaining shift is estimated by least squares on the gradient
+(Lucas and Kanade, 1981). Aliasing and moving shadows leave one or two tenths of a pixel; a wrong
+sign or a grid off by half a pixel leaves more than the limit.
 
 The truth of whole pixels is compared with that of their centers. Where one object fills the pixel,
 its center's flow is rarely farther from the mean than a few spreads. Over the image, the shares of
 sky, and of hidden area, sum to the number of pixels with such a center, within chance: a share s
-gives a center with a variance of s·(1 − s). Edges along rows or columns make chance larger, which
-their sums show. Where the centers of neighbors see different objects, the outline between them
-crosses one of the two.
+gives a center with a variance of s·(1 − s). Where the centers of neighbors see different objects,
+the outline between them crosses one of the two.
 """
 
 from collections.abc import Iterator
@@ -122,9 +119,8 @@ def check_truth(dataset: Dataset) -> list[Residual]:
         values, kind = np.concatenate(residuals[name]), name.split(" ")[0].rstrip(",")
         limit = LARGEST_STANDARD_ERRORS if "share" in name else LARGEST_MEDIAN_PX
         limit = {"image": LARGEST_SHIFT_PX, "outlines": LARGEST_PART_MISSED}.get(kind, limit)
-        median, high = 0.0, 0.0
-        if values.size:
-            median, high = np.percentile(values, [50, 99], method="nearest").tolist()
+        known = values if values.size else [0.0]
+        median, high = np.percentile(known, [50, 99], method="nearest").tolist()
         checked.append(Residual(name, values.size, median, high, limit))
     return checked
 
@@ -176,8 +172,8 @@ def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
     footprint = truth.footprint
     objects, is_mixed = truth.object_id, footprint.is_mixed
     borders = [  # of different objects: True where neither side is mixed
-        ~(is_mixed[here] | is_mixed[there])[objects[here] != objects[there]]
-        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
+        ~(is_mixed[side] | is_mixed[neighbor])[objects[side] != objects[neighbor]]
+        for side, neighbor in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))
     ]
     if (is_missed := np.concatenate(borders)).size:
         yield "outlines missed, share", np.array([is_missed.mean()])

@@ -14,27 +14,23 @@ import numpy as np
 import pytest
 
 from megalopta.camera.capture import CaptureSettings, sensor_as_set
-from megalopta.camera.emulator import EmulatedCamera, EmulatedPort, flat
+from megalopta.camera.emulator import EmulatedCamera, emulate, flat
 from megalopta.sensor import expose_adc, preset
 from megalopta.sensor.formats.protocol import Kind, Parser, Settings, encode
 
 from ..process_group import wait_for
 
 SENSOR = preset("spadcam")
-FILM = flat((5e6,))
+FILM = partial(flat, photons_hz=(5e6,))
 
 
 @contextmanager
-def emulating(link, clock_rate=1.0, **camera):
+def emulating(link, clock_rate=1.0, **fields):
     """Run a camera; yield a function that finds its port."""
     stop = threading.Event()
-    given = {"sensor": SENSOR, "film": FILM} | camera
-    port = EmulatedPort(
-        EmulatedCamera(**given),
-        link,
-        clock_rate=clock_rate,
-    )
-    thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
+    camera = EmulatedCamera(**{"sensor": SENSOR, "film": FILM, **fields})
+    acts = partial(emulate, camera, stop, link, clock_rate=clock_rate)
+    thread = threading.Thread(target=acts, daemon=True)
     thread.start()
     try:
         wait_for(link.exists)
@@ -122,8 +118,3 @@ def expected_adc(settings: Settings, number: int):
 def emulated(tmp_path):
     """Emulates a camera at `tmp_path / "cam"`."""
     return partial(emulating, tmp_path / "cam")
-
-
-def said_of(told):
-    """Lines that a command says, without those of its progress."""
-    return [line for line in told.splitlines() if "at work for" not in line]

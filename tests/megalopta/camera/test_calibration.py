@@ -45,28 +45,20 @@ def lines(*entries):
     return "recordings:\n" + "".join(f"  - {{{each}}}\n" for each in entries)
 
 
-def save(path, counts):
-    """Write counts as a stack, or as an array."""
-    if path.suffix == ".npy":
-        np.save(path, counts.astype(np.uint16))
-        return
-    with tiff_writer(path, counts.nbytes, 1.0) as write:
-        write(counts.astype(np.uint16))
-
-
 def written(folder, name, mean, capacity=None):
     """Poisson counts in a file."""
     rng = np.random.default_rng(len(name))
-    counts = np.clip(rng.poisson(mean * np.ones((400, *SHAPE))), None, capacity)
-    save(folder / f"{name}.tif", counts)
+    counts = np.clip(rng.poisson(mean * np.ones((400, *SHAPE))), None, capacity).astype(np.uint16)
+    with tiff_writer(folder / f"{name}.tif", counts.nbytes, 1.0) as write:
+        write(counts)
 
 
-def exposed(folder, sensor, frames, shape, light, suffix="npy"):
+def exposed(folder, sensor, frames, shape, light):
     """Dark frames and lit ones, written as a sensor counts them."""
     for name, hz in (("dark", 0.0), ("flat", light)):
         rate = np.full((frames, *shape), EFFICIENCY * hz)
         counts = expose_rate(rate, sensor, seed=1, stream=name).counts
-        save(folder / f"{name}.{suffix}", counts)
+        np.save(folder / f"{name}.npy", counts.astype(np.uint16))
 
 
 def calibrated(folder, *entries):
@@ -123,11 +115,11 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
         crosstalk={"mean_fired_neighbors": 0.03, "kernel": pairs.tolist()},
         measured={"dark_counts": str(tmp_path / "own.npy")},
     )
-    exposed(tmp_path, true, 400, shape, 5e4, "tif")
+    exposed(tmp_path, true, 400, shape, 5e4)
     found, _, page = calibrated(
         tmp_path,
-        "path: dark.tif, exposure_s: 0.001",
-        "path: flat.tif, exposure_s: 0.001, light: 5.0e+4",
+        "path: dark.npy, exposure_s: 0.001",
+        "path: flat.npy, exposure_s: 0.001, light: 5.0e+4",
     )
     chances = neighborhoods(found.crosstalk).mean(axis=1)
     # 0.018 to the partner, nothing to the other row; a tenth of it
@@ -140,7 +132,7 @@ def test_hot_pixels_give_the_crosstalk_of_pairs_of_rows(tmp_path):
     assert again.mean() == pytest.approx(
         reading_moments(np.zeros((1, *shape)), true)[0].mean(), rel=0.01
     )
-    assert "all around, of hot pixels" in page
+    assert "neighbors of hot pixels" in page
 
 
 def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
@@ -192,38 +184,29 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("words", "told"),
     [
         ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"),
         ("flat@bright", "with a number after the @"),
         ("flat@-1", "light"),
         ("flat@1:0", "exposure_s"),
         ("nothing.yaml", r"cannot be read \(No such file or directory\); give a YAML"),
-        (lines("path: dark.tif, exposure_s: 0"), "exposure_s"),
-        (lines("path: dark.tif, lens: 2"), "lens"),
+        (["path: dark.tif, exposure_s: 0"], "exposure_s"),
+        (["path: dark.tif, lens: 2"], "lens"),
+        (["path: flat.npy, exposure_s: 1e-3, light: 1e6"], "--wavelength-nm 5000: sensor 'ideal'"),
+        (["path: flat.npy, light: 1e6"], "exposure is unknown"),
+        (["path: flat.npy, exposure_s: 1e-3, frames: [10, 99]"], "at most 60"),
     ],
 )
-def test_names_and_lists_of_recordings_are_checked(text, told, tmp_path):
-    if "\n" in text:
-        (tmp_path / "list.yaml").write_text(text, "utf-8")
-        text = str(tmp_path / "list.yaml")
-    with pytest.raises(UserError, match=told):
-        named_sources([text])
-
-
-@pytest.mark.parametrize(
-    ("source", "told"),
-    [
-        ({"light": 1e6, "exposure_s": 1e-3}, "--wavelength-nm 5000: sensor 'ideal' has no eff"),
-        ({"light": 1e6}, "exposure is unknown"),
-        ({"exposure_s": 1e-3, "frames": (10, 99)}, "at most 60"),
-    ],
-)
-def test_what_cannot_be_calibrated_is_refused(source, told, tmp_path):
+def test_recordings_that_cannot_be_calibrated_are_refused(words, told, tmp_path):
     np.save(tmp_path / "flat.npy", np.ones((60, 4, 4), np.uint16))
+    if isinstance(words, list):
+        (tmp_path / "list.yaml").write_text(lines(*words), "utf-8")
+        words = str(tmp_path / "list.yaml")
     with pytest.raises(UserError, match=told):
-        calibrate_recordings([Source(path=tmp_path / "flat.npy", **source)], tmp_path / "x.yaml",
-                             beam=Beam(5000.0), base="ideal")  # fmt: skip
+        calibrate_recordings(
+            named_sources([words]), tmp_path / "x.yaml", beam=Beam(5000.0), base="ideal"
+        )
 
 
 SIDES = (16, 16)
@@ -326,27 +309,23 @@ def test_the_command_writes_the_files_that_ship(number, tmp_path):
     )
 
 
-def test_tables_of_one_kind_and_without_dark_counts_are_refused(tmp_path):
-    rates = np.ones((4, 12))
-    with pytest.raises(ValueError, match="2 tables of one kind"):
-        write_array_device(tmp_path / "a.yaml", [rates, rates], "ideal", "")
-    pairs = read_measurement(ARRAYS / "crosstalk-1.csv")
-    with pytest.raises(ValueError, match="no map of dark counts"):
-        write_array_device(tmp_path / "a.yaml", [pairs], "ideal", "")
-    assert not (tmp_path / "a.yaml").exists()
-
-
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("tables", "message"),
     [
-        ("", "empty"),
-        ("1,2\n3,4", "4 rates, of which 24 are needed"),
-        ("pix1,pix2,distance,crosstalk,error\n0,1,1,1e-3,1e-5", "1 pairs"),
-        ("events,duration_s,1-2\n5,1,3", "1 pixels with events"),
+        ((KINDS[0], KINDS[0]), "2 tables of one kind"),
+        ((KINDS[1],), "no map of dark counts"),
+        (("1,2\n3,4",), "4 rates, of which 24 are needed"),
+        (("pix1,pix2,distance,crosstalk,error\n0,1,1,1e-3,1e-5",), "1 pairs"),
+        (("events,duration_s,1-2\n5,1,3",), "1 pixels with events"),
     ],
 )
-def test_other_files_are_refused_in_a_sentence(tmp_path, text, message):
-    path = tmp_path / "other.csv"
-    path.write_text(text)
-    with pytest.raises(UserError, match=message):
-        read_measurement(path)
+def test_tables_that_do_not_suffice_are_refused(tmp_path, tables, message):
+    paths = [ARRAYS / f"{table}-1.csv" for table in tables]
+    if tables[0] not in KINDS:
+        paths = [tmp_path / "other.csv"]
+        paths[0].write_text(tables[0])
+    with pytest.raises(ValueError, match=message):
+        write_array_device(
+            tmp_path / "a.yaml", [read_measurement(path) for path in paths], "ideal", ""
+        )
+    assert not (tmp_path / "a.yaml").exists()

@@ -4,12 +4,10 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
-from matplotlib.figure import Figure
 
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report.detectors import error_chart
-from megalopta.report.style import BLACK, RULE, in_style, to_svg
+from megalopta.report.style import BLACK, RULE
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
 
@@ -41,11 +39,3 @@ def test_undefined_and_zero_errors_leave_gaps():
     svg = chart(np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0]))
     assert "nan" not in svg
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
-
-
-@pytest.mark.parametrize(("width_in", "least"), [(5.3, None), (10.0, "min-width: 540px")])
-def test_a_wide_figure_scrolls_by_keyboard_too(width_in, least):
-    svg = in_style(lambda: to_svg(Figure(figsize=(width_in, 2)), "figure", "A figure"))()
-    assert (least in svg) if least else ("min-width" not in svg)
-    assert svg.startswith('<div class="scroll" role="region"' if least else '<svg class="plot"')
-    assert svg.count('tabindex="0"') == bool(least)

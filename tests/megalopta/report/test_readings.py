@@ -171,15 +171,6 @@ def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, name, content, s
         readings_of(tmp_path / name)
 
 
-@pytest.mark.parametrize("mark", ["dataset.yaml", "frames.bin"])
-def test_of_a_store_the_dataset_or_recording_is_named(tmp_path, mark):
-    store = tmp_path / "night" / "counts" / "ideal.zarr"
-    store.mkdir(parents=True)
-    (tmp_path / "night" / mark).touch()
-    with pytest.raises(UserError, match=r"ideal\.zarr: a part of .*night; run: .* view .*night$"):
-        readings_of(store)
-
-
 @pytest.mark.parametrize("values", [np.zeros((3, 3)), np.ones((3, 3), bool), np.zeros(3, bool), 0])
 def test_a_mask_is_of_bool_and_leaves_good_pixels(tmp_path, values):
     with pytest.raises(UserError, match=r"--bad-pixels: .*m\.npy is no mask"):

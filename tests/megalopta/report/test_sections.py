@@ -1,11 +1,8 @@
 """Pages of sections, as calibration, comparison and ranking write them."""
 
-import pytest
 from markupsafe import Markup
 
 from megalopta.report.sections import Section, write_sections
-
-from ..accessibility import needs_axe, violations
 
 CHART = Markup('<svg role="img" aria-label="a line" viewBox="0 0 9 9"><path d="M0 0L9 9"/></svg>')
 SECTIONS = [
@@ -19,10 +16,3 @@ def test_text_is_escaped_and_charts_are_not(tmp_path):
     text = (tmp_path / "page.html").read_text("utf-8")
     assert "<h1>A &lt; B</h1>" in text
     assert text.count(CHART) == 2
-
-
-@needs_axe
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_keyboards_and_screen_readers_find_their_way(theme, tmp_path):
-    write_sections(tmp_path / "page.html", "A page", "In short.", SECTIONS)
-    assert violations(tmp_path / "page.html", tmp_path, theme) == []

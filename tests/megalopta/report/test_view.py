@@ -62,7 +62,7 @@ def test_light_counts_flow_and_truth_stand_side_by_side(whole, tmp_path):
     assert state(whole) == before
 
 
-def test_a_page_shows_the_first_sensor_in_the_brightest_light_and_needs_nothing_else(page):
+def test_a_page_shows_the_first_sensor_in_the_brightest_light(page):
     assert [label for label, _ in panels(page)] == ["light", *["counts"] * 4, "true flow"]
     text = page.read_text("utf-8")
     shown = re.findall(r'class="chosen" data-sensor="(\d)" data-level="(\d)">', text)
@@ -70,9 +70,6 @@ def test_a_page_shows_the_first_sensor_in_the_brightest_light_and_needs_nothing_
     texts = json.loads(re.search(r'data-texts="([^"]+)"', text)[1].replace("&#34;", '"'))
     assert texts == ["starlight", "10\xa0lux"]
     assert re.findall(r"<option value=.\d.>(\w+)", text) == ["spadcam", "ideal"]
-    assert "://" not in text and "@import" not in text
-    links = re.findall(r"(?:src|href)=\"([^\"]+)", text)
-    assert all(link.startswith(("data:", "#")) for link in links)
 
 
 def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_path, capsys):
@@ -109,15 +106,10 @@ def test_sliders_choose_light_sensor_and_time(page, tmp_path):
     copy = tmp_path / "page.html"
     copy.write_text(page.read_text("utf-8").replace("</body>", script), "utf-8")
     options = ("--headless", "--no-sandbox", "--disable-gpu", "--dump-dom")
-    profile = f"--user-data-dir={tmp_path / 'profile'}"
-    done = subprocess.run(
-        ["chromium", *options, profile, copy.as_uri()],
-        **{"capture_output": True, "text": True, "timeout": 120, "check": True},
-    )
-    told = json.loads(
-        re.search(r'<pre id="seen">(.*?)</pre>', done.stdout)[1].replace("&nbsp;", " ")
-    )
-    assert told == [[["1", "0"]], "2", "frame 3 · 0.20 s", "starlight"]
+    line = ["chromium", *options, f"--user-data-dir={tmp_path / 'profile'}", copy.as_uri()]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=True)
+    told = re.search(r'<pre id="seen">(.*?)</pre>', done.stdout)[1].replace("&nbsp;", " ")
+    assert json.loads(told) == [[["1", "0"]], "2", "frame 3 · 0.20 s", "starlight"]
 
 
 def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_path):
@@ -162,12 +154,3 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     ]
     with Image.open(tmp_path / "out" / "film.gif") as film:
         assert (film.n_frames, film.info["duration"]) == (10, 200)
-
-
-def test_a_large_thing_makes_a_small_page_that_says_what_it_leaves_out(tmp_path):
-    frames = np.random.default_rng(0).integers(0, 9, (90, 400, 500), np.uint16)
-    np.save(tmp_path / "large.npy", frames)
-    view(tmp_path / "large.npy", tmp_path / "out")
-    page = tmp_path / "out" / "view.html"
-    assert page.stat().st_size < 10e6
-    assert "one of 2 × 2 pixels and 80 of 90 frames; the film has 90." in page.read_text("utf-8")

@@ -1,5 +1,7 @@
 """The motion bench through the emulated camera's line, beside the one simulated directly."""
 
+from functools import partial
+
 import pytest
 
 from megalopta.camera.emulator import plate
@@ -22,7 +24,7 @@ def recording(tmp_path, request, monkeypatch):
     """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
     monkeypatch.setattr("signal.signal", lambda *_: None)  # the command puts in its own handlers
     link, out = tmp_path / "cam", tmp_path / "plate"
-    with emulating(link, clock_rate=20.0, film=plate(request.param), seed=3):
+    with emulating(link, clock_rate=20.0, film=partial(plate, speed_mm_s=request.param), seed=3):
         words = f"--port {link} --kind plate --rate 10 --exposure 0.1 --frames 600 --out {out}"
         cli.main(["spadcam", "capture", *words.split()])
     return out
@@ -32,7 +34,7 @@ def recording(tmp_path, request, monkeypatch):
 @pytest.mark.parametrize("recording", [10.0], indirect=True)
 def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     captured = open_recording(recording)
-    sensor = changed(captured.sensor, counter={"calibrated": False})
+    sensor = changed(captured.settings.sensor, counter={"calibrated": False})
     figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
     assert [figure.name for figure in figures] == NAMES
     numbers = figures[-1].numbers.iloc[0]

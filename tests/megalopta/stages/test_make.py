@@ -47,7 +47,7 @@ def test_one_sequence_alone_is_that_of_the_whole(small_plan, small_dataset, tmp_
     assert alone == {name: each for name, each in whole.items() if "000001" in name}
     assert Tree(tmp_path / "alone").names() == ["000001"]
     faults = check_files(Tree(tmp_path / "alone"))
-    assert ["999 sequences of the plan are missing" in each.what for each in faults] == [True]
+    assert ["999 sequences of the plan are missing" in fault.fault for fault in faults] == [True]
 
 
 def test_more_sequences_leave_what_is_there(small_copy, small_plan):
