@@ -5,7 +5,6 @@ of the group `megalopta.scenes`.
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from typing import ClassVar
 
 from megalopta.core.record import Record
@@ -55,21 +54,6 @@ class SceneDescription(Record, frozen=True):
     def is_hazy(self) -> bool:
         """True if droplets in the air scatter light."""
         return False
-
-    @property
-    def is_diffuse(self) -> bool:
-        """True if all of its surfaces are diffuse."""
-        return True
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Numbers of objects by name, for the report."""
-        return {}
-
-    def expected_triangles(self, path_m: float) -> float:
-        """Return the approximate number of triangles along a path of this length."""
-        del path_m
-        return 1.0
 
     @abstractmethod
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:

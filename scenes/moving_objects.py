@@ -14,6 +14,7 @@ from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.meshes.model import PlacedMesh, pose_of
+from megalopta.scenes.meshes.pieces import check_pictures, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion, Vector
@@ -94,12 +95,13 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
         if isinstance(thing, MovingModel):
             kind = thing.name or thing.file.stem
             name = f"object {index} {kind}"
-            pieces = thing.pieces()
+            pieces, unused = thing.read()
             check_names(thing.materials, pieces)
             label = f"{name} {thing.file.path}"
             surfacing = Surfacing(label, thing.materials, materials=materials)
             assets[name] = surfacing.whole(pieces)
-            notes += thing.notes(pieces)
+            check_pictures(label, weights_of(materials.values()))
+            notes += unused
         else:
             kind, name = thing.name, f"object {index} {thing.name}"
             materials[name] = _material(thing, index)

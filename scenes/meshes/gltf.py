@@ -1,14 +1,11 @@
-"""Meshes of a glTF 2.0 file: its nodes as objects, in the pose of the file.
+"""Nodes of a glTF 2.0 file (Khronos Group) as objects; errors of any kind mean a damaged file.
 
-trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads quantized
-vertices as they are stored. Points and lines have no surface.
-
-Khronos Group, glTF 2.0 Specification. Everything is read by index from JSON of a stranger: errors
-of any kind mean a damaged file.
+trimesh names parts at random, rounds colors to eight bits and reads quantized vertices as stored.
 """
 
 import base64
 import struct
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -22,7 +19,17 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, check_decoded, from_json, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
-from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, check_map, linear_picture
+from megalopta.scenes.meshes.pieces import (
+    MOST_OBJECTS,
+    Paint,
+    Piece,
+    Unused,
+    check_map,
+    check_pictures,
+    colored,
+    linear_picture,
+    weights_of,
+)
 
 _JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -31,6 +38,9 @@ _VALUE_BYTES = 24
 """Memory of a value that an accessor reads, with its copies."""
 EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
 """Extensions that have an effect."""
+_TRIANGLES, _STRIP, _FAN, _REPEAT = 4, 5, 6, 10497
+_MOST_STEPS = 100_000
+"""Most nodes on the ways from the scene's root to all moving meshes."""
 
 Json = Mapping[str, Any]
 
@@ -67,24 +77,40 @@ def _checked(header: Any) -> Json:
     return dict(header)
 
 
-def names_in(content: bytes) -> list[str]:
-    """Names of the files with buffers and colors that a glTF file names. Raises any exception."""
+def names_in(name: str, content: bytes) -> list[str]:
+    """Names of the files with buffers and colors that a file names. Raises any exception."""
+    if not name.lower().endswith((".glb", ".gltf")):
+        return []
     header, _ = parts_of(content)
-    textures = (color_of(each)[1] for each in header.get("materials", ()))
-    images = [header["images"][image_of(header, each)] for each in textures if each is not None]
-    uris = [each["uri"] for each in [*header.get("buffers", ()), *images] if "uri" in each]
+    models = (each.get("pbrMetallicRoughness", {}) for each in header.get("materials", ()))
+    textures = (model["baseColorTexture"] for model in models if "baseColorTexture" in model)
+    images = [header["images"][image_of(header, texture)] for texture in textures]
+    uris = [entry["uri"] for entry in [*header.get("buffers", ()), *images] if "uri" in entry]
     return [unquote(uri) for uri in uris if not uri.startswith("data:")]
-
-
-def color_of(material: Json) -> tuple[list[float], Json | None]:
-    """Color factor, in linear sRGB, and entry of the texture, or None, of a material."""
-    model = material.get("pbrMetallicRoughness", {})
-    return model.get("baseColorFactor", [1, 1, 1])[:3], model.get("baseColorTexture")
 
 
 def image_of(header: Json, texture: Json) -> int:
     """Number of the image of a texture's entry in a material."""
     return int(header["textures"][texture["index"]]["source"])
+
+
+def stated(name: str, content: bytes) -> tuple[int, int, int]:
+    """Vertices, triangles and primitives that the nodes place, of meshes as often as placed."""
+    header, _ = parts_of(content)
+    for things in ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers"):
+        check_count(name, things, len(header.get(things, ())), MOST_OBJECTS)
+    counts = [int(accessor["count"]) for accessor in header.get("accessors", ())]
+    placed = Counter(node["mesh"] for node in header.get("nodes", ()) if "mesh" in node)
+    vertices = triangles = primitives = 0
+    for number, times in placed.items():
+        for part in header["meshes"][number]["primitives"]:
+            position = part["attributes"]["POSITION"]
+            corners = counts[part.get("indices", position)]
+            is_list = part.get("mode", _TRIANGLES) == _TRIANGLES
+            vertices += times * counts[position]
+            triangles += times * (corners // 3 if is_list else corners)
+            primitives += times
+    return vertices, triangles, primitives
 
 
 class GltfFile:
@@ -144,13 +170,6 @@ class GltfFile:
         return values.astype(np.float64) if kind.kind == "f" else values
 
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_REPEAT = 10497
-_MOST_STEPS = 100_000
-"""Most nodes on the ways from the scene's root to all moving meshes."""
-Picture = NDArray[np.float32]
-
-
 class _Look(NamedTuple):
     """Material, and how its picture lies on surfaces."""
 
@@ -161,18 +180,16 @@ class _Look(NamedTuple):
     """(3, 3): map of coordinates, with v downward."""
 
 
-def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator[Piece]:
+def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Piece]:
     """Yield the pieces of a file's nodes. Raises any exception if the file is damaged.
 
-    If `animated`, they move as the file's first animation tells.
+    If "animation" is used, they move as the file's first animation tells.
     """
-    file = GltfFile(contents)
+    file, animated = GltfFile(contents), "animation" in used
     tracks = _tracks(file) if animated else {}
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
     above = {child: each for each in to_world for child in nodes[each].get("children", ())}
-    materials = file.header.get("materials", ())
-    pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
-    looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
+    looks = _looks(file, next(iter(contents)))
     steps, is_moving = 0, False
     for number, pose in to_world.items():
         node = nodes[number]
@@ -231,18 +248,6 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
         for target in (channel["target"] for channel in animation["channels"]):
             if target["path"] not in PARTS or "node" not in target:
                 yield "an animation's morph weights, extensions", target["path"]
-
-
-def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
-    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
-    node = file.header["nodes"][number]
-    mesh = file.header["meshes"][node["mesh"]]
-    name = str(node.get("name") or mesh.get("name") or f"node {number}")
-    for part in mesh["primitives"]:
-        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
-            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
-        if mode >= _TRIANGLES:
-            yield _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -319,26 +324,32 @@ def _motion(
     return motion
 
 
-def _look(
-    file: GltfFile, number: int, material: Json, pictures: dict[int, Picture], texels: Texels
-) -> _Look:
-    color, texture = color_of(material)
-    red, green, blue = np.clip(color, 0, 1).tolist()
-    name = str(material.get("name") or f"material {number}")
-    paint = Paint(name, (red, green, blue))
-    if texture is None:
-        return _Look(paint)
-    image = image_of(file.header, texture)
-    if image not in pictures:
-        pictures[image] = texels.add(linear_picture(file.image(image), name))
-    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    paint = replace(paint, picture=pictures[image])
-    coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
-    turn, to_picture = change.get("rotation", 0.0), np.eye(3)
-    to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-    to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
-    to_picture[:2, 2] = change.get("offset", [0, 0])
-    return _Look(paint, coordinates, to_picture)
+def _looks(file: GltfFile, owner: str) -> list[_Look]:
+    """Look of each material; of a picture there is one copy for each color that multiplies it."""
+    looks: list[_Look] = []
+    pictures: dict[int, NDArray[np.float32]] = {}
+    weights: list[NDArray[np.float32]] = []
+    for number, material in enumerate(file.header.get("materials", ())):
+        name = str(material.get("name") or f"material {number}")
+        model = material.get("pbrMetallicRoughness", {})
+        color = np.clip(model.get("baseColorFactor", [1, 1, 1])[:3], 0, 1)
+        if (texture := model.get("baseColorTexture")) is None:
+            looks.append(_Look(Paint(name, colored(color))))
+            continue
+        image = image_of(file.header, texture)
+        if image not in pictures:
+            pictures[image] = linear_picture(file.image(image), name)
+        surface = colored(color, pictures[image])
+        weights += weights_of([surface])
+        check_pictures(owner, weights)
+        change = texture.get("extensions", {}).get("KHR_texture_transform", {})
+        coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
+        turn, to_picture = change.get("rotation", 0.0), np.eye(3)
+        to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
+        to_picture[:2, 2] = change.get("offset", [0, 0])
+        looks.append(_Look(Paint(name, surface), coordinates, to_picture))
+    return looks
 
 
 def _ignored(material: Json) -> Iterator[str]:
@@ -358,29 +369,31 @@ def _ignored(material: Json) -> Iterator[str]:
             yield f"{kind} maps"
 
 
-def _piece(
-    file: GltfFile,
-    part: Json,
-    looks: Sequence[_Look],
-    of: tuple[int, str],
-) -> Piece:
-    attributes = part["attributes"]
-
-    def values(name: str) -> Floats | None:
-        if name not in attributes:
-            return None
-        return file.values(attributes[name]).astype(np.float64)
-
-    if (vertices := values("POSITION")) is None:
-        raise ValueError(f"object {quoted(of[1])!r} has no positions")
-    corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
-    look = looks[part["material"]] if "material" in part else _Look()
-    uv = values(f"TEXCOORD_{look.coordinates}")
-    if uv is not None:
-        uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
-        uv[:, 1] = 1 - uv[:, 1]
-    faces = _faces(corners.astype(np.int64), part.get("mode", _TRIANGLES))
-    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv)
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
+    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
+    node = file.header["nodes"][number]
+    mesh = file.header["meshes"][node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    for part in mesh["primitives"]:
+        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
+            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
+        if mode < _TRIANGLES:
+            continue
+        look = looks[part["material"]] if "material" in part else _Look()
+        values = {
+            attribute: file.values(accessor).astype(np.float64)
+            for attribute, accessor in part["attributes"].items()
+            if attribute in ("POSITION", "NORMAL", f"TEXCOORD_{look.coordinates}")
+        }
+        if (vertices := values.get("POSITION")) is None:
+            raise ValueError(f"object {quoted(name)!r} has no positions")
+        indices = file.values(part["indices"])[:, 0] if "indices" in part else range(len(vertices))
+        faces = _faces(np.asarray(indices, np.int64), mode)
+        uv = values.get(f"TEXCOORD_{look.coordinates}")
+        if uv is not None:
+            uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
+            uv[:, 1] = 1 - uv[:, 1]
+        yield Piece(number, name, vertices, faces, look.paint, values.get("NORMAL"), uv)
 
 
 def _faces(corners: Ints, mode: int) -> Ints:

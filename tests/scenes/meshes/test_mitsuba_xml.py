@@ -43,11 +43,8 @@ def material_of(path, **more):
 def test_metal_is_kept_as_it_is_unless_a_reflectance_is_given(write):
     path = write(square(METAL))
     assert material_of(path).finish.kind == "roughconductor"
-    assert not Meshes(files=(path,)).is_diffuse
-    assert Meshes(files=(path,)).expected_triangles(1.0) == 1  # costs are in proportion to it
     given = material_of(path, materials={"Brass": 0.3})
     assert (given.finish, given.reflectance(600)) == (None, 0.3)
-    assert Meshes(files=(path,), materials={"Brass": 0.3}).is_diffuse
 
 
 @pytest.mark.parametrize(
@@ -114,7 +111,7 @@ def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp
 
 def test_names_of_older_versions_are_understood(write):
     step = '<transform name="toWorld"><translate x="3"/></transform>'
-    (piece,) = PlacedMesh(file=write(square(more=step), "0.6.0"), up="z").pieces()
+    ((piece,), _) = PlacedMesh(file=write(square(more=step), "0.6.0"), up="z").read()
     np.testing.assert_allclose(piece.vertices.mean(axis=0), [3, 0, 0])
 
 
@@ -123,7 +120,7 @@ def test_defaults_fill_what_is_not_given(write):
     path = write(
         '<default name="size" value="4"/><default name="size" value="9"/>' + square(more=scale)
     )
-    (piece,) = PlacedMesh(file=path).pieces()
+    ((piece,), _) = PlacedMesh(file=path).read()
     assert np.ptp(piece.vertices, axis=0).max() == 8
 
 

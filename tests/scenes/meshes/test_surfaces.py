@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from megalopta.scenes.material import ColorTexture
-from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.meshes.pieces import Paint, Piece, colored
 from megalopta.scenes.meshes.reflectance import Curve, Reflectance, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing
-from megalopta.scenes.spectra.color import reflectance_of_color
 from megalopta.scenes.spectra.reflectance import reflectance_of
 from megalopta.scenes.spectra.spectrum import flat
 
 RNG = np.random.default_rng(6)
-GRID = np.arange(360.0, 831.0)
-RED = Paint("red", (0.5, 0.1, 0.0))
+RED = Paint("red", colored((0.5, 0.1, 0.0)))
 
 
 def piece(number=0, faces=5, **more):
@@ -24,22 +21,14 @@ def piece(number=0, faces=5, **more):
     )
 
 
-def test_a_color_is_a_reflectance_and_knows_where_it_ends():
-    surfacing = Surfacing("a.obj")
-    surfacing.objects([piece(paint=RED)])
-    (material,) = surfacing.materials.values()
-    np.testing.assert_allclose(material.reflectance(GRID), reflectance_of_color(RED.color)(GRID))
-    assert material.known_nm == (360, 830)
-
-
 def test_a_picture_is_three_weights_and_needs_coordinates():
     picture = RNG.random((3, 4, 3)).astype(np.float32)
-    paint = Paint("bark", (1.0, 0.5, 0.25), picture)
+    paint = Paint("bark", colored((1.0, 0.5, 0.25), picture))
     surfacing = Surfacing("a.glb")
     surfacing.objects([piece(paint=paint, uv=RNG.random((10, 2)))])
     (material,) = surfacing.materials.values()
-    assert isinstance(material.texture, ColorTexture)
     np.testing.assert_allclose(material.texture.weight, picture * [1.0, 0.5, 0.25], rtol=1e-6)
+    assert material.known_nm == (360, 830)
     with pytest.raises(ValueError, match="'thing 0' of material 'bark' has no texture"):
         Surfacing("a.glb").objects([piece(paint=paint)])
     Surfacing("a.glb", {"bark": 0.3}).objects([piece(paint=paint)])
@@ -63,10 +52,10 @@ def test_without_material_and_colors_the_reflectance_is_that_of_the_configuratio
 
 
 def test_materials_of_one_name_stay_apart():
-    other = Paint("red", (0.0, 0.0, 1.0))
-    pictures = [Paint("bark", picture=RNG.random((2, 2, 3)).astype(np.float32)) for _ in range(2)]
-    uv = RNG.random((10, 2))
-    given = [piece(paint=RED), piece(paint=other), *(piece(paint=p, uv=uv) for p in pictures)]
+    other, uv = Paint("red", colored((0.0, 0.0, 1.0))), RNG.random((10, 2))
+    pictures = [colored(np.ones(3), RNG.random((2, 2, 3)).astype(np.float32)) for _ in range(2)]
+    barks = (piece(paint=Paint("bark", picture), uv=uv) for picture in pictures)
+    given = [piece(paint=RED), piece(paint=other), *barks]
     surfacing = Surfacing("a.glb")
     surfacing.objects(given)
     names = ["a.glb: red", "a.glb: red (2)", "a.glb: bark", "a.glb: bark (2)"]
