@@ -1,8 +1,4 @@
-"""Base of every scene in a configuration.
-
-A package adds its own scene with a class derived from `SceneDescription`, named in an entry point
-of the group `megalopta.scenes`.
-"""
+"""Base of every scene in a configuration; packages add theirs by entry points."""
 
 from abc import abstractmethod
 from typing import ClassVar
@@ -33,9 +29,6 @@ class SceneDescription(Record, frozen=True):
     max_depth: ClassVar[int] = 16
     """Longest path of light unless `render.max_depth` tells another."""
 
-    has_bounces: ClassVar[bool] = True
-    """True if light is reflected between surfaces, which takes most of the rendering time."""
-
     def white(self, light: Light) -> Spectrum:
         """Spectrum of light on a white surface, W·m⁻²·nm⁻¹; flat, in any unit, if self-luminous."""
         return flat(1.0) if self.is_self_luminous else light.resolved().spectrum()
@@ -43,7 +36,7 @@ class SceneDescription(Record, frozen=True):
     @property
     def is_lit_from_outside(self) -> bool:
         """True if sky, sun or moon light its surfaces."""
-        return self.has_bounces and not self.is_self_luminous
+        return self.has_truth and not self.is_self_luminous
 
     @property
     def is_moving(self) -> bool:

@@ -1,8 +1,4 @@
-"""File or folder that a scene is made from, with the hash of its content.
-
-The hash is taken when the file is first named. A file that has changed since raises an error, so
-that results stay consistent with it.
-"""
+"""File or folder that a scene is made from; one that has changed since it was named is an error."""
 
 import hashlib
 import sys

@@ -13,7 +13,7 @@ forest shades itself; use `starlight` for it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from megalopta.scenes.spectra import outdoors
 from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
@@ -22,25 +22,13 @@ ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"
 ]
 
-SOURCES: Mapping[ComponentName, str] = {
-    "sun": "ASTM G173-03, direct",
-    "daylit sky": "Bird and Riordan 1986, air mass 1.5",
-    "moon": "ASTM G173-03 × Kieffer and Stone 2005, at a phase of 7° or 90°",
-    "moonlit sky": "Bird and Riordan 1986 × Kieffer and Stone 2005",
-    "twilight": "Patat et al. 2006, sun at −6.4°; sunlight × λ⁻⁴ beyond 0.8 µm",
-    "airglow": "Rousselot et al. 2000, Cuby et al. 2000, Maihara et al. 1993, Patat 2003",
-    "starlight": "Roach and Gordon 1973; zodiac: Benn and Ellison 1998, Leinert et al. 1998",
-    "clouds": "Kasten and Czeplak 1980, color by Meador and Weaver 1980, Hale and Querry 1973",
-}
-"""Source of each component's spectrum; the numbers are in `scenes/spectra`."""
-
 
 @dataclass(frozen=True)
 class Component:
     """Component of the outdoor light, as received by an unshaded horizontal plane."""
 
     name: ComponentName
-    """Name of the light; `SOURCES` gives the source of its spectrum."""
+    """Name of the light; `scenes/spectra/outdoors.py` has the source of its spectrum."""
     irradiance: Spectrum
     """Irradiance of the plane, W·m⁻²·nm⁻¹."""
 
@@ -122,11 +110,6 @@ class Illumination:
         """Light of the disc of sun or moon, if any."""
         return next((each for each in self.components if each.is_disc), None)
 
-    @property
-    def disc_fraction(self) -> float:
-        """Share of the illuminance that comes from the disc of sun or moon."""
-        return self.disc.illuminance_lux / self.illuminance_lux if self.disc else 0.0
-
 
 def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Illumination:
     """Disc and sky of sun or moon that together give an illuminance."""
@@ -170,11 +153,6 @@ LEVELS: Mapping[str, Illumination] = {
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Limits, eight and four orders of magnitude beyond outdoor light."""
-
-
-def level_named(level: Any) -> Any:
-    """Return the level that dusk and dawn are, twilight; other values as they are."""
-    return "twilight" if level in ("dusk", "dawn") else level
 
 
 def illuminance_of(level: str | float) -> float:

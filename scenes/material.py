@@ -1,8 +1,4 @@
-"""Surfaces that reflect, transmit or emit light.
-
-Surfaces that are not diffuse are the tree of Mitsuba's plug-ins that describes them (`Finish`).
-They are kept as a file states them; only the renderer knows what they do to light.
-"""
+"""Surfaces that reflect, transmit or emit light; others than diffuse are Mitsuba plug-ins."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -87,9 +87,9 @@ class OpenCVCamera(Camera, frozen=True):
         return self
 
     @property
-    def depth_meaning(self) -> str:
-        """Direction of measured depth."""
-        return "along the ray" if self.fisheye else "along the optical axis"
+    def has_image_plane(self) -> bool:
+        """True if depth is measured along the optical axis, False of a fisheye."""
+        return not self.fisheye
 
     @property
     def intrinsics(self) -> Floats | None:
@@ -160,10 +160,6 @@ class OpenCVCamera(Camera, frozen=True):
         """
         plane = (self.pixel_centers() - self._principal) / self._focal
         return self.project(np.dstack([plane, np.ones(self.shape)])) - 0.5
-
-    def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W), m, from distances (H, W) along the rays; the same for a fisheye."""
-        return distance if self.fisheye else distance * self.directions()[..., 2]
 
     def finer(self, parts: int) -> "OpenCVCamera":
         """Return the camera with each pixel divided into parts × parts."""

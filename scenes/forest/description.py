@@ -13,9 +13,7 @@ from scipy.spatial import cKDTree
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.floor import (
-    HORIZON_M,
     even_ground,
-    fineness,
     kept_floor,
     laid,
     make_land,
@@ -31,7 +29,6 @@ from megalopta.scenes.forest.planting import (
 )
 from megalopta.scenes.forest.specimens import (
     RING_M,
-    SPECIMENS,
     grow_specimens,
     in_leaf,
     materials,
@@ -44,8 +41,6 @@ from megalopta.scenes.trajectories.base import Path
 
 SMALL_TRIANGLES = 80
 """Approximate triangles of an average plant of the undergrowth."""
-CARVED_TRIANGLES = 20_000
-"""Approximate triangles of a stem's furrows."""
 TREE_LEAF_M2, LEAF_M2 = 45.0, 0.004
 """Approximate leaf area of a tree without a given leaf-area index, and of one leaf (m²)."""
 CROWN_M = 5.0
@@ -95,11 +90,6 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
         for kind, density in forest.densities_per_m2.items()
     )
     total = counts @ triangles + bushes * bush + small * SMALL_TRIANGLES
-    if forest.has_floor:
-        total += fineness(forest.detail).triangles(path_m, edge + HORIZON_M)
-    if forest.bark_relief:
-        rough = sum(share for name, share in forest.mix.items() if TREES[name].shape.relief)
-        total += counts[0] * CARVED_TRIANGLES * rough / sum(forest.mix.values())
     return float(counts.sum() + bushes + small), float(total)
 
 
@@ -110,7 +100,6 @@ FINER = 0.7, 1.25
 NARROWEST_M = 0.2
 """Smallest width of a trodden path (m)."""
 
-Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
@@ -239,20 +228,6 @@ class Forest(SceneDescription, frozen=True):
         """True if there is mist or fog."""
         return self.haze is not None
 
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of its trees, without those of the belt."""
-        return {"trees": self.trees}
-
-    def expected_triangles(self, path_m: float) -> float:
-        """Return the number of triangles along a path of this length, within a factor of 1.5."""
-        return foreseen(self, path_m)[1]
-
-    @property
-    def leaf_ring_m(self) -> tuple[float, float]:
-        """Range of distances from the path in which its leaf-area index is set (m)."""
-        return self.clearance_m, self.clearance_m + RING_M
-
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the forest in the light, with trunks clear of the camera's path."""
         finer = float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
@@ -303,10 +278,10 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     litter: dict[str, Asset] = {}
     if floor:
         placements, litter = laid(forest.seed, placements, floor)
-    names = {placement.asset for placement in placements} & SPECIMENS.keys()
+    names = {placement.asset for placement in placements} - litter.keys() - {"ground"}
     grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index:
-        ring_m = forest.leaf_ring_m
+        ring_m = forest.clearance_m, forest.clearance_m + RING_M
         specimens, share = in_leaf(forest.leaf_area_index, grow, placements, path, ring_m)
     else:
         specimens, share = grow(), 1.0

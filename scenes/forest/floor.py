@@ -1,9 +1,4 @@
-"""Ground of a forest, and its near floor: a trodden path, moss, bumps, fallen leaves.
-
-A forest without any of these has a grid of even cover as its ground (`description`). The ground
-depends on the seed, the path, the positions of trees and few of the forest's fields, not on light,
-camera or plants.
-"""
+"""Ground of a forest, and its near floor: a trodden path, moss, bumps, fallen leaves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -157,15 +152,7 @@ def make_floor(
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
 
 
-FIELDS = {
-    "seed",
-    "detail",
-    "ground",
-    "relief_m",
-    "floor_relief_m",
-    "moss_share",
-    "path_width_m",
-}
+FIELDS = {"seed", "detail", "ground", "relief_m", "floor_relief_m", "moss_share", "path_width_m"}
 """Fields of the forest on which its floor depends."""
 
 

@@ -1,7 +1,6 @@
 """Mitsuba's XML as a bounded document: no entities, defaults filled in, references resolved.
 
-Nothing in it is loaded or executed. Names of older versions (toWorld) become those of version 3
-(to_world), as Mitsuba itself does.
+Nothing is executed. Names of older versions (toWorld) become those of version 3 (to_world).
 """
 
 import re

@@ -1,14 +1,12 @@
 """Camera inside a cylinder whose wall glows with a pattern.
 
-One frame of grating spans the horizontal field of view, in azimuth along the wall and in the same
-angular measure up the wall. Columns of a perspective image are not equidistant in azimuth, so "f
-cycles per frame" holds over the whole frame and is exceeded at its center. The wall is just high
-enough for a level camera on the axis, so the camera may only turn about the vertical.
+One frame of grating spans the horizontal field of view in azimuth, and as much up the wall. Columns
+of a perspective image are not equidistant in azimuth: "f cycles per frame" is exceeded at its
+center.
 """
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -42,14 +40,12 @@ _RADIUS_M = 10.0
 _TEXELS = 4096
 _STEEPEST_TANGENT = 4.0
 
-PATTERN_NAMES: Mapping[Pattern, str] = MappingProxyType(
-    {
-        "sine_2d": "A 2-D sine grating",
-        "sine": "A sine grating",
-        "square": "A square-wave grating",
-        "dots": "Random dots",
-    }
-)
+PATTERN_NAMES: Mapping[Pattern, str] = {
+    "sine_2d": "A 2-D sine grating",
+    "sine": "A sine grating",
+    "square": "A square-wave grating",
+    "dots": "Random dots",
+}
 """Patterns, as the beginning of a sentence."""
 
 
@@ -78,7 +74,6 @@ class Grating(SceneDescription, frozen=True):
     """Random seed of the dots."""
 
     is_self_luminous = True
-    has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the glowing cylinder around a camera that turns in place.

@@ -1,8 +1,6 @@
 """Your pictures as the light of a scene: a video, a folder of pictures or an array.
 
-Nothing is rendered, and true motion is unknown. Values are relative: they are scaled so that the
-mean of all frames reflects a given share of the light. Spectra are those of three primaries of the
-color of white (`scenes/spectra/color.py`), so that white has a given spectrum.
+Values are relative: the mean of all frames reflects a given share of the light.
 """
 
 import math
@@ -112,7 +110,6 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     linearly, or move them along the `flow` that DIS estimates."""
 
     has_truth: ClassVar[bool] = False
-    has_bounces: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Raise ValueError: pictures have no geometry."""

@@ -1,10 +1,6 @@
-"""Base of every camera path: frames, times, and a pose at any time.
+"""Base of every camera path: frames, times, and a pose (4, 4), camera axes to world, at any time.
 
-A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to world meters. The
-renderer computes in float32 about a local origin, `origin_m`. Positions are rounded accordingly, so
-that the stored pose is the rendered pose, even a kilometer from the world's origin.
-
-A camera may have a place on a rig that follows the path (`Mount`).
+Positions are float32 about a local origin, `origin_m`: the stored pose is the rendered pose.
 """
 
 from abc import abstractmethod

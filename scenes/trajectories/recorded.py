@@ -1,8 +1,4 @@
-"""Camera on a recorded path: time, position and orientation in a CSV file.
-
-Positions are interpolated by a cubic spline, orientations by spherical linear interpolation
-(Shoemake, SIGGRAPH 1985).
-"""
+"""Camera on a recorded path, a CSV file: cubic spline, and spherical linear interpolation."""
 
 import math
 from functools import lru_cache

@@ -55,7 +55,7 @@ def test_a_kept_plant_is_the_grown_one(kind, cache, monkeypatch):
     grown = nursery.grown(3, plant, 1, levels)
     (path,) = cache.iterdir()
     with monkeypatch.context() as patched:
-        patched.setattr(type(plant), "grow", lambda *_: pytest.fail("grown anew"))
+        patched.setattr(nursery, "generator", lambda *_: pytest.fail("grown anew"))
         equal(nursery.grown(3, plant, 1, levels), grown)
     path.write_bytes(path.read_bytes()[:100])  # damaged: grown anew
     equal(nursery.grown(3, plant, 1, levels), grown)

@@ -91,7 +91,9 @@ def world(time_s):
 
 @pytest.fixture
 def blade():
-    return next(each for each in pieces_of({"a.glb": mill().glb()}, ["animation"]) if each.name == "blade")
+    return next(
+        each for each in pieces_of({"a.glb": mill().glb()}, ["animation"]) if each.name == "blade"
+    )
 
 
 def test_a_node_moves_with_all_above_it(blade):
@@ -119,7 +121,9 @@ def test_normals_stay_at_right_angles_to_the_surface(blade):
 
 
 def test_what_does_not_move_has_no_motion_and_without_animation_nothing_has():
-    moving = {piece.name: piece.motion for piece in pieces_of({"a.glb": mill().glb()}, ["animation"])}
+    moving = {
+        piece.name: piece.motion for piece in pieces_of({"a.glb": mill().glb()}, ["animation"])
+    }
     assert moving["still"] is None and moving["blade"] is not None
     assert all(piece.motion is None for piece in pieces_of({"a.glb": mill().glb()}))
     with pytest.raises(ValueError, match="no animation of nodes with meshes.*; omit animate"):
