@@ -152,15 +152,8 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
         again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
     assert list(made.covers) == list(again.covers)
     before, after = (
-        [
-            each.mesh.points,
-            each.mesh.faces,
-            each.heights,
-            each.uv,
-            each.leaves,
-            *each.covers.values(),
-        ]
-        for each in (made, again)
+        [f.mesh.points, f.mesh.faces, f.heights, f.uv, f.leaves, *f.covers.values()]
+        for f in (made, again)
     )
-    for one, other in zip(before, after, strict=True):
-        np.testing.assert_array_equal(one, other, strict=True)
+    for first, second in zip(before, after, strict=True):
+        np.testing.assert_array_equal(first, second, strict=True)

@@ -1,12 +1,12 @@
 """Mitsuba's XML from strangers: what is read, and what is refused in one sentence."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from PIL import Image
 
 from megalopta.render import mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
@@ -109,19 +109,22 @@ def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp
     assert leaf.reflectance(700) == pytest.approx(0.4)
 
 
-def test_names_of_older_versions_are_understood(write):
-    step = '<transform name="toWorld"><translate x="3"/></transform>'
-    ((piece,), _) = PlacedMesh(file=write(square(more=step), "0.6.0"), up="z").read()
+def test_defaults_and_names_of_older_versions_are_understood(write):
+    steps = '<scale value="$size"/><translate x="3"/>'
+    shape = square(more=f'<transform name="toWorld">{steps}</transform>')
+    sizes = '<default name="size" value="4"/><default name="size" value="9"/>'
+    ((piece,), _) = PlacedMesh(file=write(sizes + shape, "0.6.0"), up="z").read()
     np.testing.assert_allclose(piece.vertices.mean(axis=0), [3, 0, 0])
-
-
-def test_defaults_fill_what_is_not_given(write):
-    scale = '<transform name="to_world"><scale value="$size"/></transform>'
-    path = write(
-        '<default name="size" value="4"/><default name="size" value="9"/>' + square(more=scale)
-    )
-    ((piece,), _) = PlacedMesh(file=path).read()
     assert np.ptp(piece.vertices, axis=0).max() == 8
+
+
+def test_entities_and_other_encodings_are_refused(write):
+    path = write("&b;", before='<!DOCTYPE scene [<!ENTITY a "xxxx"><!ENTITY b "&a;&a;&a;">]>')
+    with pytest.raises(ValueError, match="it defines entities, which are not read"):
+        scene_of(path)
+    Path(path).write_text('<scene version="3.0.0"/>', "utf-16")
+    with pytest.raises(ValueError, match="its XML is not UTF-8"):
+        scene_of(path)
 
 
 @pytest.mark.parametrize(
@@ -182,31 +185,6 @@ def test_surfaces_that_repeat_their_parts_are_bounded(write, last):
     blends += METAL.replace("Brass", "gold")
     with pytest.raises(ValueError, match="material 'b0' is of more than 200 parts"):
         scene_of(write(blends + square('<ref id="b0"/>')))
-
-
-def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
-    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 50)
-    path = write("".join(square(
-        '<bsdf type="principled"><texture type="bitmap" name="base_color">'
-        f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))
-    )  # fmt: skip
-    for number in range(2):
-        Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
-    with pytest.raises(ValueError, match="scene.xml with its pictures takes .*64 values"):
-        scene_of(path)
-
-
-def test_entities_are_refused_before_they_grow(write):
-    bomb = '<!DOCTYPE scene [<!ENTITY a "xxxx"><!ENTITY b "&a;&a;&a;">]>'
-    with pytest.raises(ValueError, match="it defines entities, which are not read"):
-        scene_of(write("&b;", before=bomb))
-
-
-def test_other_encodings_are_refused(write, tmp_path):
-    path = write("")
-    (tmp_path / "yard/scene.xml").write_text('<scene version="3.0.0"/>', "utf-16")
-    with pytest.raises(ValueError, match="its XML is not UTF-8"):
-        scene_of(path)
 
 
 @pytest.mark.parametrize("kind", ["envmap", "constant", "point"])

@@ -8,6 +8,7 @@ from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf
+from .test_animation import mill
 
 BOX = trimesh.creation.box((1, 2, 3))
 
@@ -72,14 +73,14 @@ def test_too_many_triangles_are_refused(write, monkeypatch, name):
         given.read()
 
 
-@pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"])
+@pytest.mark.parametrize("name", ["a.glb", "mill.glb", "a.gltf", "a.obj", "a.ply", "a.stl"])
 def test_a_damaged_file_is_one_sentence(tmp_path, name):
     """Cut, flipped and exchanged bytes: read, or refused with the path of the file."""
     rng = np.random.default_rng(7)
     if name == "a.gltf":
         whole = trimesh.Scene(BOX).export(file_type="gltf", embed_buffers=True)["model.gltf"]
     else:
-        whole = exported(name)
+        whole = mill().glb() if name == "mill.glb" else exported(name)
         whole = whole.encode() if isinstance(whole, str) else whole
     path, refused = tmp_path / name, 0
     for case in range(150):
@@ -90,7 +91,7 @@ def test_a_damaged_file_is_one_sentence(tmp_path, name):
             content[place] = rng.integers(256)
         path.write_bytes(content)
         try:
-            PlacedMesh.model_validate({"file": str(path)}).read()
+            PlacedMesh.model_validate({"file": str(path)}).read(*["animation"] * ("mill" in name))
         except ValueError as problem:
             assert name in str(problem)
             refused += 1

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from megalopta.scenes.meshes.pieces import Paint, Piece, colored
 from megalopta.scenes.meshes.reflectance import Curve, Reflectance, material_of
@@ -37,18 +37,12 @@ def test_a_picture_is_three_weights_and_needs_coordinates():
 def test_given_reflectances_replace_colors_by_the_name_of_the_material_or_object():
     curve = Curve(wavelengths_nm=(400, 900), values=(0.1, 0.6))
     given = {"red": curve, "thing 1": 0.25, "thing 2": "soil"}
-    surfacing = Surfacing("a.ply", given)
-    surfacing.objects([piece(paint=RED), piece(1), piece(2)])
-    first, second, third = surfacing.materials.values()
+    surfacing = Surfacing("a.ply", given, colorless=0.125)
+    surfacing.objects([piece(paint=RED), piece(1), piece(2), piece(3)])
+    first, second, third, fourth = surfacing.materials.values()
     assert first.reflectance(650.0) == pytest.approx(0.35) and first.known_nm == (400, 900)
     assert second.reflectance == flat(0.25) and second.known_nm is None
-    assert third.reflectance == reflectance_of("soil")
-
-
-def test_without_material_and_colors_the_reflectance_is_that_of_the_configuration():
-    surfacing = Surfacing("a.stl", colorless=0.125)
-    surfacing.objects([piece()])
-    assert [each.reflectance for each in surfacing.materials.values()] == [flat(0.125)]
+    assert third.reflectance == reflectance_of("soil") and fourth.reflectance == flat(0.125)
 
 
 def test_materials_of_one_name_stay_apart():
@@ -91,20 +85,3 @@ def test_a_curve_is_read_once_and_its_numbers_stay(tmp_path):
     assert given == Curve(wavelengths_nm=(400, 700, 1000), values=(0.05, 0.1, 0.5))
     assert READ(given.model_dump(mode="json")) == given
     assert material_of(given).known_nm == (400, 1000)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("400,0.5\n", "has 1 points"),
-        ("400,0.5\n700,1.5\n", "line 2: reflectance 1.5 is not from 0 to 1"),
-        ("700,0.5\n400,0.5\n", "400 nm follows 700"),
-        ("400,0.5,1\n", "not wavelength_nm,reflectance"),
-        ("400,nan\n700,1\n", "nan is not from 0 to 1"),
-    ],
-)
-def test_what_is_no_curve_is_refused(tmp_path, text, reason):
-    path = tmp_path / "leaf.csv"
-    path.write_text(text)
-    with pytest.raises(ValidationError, match=reason):
-        READ(str(path))
