@@ -169,11 +169,9 @@ class Material:
     def range_nm(self) -> tuple[float, float]:
         """Lowest and highest wavelength at which it is known."""
         known = [Spectrum((550.0,), (0.0,), self.known_nm)]
-        if self.emission:
-            known += (
-                [self.emission.radiance] if isinstance(self.emission.radiance, Spectrum) else []
-            )
-        elif not self.finish:
+        if self.emission and isinstance(self.emission.radiance, Spectrum):
+            known.append(self.emission.radiance)
+        elif not (self.emission or self.finish):
             of_texture = self.texture.spectra if self.texture else ()
             parts = (self.reflectance, self.transmittance), *of_texture
             known += [part for pair in parts for part in pair if part]

@@ -12,11 +12,8 @@ for a fisheye, which has no p. Sources: OpenCV, "Camera Calibration and 3D Recon
 Photogrammetric Engineering 37, 1971), and its fisheye model (Kannala and Brandt, IEEE TPAMI 28,
 2006).
 
-OpenCV has the center of the first pixel at (0, 0), this program at (0.5, 0.5). Parameters are
-OpenCV's; image coordinates in this program are greater by half a pixel.
-
-Far from the axis such polynomials turn back, and would show points a second time. Points from there
-on have no image.
+Parameters are OpenCV's; image coordinates in this program are greater by half a pixel. Points from
+where such polynomials turn back on have no image.
 """
 
 import math

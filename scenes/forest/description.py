@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
@@ -166,23 +166,15 @@ class Forest(SceneDescription, frozen=True):
     haze: Haze | None = None
     """Mist or fog between and just above the trees, by its visibility_m; null: clear air."""
 
-    @field_validator("mix")
-    @classmethod
-    def _check_mix(cls, mix: dict[str, float]) -> dict[str, float]:
-        unknown = sorted(mix.keys() - TREES.keys())
-        if unknown:
-            raise ValueError(f"unknown species {unknown}; choose from {sorted(TREES)}")
-        if sum(mix.values()) <= 0:
-            raise ValueError(f"the shares {mix} sum to 0; give one species a positive share")
-        return mix
-
-    @field_validator("undergrowth_per_m2")
-    @classmethod
-    def _check_undergrowth(cls, densities: dict[str, float]) -> dict[str, float]:
-        unknown = sorted(densities.keys() - LAYERS.keys())
-        if unknown:
-            raise ValueError(f"unknown kind {unknown}; choose from {sorted(LAYERS)}")
-        return densities
+    @model_validator(mode="after")
+    def _check_plants(self) -> "Forest":
+        for name, known in ("mix", TREES), ("undergrowth_per_m2", LAYERS):
+            if unknown := sorted(getattr(self, name).keys() - known.keys()):
+                raise ValueError(f"{name}: unknown kind {unknown}; choose from {sorted(known)}")
+        if sum(self.mix.values()) <= 0:
+            raise ValueError(f"mix: the shares {self.mix} sum to 0; give one a positive share")
+        check_stand(self, 0.0)
+        return self
 
     @model_validator(mode="after")
     def _check_floor(self) -> "Forest":
@@ -201,11 +193,6 @@ class Forest(SceneDescription, frozen=True):
                 f"path_width_m {self.path_width_m:g} is wider than the {2 * self.clearance_m:g} m "
                 "between trunks along it; narrow it, or raise clearance_m to half of it"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_size(self) -> "Forest":
-        check_stand(self, 0.0)
         return self
 
     @property

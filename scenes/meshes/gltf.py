@@ -47,15 +47,14 @@ Json = Mapping[str, Any]
 
 def parts_of(content: bytes) -> tuple[Json, bytes]:
     """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
+    parts: dict[int, bytes] = {}
+    place, length = 12, len(content)
     if content[:4] != b"glTF":
         if content.lstrip()[:1] != b"{":
             raise ValueError("it is neither binary glTF nor JSON")
-        return _checked(from_json(content.decode("utf-8"))), b""
-    (length,) = struct.unpack_from("<I", content, 8)
-    if length != len(content):
-        raise ValueError(f"it states {length} bytes, and has {len(content)}")
-    parts: dict[int, bytes] = {}
-    place = 12
+        parts[_JSON], place = content, length
+    elif (stated_bytes := struct.unpack_from("<I", content, 8)[0]) != length:
+        raise ValueError(f"it states {stated_bytes} bytes, and has {length}")
     while place + 8 <= length:
         size, kind = struct.unpack_from("<II", content, place)
         if place + 8 + size > len(content):
@@ -64,17 +63,14 @@ def parts_of(content: bytes) -> tuple[Json, bytes]:
             raise ValueError("it has two parts of one kind, or too many")
         parts[kind] = content[place + 8 : place + 8 + size]
         place += 8 + size
-    return _checked(from_json(parts[_JSON].decode("utf-8"))), parts.get(_BINARY, b"")
-
-
-def _checked(header: Any) -> Json:
+    header = from_json(parts[_JSON].decode("utf-8"))
     version = str(header["asset"]["version"])
     if version.split(".")[0] != "2":
         raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
     for name in header.get("extensionsRequired", ()):
         if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
             raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
-    return dict(header)
+    return dict(header), parts.get(_BINARY, b"")
 
 
 def names_in(name: str, content: bytes) -> list[str]:

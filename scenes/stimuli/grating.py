@@ -154,17 +154,12 @@ def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
             f"trajectory.kind {kind!r}: a grating surrounds a camera that turns in "
             "place; use 'steady'"
         )
-    height = trajectory.position_m[2]
+    height, past = trajectory.position_m[2], "the camera would look past the grating"
     if trajectory.look_at_m[2] != height:
-        raise ValueError(
-            f"trajectory.look_at_m {trajectory.look_at_m} is not level with position_m, so the "
-            f"camera would look past the grating: give it the height {height:g}"
-        )
+        reason = f"look_at_m {trajectory.look_at_m} is not level with position_m, so {past}: give "
+        raise ValueError(f"trajectory.{reason}it the height {height:g}")
     if any(trajectory.up[:2]) or trajectory.up[2] < 0:
-        raise ValueError(
-            f"trajectory.up {trajectory.up} tilts the camera, which would look past the grating: "
-            "use (0, 0, 1)"
-        )
+        raise ValueError(f"trajectory.up {trajectory.up} is tilted, and {past}: use (0, 0, 1)")
     if any(trajectory.velocity_m_s):
         raise ValueError(
             f"trajectory.velocity_m_s {trajectory.velocity_m_s} takes the camera off the axis of "

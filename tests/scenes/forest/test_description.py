@@ -139,7 +139,7 @@ def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_
     ("field", "value", "message"),
     [
         ("mix", {"beech": 0}, "sum to 0"),
-        ("mix", {"larch": 1}, r"unknown species \['larch'\]; choose from \['aspen'"),
+        ("mix", {"larch": 1}, r"unknown kind \['larch'\]; choose from \['aspen'"),
         ("undergrowth_per_m2", {"larch": 1}, r"unknown kind \['larch'\]; choose from \['bilberry'"),
         ("undergrowth_per_m2", {"fern": 1e6}, r"make about 1\.\de\+09 plants of .* lower one"),
     ],
