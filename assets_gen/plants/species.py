@@ -32,7 +32,6 @@ class Colonized(Record, frozen=True):
     """Branches that grow toward attraction points in free space: broad-leaved trees and bushes."""
 
     kind: Literal["colonized"] = "colonized"
-    """Growth by space colonization."""
     points: Annotated[int, Field(gt=0)]
     """Attraction points scattered in the crown (count)."""
     scaffold: Annotated[int, Field(gt=0)]
@@ -55,7 +54,6 @@ class Whorled(Record, frozen=True):
     """Tiers of branches around a straight leader (spruces and firs)."""
 
     kind: Literal["whorled"] = "whorled"
-    """Growth by whorls."""
     spacing_m: Positive
     """Height between tiers (m)."""
     branches: Annotated[int, Field(gt=0)]
@@ -70,7 +68,6 @@ class Fronded(Record, frozen=True):
     """Tuft of fronds at the end of each stem: palms and tree ferns."""
 
     kind: Literal["fronded"] = "fronded"
-    """Growth by fronds."""
     fronds: Annotated[int, Field(gt=0)]
     """Fronds of one stem (count)."""
     frond_m: Positive
@@ -85,7 +82,6 @@ class Climbing(Record, frozen=True):
     """Ropes that hang and climb between the ground and the crowns: lianas."""
 
     kind: Literal["climbing"] = "climbing"
-    """Growth by ropes."""
     reach_m: Positive
     """Largest sideways distance of a rope (m)."""
     shoots: Annotated[int, Field(gt=0)]

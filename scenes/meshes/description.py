@@ -132,20 +132,10 @@ class Meshes(SceneDescription, frozen=True):
 
     def describe(self) -> str:
         """Sentence for the report."""
-        names = ", ".join(PurePath(each.file.path).name for each in self.files)
-        of_mitsuba = {each.file.suffix == ".xml" for each in self.files}
-        text = f"Meshes of {names}"
-        if False in of_mitsuba:
-            text += (
-                ", as opaque, diffuse surfaces: transparency, metal and emission in the files have "
-                "no effect"
-            )
-        if True in of_mitsuba:
-            text += (
-                "; surfaces of Mitsuba's XML are as it describes them, and ground truth is that of "
-                "the first surface, also of glass and mirrors"
-            )
-        return f"{text}."
+        names = ", ".join(PurePath(placed.file.path).name for placed in self.files)
+        has_mitsuba = any(placed.file.suffix == ".xml" for placed in self.files)
+        kept = "; those of Mitsuba's XML are as it describes them" if has_mitsuba else ""
+        return f"Meshes of {names}, with opaque, diffuse surfaces{kept}."
 
 
 def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:

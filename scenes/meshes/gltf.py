@@ -228,7 +228,20 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in animations[playing:])
     for name, material in named("material", "materials"):
-        yield from ((what, name) for what in _ignored(material))
+        model = material.get("pbrMetallicRoughness", {})
+        through = {"KHR_materials_transmission", "KHR_materials_volume"}
+        through &= material.get("extensions", {}).keys()
+        if through or material.get("alphaMode", "OPAQUE") != "OPAQUE":
+            yield "transparency", name
+        if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
+            yield "metal" + " in a picture" * ("metallicRoughnessTexture" in model), name
+        if model.get("roughnessFactor", 1) < 1:
+            yield "gloss", name
+        if any(material.get("emissiveFactor", ())):
+            yield "emission", name
+        for kind in ("normal", "occlusion"):
+            if f"{kind}Texture" in material:
+                yield f"{kind} maps", name
     for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
@@ -346,23 +359,6 @@ def _looks(file: GltfFile, owner: str) -> list[_Look]:
         to_picture[:2, 2] = change.get("offset", [0, 0])
         looks.append(_Look(Paint(name, surface), coordinates, to_picture))
     return looks
-
-
-def _ignored(material: Json) -> Iterator[str]:
-    extensions = material.get("extensions", {})
-    model = material.get("pbrMetallicRoughness", {})
-    transmits = {"KHR_materials_transmission", "KHR_materials_volume"} & extensions.keys()
-    if material.get("alphaMode", "OPAQUE") != "OPAQUE" or transmits:
-        yield "transparency"
-    if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
-        yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
-    if model.get("roughnessFactor", 1) < 1:
-        yield "gloss"
-    if any(material.get("emissiveFactor", ())):
-        yield "emission"
-    for kind in ("normal", "occlusion"):
-        if f"{kind}Texture" in material:
-            yield f"{kind} maps"
 
 
 def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:

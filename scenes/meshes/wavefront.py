@@ -203,25 +203,23 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
     yield from (("statements", word.decode()) for word in sorted({*_UNREAD.findall(content)}))
     if b"\nvn " not in content and _SMOOTH.search(content):
         yield "smoothing groups", ""
-    for file in contents:
-        if file.lower().endswith(".mtl"):
-            for material in _materials(contents[file]):
-                yield from ((effect, material["newmtl"]) for effect in _ignored(material))
+    libraries = (file for file in contents if file.lower().endswith(".mtl"))
+    for material in (each for file in libraries for each in _materials(contents[file])):
+        name = material["newmtl"]
+        opacity = float(material.get("d", "1").split()[-1]), 1 - float(material.get("tr", "0"))
+        if min(opacity) < 1 or "map_d" in material:
+            yield "transparency", name
+        if _numbers(material.get("ke", "0")).any():
+            yield "emission", name
+        if _numbers(material.get("ks", "0")).any() or "pm" in material:
+            yield "gloss and metal", name
+        if (illum := material.get("illum", "2").split()[0]) not in ("0", "1", "2"):
+            yield f"illum {illum}", name
+        pictures = ("map_", "bump", "norm", "disp", "refl")
+        for key in sorted(key for key in material if key.startswith(pictures)):
+            if key not in ("map_kd", "map_d"):
+                yield f"{key} pictures", name
 
 
 def _numbers(text: str) -> Floats:
     return np.array(text.split()[:3], np.float64).repeat(3 if len(text.split()) == 1 else 1)
-
-
-def _ignored(material: Mapping[str, str]) -> Iterator[str]:
-    opacity = float(material.get("d", "1").split()[-1]), 1 - float(material.get("tr", "0"))
-    if min(opacity) < 1 or "map_d" in material:
-        yield "transparency"
-    if _numbers(material.get("ke", "0")).any():
-        yield "emission"
-    if _numbers(material.get("ks", "0")).any() or "pm" in material:
-        yield "gloss and metal"
-    if (illum := material.get("illum", "2").split()[0]) not in ("0", "1", "2"):
-        yield f"illum {illum}"
-    others = {key for key in material if key.startswith(("map_", "bump", "norm", "disp", "refl"))}
-    yield from (f"{key} pictures" for key in sorted(others - {"map_kd", "map_d"}))

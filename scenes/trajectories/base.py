@@ -84,7 +84,8 @@ class Path(Record, frozen=True):
         positions, rotations = self.placed(np.asarray(times_s, dtype=float))
         poses = np.tile(np.eye(4), (len(positions), 1, 1))
         poses[:, :3, :3] = rotations
-        poses[:, :3, 3] = rounded_about(positions, self.origin_m)
+        origin = np.asarray(self.origin_m)
+        poses[:, :3, 3] = (positions - origin).astype(np.float32) + origin
         return poses
 
     def placed(self, times_s: Floats) -> tuple[Floats, Floats]:
@@ -110,12 +111,6 @@ class Path(Record, frozen=True):
     @abstractmethod
     def __str__(self) -> str:
         """Camera motion, as the end of a sentence that begins with "The camera"."""
-
-
-def rounded_about(positions: Floats, origin_m: ArrayLike) -> Floats:
-    """Positions (..., 3) rounded so that their distance from an origin is a float32."""
-    origin = np.asarray(origin_m)
-    return np.asarray((positions - origin).astype(np.float32) + origin)
 
 
 def looking(views: Floats, up: ArrayLike) -> Floats:

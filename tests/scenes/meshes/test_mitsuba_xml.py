@@ -94,21 +94,6 @@ def test_surfaces_that_are_not_kept_are_refused_by_name_unless_given(write):
     assert finish.kind == "diffuse"
 
 
-def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp_path):
-    def diffuse(spectrum):
-        return square(f'<bsdf type="diffuse"><spectrum name="reflectance" {spectrum}/></bsdf>')
-
-    assert material_of(write(diffuse('value="0.25"'))).known_nm is None
-    table = material_of(write(diffuse('value="400:0.1, 800:0.5"')))
-    assert table.known_nm == (400, 800)
-    assert table.reflectance(600) == pytest.approx(0.3)
-    path = write(diffuse('filename="leaf.spd"'))
-    (tmp_path / "yard/leaf.spd").write_text("# nm, share\n500 0.2\n900 0.6\n")
-    leaf = material_of(path)
-    assert leaf.known_nm == (500, 900)
-    assert leaf.reflectance(700) == pytest.approx(0.4)
-
-
 def test_defaults_and_names_of_older_versions_are_understood(write):
     steps = '<scale value="$size"/><translate x="3"/>'
     shape = square(more=f'<transform name="toWorld">{steps}</transform>')
@@ -201,26 +186,35 @@ def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write
 
 
 @pytest.mark.parametrize(
-    ("spectrum", "at_500_nm"),
+    ("spectrum", "at_500_nm", "known_nm"),
     [
-        ('type="uniform"><float name="value" value="0.4"/>', 0.4),
+        ('value="0.25">', 0.25, None),
+        ('value="400:0.1, 800:0.5">', 0.2, (400, 800)),
+        ('filename="leaf.spd">', 0.2, (400, 900)),
+        ('type="uniform"><float name="value" value="0.4"/>', 0.4, None),
         (
             'type="irregular"><string name="wavelengths" value="400, 600"/>'
             '<string name="values" value="0.1, 0.5"/>',
             0.3,
+            (400, 600),
         ),
         (
             'type="regular"><float name="wavelength_min" value="400"/>'
             '<float name="wavelength_max" value="700"/><string name="values" value="0, 0.3, 0.6"/>',
             0.2,
+            (400, 700),
         ),
     ],
 )
-def test_spectra_of_mitsubas_types_are_those_of_surfaces_and_lamps(write, spectrum, at_500_nm):
+def test_spectra_are_those_of_surfaces_and_lamps(write, tmp_path, spectrum, at_500_nm, known_nm):
+    write("")
+    (tmp_path / "yard/leaf.spd").write_text("# nm, share\n400 0.1\n900 0.6\n")
     element = f'<spectrum name="NAME" {spectrum}</spectrum>'
     surface = f'<bsdf type="diffuse">{element.replace("NAME", "reflectance")}</bsdf>'
     lamp = f'<emitter type="area">{element.replace("NAME", "radiance")}</emitter>'
-    assert material_of(write(square(surface))).reflectance(500) == pytest.approx(at_500_nm)
+    diffuse = material_of(write(square(surface)))
+    assert diffuse.reflectance(500) == pytest.approx(at_500_nm)
+    assert diffuse.known_nm == known_nm
     shining = material_of(write(square(lamp)), lights="file").emission.radiance
     assert shining(500) == pytest.approx(at_500_nm)
 
