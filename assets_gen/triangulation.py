@@ -81,8 +81,8 @@ class Triangulation:
             best = worst.argmax(axis=-1)
             rows = np.arange(len(left))
             inside = worst[rows, best] > -ROUNDING
-            here = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
-            interpolated[left[inside]] = here[inside]
+            value = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
+            interpolated[left[inside]] = value[inside]
             left = left[~inside]
             if not len(left):
                 return interpolated

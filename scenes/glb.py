@@ -57,7 +57,7 @@ def _surface(material: Material) -> "PBRMaterial":
             "baseColorFactor": np.append(np.rint(color * 255), 255).astype(np.uint8)
         }
     else:
-        others = np.array([_color(each) for each, _ in texture.spectra])
+        others = np.array([_color(spectrum) for spectrum, _ in texture.spectra])
         weight = texture.weight.reshape(*texture.weight.shape[:2], -1)
         base = np.zeros(3) if isinstance(texture, ColorTexture) else color
         colors: Floats = base + weight @ (others - base)

@@ -50,5 +50,5 @@ def models_in(package: str, base: type[Model]) -> list[type[Model]]:
         for value in vars(module).values()
         if isinstance(value, type)
     }
-    found = (model for model in named if issubclass(model, base) and not isabstract(model))
-    return [model for model in found if not model.model_fields["kind"].is_required()]
+    models = (model for model in named if issubclass(model, base) and not isabstract(model))
+    return [model for model in models if not model.model_fields["kind"].is_required()]

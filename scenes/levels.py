@@ -70,7 +70,7 @@ FULL, QUARTER = (
 
 def overcast(components: tuple[Component, ...]) -> Component:
     """Light through a closed layer of cloud, with the total illuminance of its components."""
-    light = total([each.irradiance for each in components])
+    light = total([component.irradiance for component in components])
     wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
     values = light(wavelengths) * outdoors.OVERCAST(wavelengths)
     color = Spectrum.of(wavelengths, values, common_range([light, outdoors.OVERCAST]))
@@ -103,30 +103,30 @@ class Illumination:
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
-        return total([each.irradiance for each in self.components])
+        return total([light.irradiance for light in self.components])
 
     @property
     def disc(self) -> Component | None:
         """Light of the disc of sun or moon, if any."""
-        return next((each for each in self.components if each.is_disc), None)
+        return next((light for light in self.components if light.is_disc), None)
 
 
 def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Illumination:
     """Disc and sky of sun or moon that together give an illuminance."""
     disc, sky = lights
     parts = (disc.giving(lux * disc_fraction), sky.giving(lux * (1 - disc_fraction)))
-    return Illumination(lux, tuple(each for each in parts if max(each.irradiance.values)))
+    return Illumination(lux, tuple(light for light in parts if max(light.irradiance.values)))
 
 
 def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Illumination:
     """Lights scaled by a common factor to give an illuminance."""
-    factor = illuminance_lux / sum(each.illuminance_lux for each in components)
-    return Illumination(illuminance_lux, tuple(each.scaled(factor) for each in components))
+    factor = illuminance_lux / sum(light.illuminance_lux for light in components)
+    return Illumination(illuminance_lux, tuple(light.scaled(factor) for light in components))
 
 
 def _above_night(illuminance_lux: float, *lights: Component) -> Illumination:
     """Lights that supply the part beyond the night sky, disc and sky by their shares."""
-    beyond_night_lux = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
+    beyond_night_lux = illuminance_lux - sum(light.illuminance_lux for light in _NIGHT)
     if len(lights) == 2:
         parts = shared((lights[0], lights[1]), beyond_night_lux, DISC_FRACTION).components
     else:

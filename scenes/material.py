@@ -56,12 +56,12 @@ class Finish:
     @property
     def is_patterned(self) -> bool:
         """True if it needs meshes with uv coordinates."""
-        return any(each.kind in TEXTURES for each in self.tree())
+        return any(plug_in.kind in TEXTURES for plug_in in self.tree())
 
     @property
     def known_nm(self) -> tuple[float, float] | None:
         """Lowest and highest wavelength at which all of it is known; None: at all."""
-        spans = [span for each in self.tree() for span in each._spans()]
+        spans = [span for plug_in in self.tree() for span in plug_in._spans()]
         if not spans:
             return None
         return max(low for low, _ in spans), min(high for _, high in spans)
@@ -127,7 +127,7 @@ class ColorTexture:
     @property
     def spectra(self) -> "tuple[_Scattered, ...]":
         """Reflectance where each weight is 1; it is opaque."""
-        return tuple((each, None) for each in self.reflectances)
+        return tuple((reflectance, None) for reflectance in self.reflectances)
 
 
 _Scattered = tuple[Spectrum, Spectrum | None]
@@ -182,7 +182,9 @@ class Material:
         """True if it transmits light anywhere."""
         of_texture = [through for _, through in self.texture.spectra] if self.texture else []
         spectra = self.transmittance, *of_texture
-        return not self.emission and any(each and max(each.values) > 0 for each in spectra)
+        return not self.emission and any(
+            spectrum and max(spectrum.values) > 0 for spectrum in spectra
+        )
 
 
 def _check_energy(surface: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:

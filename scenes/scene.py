@@ -160,7 +160,7 @@ class Lighting:
 
     def mean_sky(self) -> Spectrum:
         """Mean radiance of sky and patterns over all directions, W·m⁻²·sr⁻¹·nm⁻¹."""
-        return total([self.sky, *(each.mean() for each in self.patterns)])
+        return total([self.sky, *(pattern.mean() for pattern in self.patterns)])
 
 
 @dataclass(frozen=True)

@@ -267,6 +267,6 @@ class _Lens:
         """Smallest s where the radial function √s·g(s) stops rising; infinite if it never does."""
         s, upper, lower = Polynomial([0.0, 1.0]), self.upper, self.lower
         slope = (upper + 2 * s * upper.deriv()) * lower - 2 * s * upper * lower.deriv()
-        roots = np.concatenate([each.trim().roots() for each in (slope, lower)])
+        roots = np.concatenate([factor.trim().roots() for factor in (slope, lower)])
         is_real = np.abs(roots.imag) < 1e-9 * np.abs(roots)
         return float(min(roots.real[is_real & (roots.real > 0)], default=math.inf))

@@ -162,7 +162,7 @@ def kept_floor(
     """Return the floor from `make_floor`, cached."""
     places = [land.path.data, trees] + ([trail.line.data] if trail else [])
     fields = forest.model_dump_json(include=FIELDS)
-    store = store_of("floor", fields, str(edge_m), digest(*(each.tobytes() for each in places)))
+    store = store_of("floor", fields, str(edge_m), digest(*(array.tobytes() for array in places)))
     if kept := store.read():
         covers = dict(zip(kept["names"].tolist(), kept["covers"], strict=True))
         mesh = Triangulation(kept["points"], kept["faces"].astype(np.int64))
@@ -193,7 +193,7 @@ def laid(
 
     Every corner of a leaf is as high above the mesh as above level ground, but flattened.
     """
-    lying = {each.asset for each in placements if each.kind == LITTER}
+    lying = {placement.asset for placement in placements if placement.kind == LITTER}
     specimens = grow_specimens(seed, lying)
     relaid: list[Placement] = []
     assets: dict[str, Asset] = {}

@@ -41,7 +41,7 @@ from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Asset, Placement
 
 _MOST_BYTES = 2 * 10**9
-_FIELDS = tuple(each.name for each in fields(Surface))
+_FIELDS = tuple(field.name for field in fields(Surface))
 
 
 def grown(
@@ -161,7 +161,9 @@ def plant_assets(
         if isinstance(plant, Woody) and leaf_share < 1:
             rng = generator(seed, "leaf share", name)
             organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
-        assets[name] = Asset({plant.part(organ): each.to_mesh() for organ, each in organs.items()})
+        assets[name] = Asset(
+            {plant.part(organ): surface.to_mesh() for organ, surface in organs.items()}
+        )
     return assets
 
 

@@ -90,7 +90,7 @@ class Meshes(SceneDescription, frozen=True):
     @property
     def is_moving(self) -> bool:
         """True if nodes of a file move."""
-        return any(each.animate for each in self.files)
+        return any(placed.animate for placed in self.files)
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
@@ -122,12 +122,12 @@ class Meshes(SceneDescription, frozen=True):
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}
         lit = None if self.is_self_luminous else light.lighting()
-        if not (lit or any(each.emission for each in materials.values())):
+        if not (lit or any(material.emission for material in materials.values())):
             raise ValueError(
                 "lights 'file': the files have no area light with a radiance as rgb or spectrum; "
                 "use 'own'"
             )
-        placements = tuple(each for _, each in parts)
+        placements = tuple(placement for _, placement in parts)
         return Scene(materials, assets, placements, lit, notes=tuple(notes))
 
     def describe(self) -> str:

@@ -78,7 +78,7 @@ def names_in(name: str, content: bytes) -> list[str]:
     if not name.lower().endswith((".glb", ".gltf")):
         return []
     header, _ = parts_of(content)
-    models = (each.get("pbrMetallicRoughness", {}) for each in header.get("materials", ()))
+    models = (material.get("pbrMetallicRoughness", {}) for material in header.get("materials", ()))
     textures = (model["baseColorTexture"] for model in models if "baseColorTexture" in model)
     images = [header["images"][image_of(header, texture)] for texture in textures]
     uris = [entry["uri"] for entry in [*header.get("buffers", ()), *images] if "uri" in entry]
@@ -115,7 +115,7 @@ class GltfFile:
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         self.header, binary = parts_of(next(iter(contents.values())))
         self._contents, self._binary = contents, binary
-        self._buffers = [self._bytes(each) for each in self.header.get("buffers", ())]
+        self._buffers = [self._bytes(buffer) for buffer in self.header.get("buffers", ())]
         for number, entry in enumerate(self.header.get("buffers", ())):
             if entry["byteLength"] > len(self._buffers[number]):
                 raise ValueError(f"buffers.{number} ends early")
@@ -184,7 +184,7 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
     file, animated = GltfFile(contents), "animation" in used
     tracks = _tracks(file) if animated else {}
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
-    above = {child: each for each in to_world for child in nodes[each].get("children", ())}
+    above = {child: parent for parent in to_world for child in nodes[parent].get("children", ())}
     looks = _looks(file, next(iter(contents)))
     steps, is_moving = 0, False
     for number, pose in to_world.items():
@@ -276,7 +276,7 @@ def _poses(header: Json) -> dict[int, Floats]:
         check_map(
             poses[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
         )
-        waiting += [(each, poses[number]) for each in nodes[number].get("children", ())]
+        waiting += [(child, poses[number]) for child in nodes[number].get("children", ())]
     return dict(sorted(poses.items()))
 
 
@@ -314,7 +314,7 @@ def _motion(
     tracks: Mapping[int, Mapping[str, Track]],
 ) -> NodeMotion | None:
     """Motion of the last node of a chain; None if none of it moves."""
-    if not any(each in tracks for each in chain):
+    if not any(node in tracks for node in chain):
         return None
     if np.linalg.det(pose[:3, :3]) == 0:
         raise ValueError(f"node {chain[-1]} moves, but has no size at rest")
@@ -327,7 +327,7 @@ def _motion(
         for each in chain
     )
     motion = NodeMotion(tuple(joints), pose, np.eye(4))
-    keys = [track.times_s for each in chain for track in tracks.get(each, {}).values()]
+    keys = [track.times_s for node in chain for track in tracks.get(node, {}).values()]
     if not np.isfinite(motion.maps(np.unique(np.concatenate(keys)))).all():
         raise ValueError("its animation leads to places that are not finite")
     return motion

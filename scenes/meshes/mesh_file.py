@@ -73,7 +73,7 @@ def _hash(contents: Contents) -> str:
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     if len(hashes) == 1:
         return next(iter(hashes.values()))
-    lines = (f"{name}\0{each}\n" for name, each in hashes.items())
+    lines = (f"{name}\0{content_hash}\n" for name, content_hash in hashes.items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 

@@ -88,7 +88,7 @@ class Surfaces:
 
     def _diffuse(self, bsdf: Element, name: str) -> PlacedPaint | None:
         """Return a diffuse surface of a color, spectrum or picture of colors; None of others."""
-        reflectances = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
+        reflectances = (part for part in bsdf if part.get("name", "reflectance") == "reflectance")
         reflecting = self._document.resolved(next(reflectances, _USUAL))
         if reflecting.tag in ("rgb", "srgb"):
             return PlacedPaint(Paint(name, colored(_color(reflecting))), np.eye(3))
@@ -110,7 +110,7 @@ class Surfaces:
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
         textures = self._document.parts(given, "texture") if kind in _RELIEFS else []
-        if any(value_of(each, "boolean", "raw") != "true" for each in textures):
+        if any(value_of(texture, "boolean", "raw") != "true" for texture in textures):
             raise _NotKeptError(f"a {kind} whose texture is no raw bitmap")
         for number, each in enumerate(given):
             part = self._document.resolved(each)
@@ -190,7 +190,7 @@ class Surfaces:
         Without a type it is a number, wavelength:value pairs, or lines of both in a file.
         """
         kind, text = given.get("type", ""), given.get("value", "")
-        stated = {each.get("name"): each.get("value", "") for each in given}
+        stated = {part.get("name"): part.get("value", "") for part in given}
         scale = float(stated.pop("scale", "1"))
         match kind, sorted(stated, key=str):
             case "", [] if name := given.get("filename"):

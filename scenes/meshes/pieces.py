@@ -144,7 +144,7 @@ def check_pictures(owner: str, pictures: Iterable[NDArray[np.float32]]) -> None:
 
 def weights_of(materials: Iterable[Material | None]) -> Iterator[NDArray[np.float32]]:
     """Yield the pictures of materials."""
-    return (each.texture.weight for each in materials if each and each.texture)
+    return (material.texture.weight for material in materials if material and material.texture)
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:

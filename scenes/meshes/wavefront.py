@@ -46,8 +46,8 @@ def names_in(name: str, content: bytes) -> list[str]:
     if not name.lower().endswith((".obj", ".mtl")):
         return []
     lines = content.removeprefix(BOM_UTF8)
-    named = (found[1].decode("utf-8", "replace") for found in _NAMING.finditer(lines))
-    return [_beside(name, each.strip()) for each in named]
+    named = (line[1].decode("utf-8", "replace") for line in _NAMING.finditer(lines))
+    return [_beside(name, file.strip()) for file in named]
 
 
 def stated(name: str, content: bytes) -> tuple[int, int, int]:
@@ -164,7 +164,7 @@ def _counted(face: str, counts: list[int]) -> str:
         return str(int(text) + count + 1) if text.startswith("-") else text
 
     corners = (corner.split("/") for corner in face.split())
-    return " ".join("/".join(map(absolute, each, counts)) for each in corners)
+    return " ".join("/".join(map(absolute, corner, counts)) for corner in corners)
 
 
 def _corners(faces: list[str]) -> Ints:
