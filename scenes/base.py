@@ -39,11 +39,6 @@ class SceneDescription(Record, frozen=True):
         return self.has_truth and not self.is_self_luminous
 
     @property
-    def is_moving(self) -> bool:
-        """True if anything in it moves."""
-        return False
-
-    @property
     def is_hazy(self) -> bool:
         """True if droplets in the air scatter light."""
         return False

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -93,7 +94,7 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
     placements, notes = list(scene.placements), list(scene.notes)
     for index, thing in enumerate(objects):
         if isinstance(thing, MovingModel):
-            kind = thing.name or thing.file.stem
+            kind = thing.name or PurePath(thing.file.path).stem
             name = f"object {index} {kind}"
             pieces, unused = thing.read()
             check_names(thing.materials, pieces)

@@ -6,7 +6,7 @@ other: stems thicken faster than they rise (elastic similarity gives radius ∝ 
 keep their lower branches.
 """
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -185,7 +185,6 @@ class Species(Record, frozen=True):
     """Leaves or needles."""
 
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
 FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
 
 
@@ -196,23 +195,21 @@ def aged(species: Species, share: float) -> Species:
     crown, growth, relief = species.crown, species.growth, species.relief
     base = min(crown.base * (0.5 + 0.5 * share), 0.9)
     if isinstance(growth, Colonized):
-        growth = _changed(
-            growth,
-            points=max(round(share**2 * growth.points), FEWEST_POINTS),
-            scaffold=max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
-            shoots=max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
-        )
+        numbers = {
+            "points": max(round(share**2 * growth.points), FEWEST_POINTS),
+            "scaffold": max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
+            "shoots": max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
+        }
+        growth = growth.model_copy(update=numbers)
     elif isinstance(growth, Fronded):
-        growth = _changed(growth, frond_m=share**0.5 * growth.frond_m)
-    return _changed(
-        species,
-        height_m=share * species.height_m,
-        radius_m=share**1.5 * species.radius_m,
-        crown=_changed(crown, radius_m=share**0.9 * crown.radius_m, base=base),
-        growth=growth,
-        relief=relief and _changed(relief, depth_m=share**1.5 * relief.depth_m),
-    )
-
-
-def _changed(record: AnyRecord, **changes: object) -> AnyRecord:
-    return record.model_copy(update=changes)
+        growth = growth.model_copy(update={"frond_m": share**0.5 * growth.frond_m})
+    wide = {"radius_m": share**0.9 * crown.radius_m, "base": base}
+    changes = {
+        "height_m": share * species.height_m,
+        "radius_m": share**1.5 * species.radius_m,
+        "crown": crown.model_copy(update=wide),
+        "growth": growth,
+    }
+    if relief:
+        changes["relief"] = relief.model_copy(update={"depth_m": share**1.5 * relief.depth_m})
+    return species.model_copy(update=changes)

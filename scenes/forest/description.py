@@ -206,11 +206,6 @@ class Forest(SceneDescription, frozen=True):
         return {kind: self.undergrowth * d for kind, d in self.undergrowth_per_m2.items()}
 
     @property
-    def is_moving(self) -> bool:
-        """True if it sways in the wind."""
-        return self.wind is not None
-
-    @property
     def is_hazy(self) -> bool:
         """True if there is mist or fog."""
         return self.haze is not None

@@ -87,11 +87,6 @@ class Meshes(SceneDescription, frozen=True):
         """True if lamps of the files are the only light."""
         return self.lights == "file"
 
-    @property
-    def is_moving(self) -> bool:
-        """True if nodes of a file move."""
-        return any(placed.animate for placed in self.files)
-
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models: list[list[Piece]] = []

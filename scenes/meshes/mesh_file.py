@@ -53,11 +53,6 @@ class MeshFile(Hashed, frozen=True):
         """Suffix of the file, in lower case."""
         return Path(self.path).suffix.lower()
 
-    @property
-    def stem(self) -> str:
-        """Name of the file without its suffix."""
-        return Path(self.path).stem
-
     def contents(self) -> Contents:
         """Content of the file and of those that it names.
 

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from megalopta.scenes.forest import specimens as nursery
-from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.description import build_forest
 from megalopta.scenes.forest.flora import BUSHES, COVERS, LODS, PLANTS, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
+
+from .test_description import TINY
 
 BARK = [plant.coats["bark"].spectra for plant in (*TREES.values(), *BUSHES.values())]
 
@@ -55,16 +57,13 @@ def test_a_kept_plant_is_the_grown_one(kind, cache, monkeypatch):
         np.testing.assert_equal(dict(arrays(again)), dict(arrays(grown)))
 
 
-STAND = Forest(
-    trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
-)
 PATH = [[0.0, 0.0], [2.0, 0.0]]
 TREE = Sway((3.0, 4.0, 1.0), 20.0, (0.0, 1.0), 0.3, 0.31, (0.4, 1.1))
 
 
 @pytest.fixture(scope="module")
 def windy():
-    forest = STAND.model_copy(update={"wind": Wind(amplitude_m=0.4, seed=3)})
+    forest = TINY.model_copy(update={"wind": Wind(amplitude_m=0.4, seed=3)})
     return build_forest(forest, PATH)
 
 
