@@ -47,10 +47,7 @@ def bars(x: FloatArray, contrast: float, phase_rad: float, square: bool) -> Floa
 
 
 def random_dots(
-    shape: tuple[int, int],
-    size: tuple[float, float],
-    contrast: float,
-    rng: np.random.Generator,
+    shape: tuple[int, int], size: tuple[float, float], contrast: float, rng: np.random.Generator
 ) -> FloatArray:
     """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
 

@@ -113,11 +113,7 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
         to_world = pose_of(thing.position_m, thing.turn_deg)
         placements.append(Placement(name, kind, to_world, motion))
     return replace(
-        scene,
-        materials=materials,
-        assets=assets,
-        placements=tuple(placements),
-        notes=tuple(notes),
+        scene, materials=materials, assets=assets, placements=tuple(placements), notes=tuple(notes)
     )
 
 

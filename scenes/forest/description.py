@@ -12,13 +12,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.forest.floor import (
-    even_ground,
-    kept_floor,
-    laid,
-    make_land,
-    trail_of,
-)
+from megalopta.scenes.forest.floor import even_ground, kept_floor, laid, make_land, trail_of
 from megalopta.scenes.forest.flora import BUSHES, LAYERS, LODS, PRESETS, TREES
 from megalopta.scenes.forest.planting import (
     BELT_M,

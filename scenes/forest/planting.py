@@ -215,8 +215,7 @@ class Planting:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
         steps = SLOPE_STEP_M * np.eye(2)
         rise = np.stack(
-            [self.height(points + s) - self.height(points - s) for s in steps],
-            axis=-1,
+            [self.height(points + s) - self.height(points - s) for s in steps], axis=-1
         ) / (2 * SLOPE_STEP_M)
         steep = np.linalg.norm(rise, axis=-1, keepdims=True)
         across = np.column_stack([rise[:, 1:], -rise[:, :1], np.zeros(len(points))])

@@ -125,10 +125,7 @@ have one for each class of height."""
 
 
 def grow_specimens(
-    seed: int,
-    names: Iterable[str],
-    fullness: int = 1,
-    bark_relief: float = 0.0,
+    seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
 ) -> dict[str, Organs]:
     """Grow the named specimens; every individual grows once for all its levels of detail.
 
@@ -150,9 +147,7 @@ def grow_specimens(
 
 
 def plant_assets(
-    seed: int,
-    specimens: Mapping[str, Organs],
-    leaf_share: float = 1.0,
+    seed: int, specimens: Mapping[str, Organs], leaf_share: float = 1.0
 ) -> dict[str, Asset]:
     """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
     assets = {}

@@ -15,13 +15,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.material import SURFACES, TEXTURES, Finish, Material, Part, Rgb
-from megalopta.scenes.meshes.pieces import (
-    Paint,
-    check_pictures,
-    colored,
-    linear_picture,
-    texels_of,
-)
+from megalopta.scenes.meshes.pieces import Paint, check_pictures, colored, linear_picture, texels_of
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,

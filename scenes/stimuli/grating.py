@@ -113,11 +113,7 @@ def sky_radiance(illuminance_lux: float) -> float:
 
 
 def glowing(
-    kind: str,
-    mesh: "trimesh.Trimesh",
-    to_world: Floats,
-    pattern: Floats,
-    light: Light,
+    kind: str, mesh: "trimesh.Trimesh", to_world: Floats, pattern: Floats, light: Light
 ) -> Scene:
     """Scene of one mesh that glows like a sky of the light where its pattern is 1."""
     emission = Emission(sky_radiance(light.resolved().illuminance_lux), pattern.astype(np.float32))

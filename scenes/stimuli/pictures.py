@@ -26,13 +26,7 @@ from megalopta.scenes.spectra.color import (
     primaries,
     rebinned,
 )
-from megalopta.scenes.spectra.spectrum import (
-    SPECTRA,
-    Spectrum,
-    SpectrumName,
-    check_known,
-    luminous,
-)
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, check_known, luminous
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
@@ -69,11 +63,7 @@ class ColorsAsLight(Record, frozen=True):
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
     def radiance_of_unit(
-        self,
-        light: Light,
-        bands_nm: Bands,
-        mean: ArrayLike,
-        of_channels_nm: Bands | None = None,
+        self, light: Light, bands_nm: Bands, mean: ArrayLike, of_channels_nm: Bands | None = None
     ) -> Floats:
         """Band means (channels, B) of each channel with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 

@@ -15,13 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.grating import (
-    Pattern,
-    bars,
-    board,
-    random_dots,
-    sine_grating,
-)
+from megalopta.assets_gen.grating import Pattern, bars, board, random_dots, sine_grating
 from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera

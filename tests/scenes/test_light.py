@@ -7,23 +7,10 @@ import pytest
 
 from megalopta.scenes import Light, twilight
 from megalopta.scenes.levels import LEVELS, illuminance_of
-from megalopta.scenes.light import (
-    GALACTIC_POLE,
-    ROWS,
-    sky_shape,
-)
+from megalopta.scenes.light import GALACTIC_POLE, ROWS, sky_shape
 from megalopta.scenes.spectra.spectrum import luminous
 
-from .published import (
-    ARCSEC2_SR,
-    BANDS,
-    FULL_MOON,
-    FULL_MOON_NM,
-    SKY,
-    SUN,
-    in_bands,
-    quarter_moon,
-)
+from .published import ARCSEC2_SR, BANDS, FULL_MOON, FULL_MOON_NM, SKY, SUN, in_bands, quarter_moon
 
 COVERS = (0.1, 0.5, 0.9, 1.0)
 

@@ -115,11 +115,7 @@ def test_presets_set_what_is_not_given(name):
 
 
 @pytest.mark.parametrize(
-    "forest",
-    [
-        FOREST,
-        pytest.param(Forest(preset="open"), marks=pytest.mark.slow),
-    ],
+    "forest", [FOREST, pytest.param(Forest(preset="open"), marks=pytest.mark.slow)]
 )
 def test_the_size_of_a_forest_is_foreseen(scene, forest):
     scene = scene if forest is FOREST else build_forest(forest, PATH)

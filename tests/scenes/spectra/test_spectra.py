@@ -30,13 +30,7 @@ from megalopta.scenes.spectra.color import (
     primaries,
     reflectance_of_color,
 )
-from megalopta.scenes.spectra.reflectance import (
-    LEAVES,
-    TABLE,
-    Leaf,
-    leaf_of,
-    reflectance_of,
-)
+from megalopta.scenes.spectra.reflectance import LEAVES, TABLE, Leaf, leaf_of, reflectance_of
 from megalopta.scenes.spectra.spectrum import (
     SPECTRA,
     Spectrum,
