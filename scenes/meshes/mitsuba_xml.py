@@ -153,8 +153,8 @@ def _basic(kind: str, shape: Element) -> Piece:
             corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
             sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4]]
             sides += [[1, 5, 7, 3]]
-            faces = [[side[0], side[n], side[n + 1]] for side in sides for n in (1, 2)]
-            return Piece(0, kind, corners, np.array(faces))
+            faces = np.array([[side[0], side[n], side[n + 1]] for side in sides for n in (1, 2)])
+            return Piece(0, kind, corners, faces)
         case "disk":
             rim = np.column_stack([circle[:-1], np.zeros(_ROUND)])
             around = np.arange(_ROUND)

@@ -52,7 +52,7 @@ class Surfacing:
         if paint.radiance:
             name, kind = f"{name}, lamp", (paint.radiance, kind)
             material = _lamp(paint.radiance, material)
-        elif reflectance is not None:
+        elif material and reflectance is not None:
             kind = None
         elif paint.refused:
             raise ValueError(

@@ -31,7 +31,7 @@ class Panorama(SceneDescription, frozen=True):
     """Counterclockwise turn of the picture seen from above (degrees); at 0 its center is toward
     +x."""
 
-    is_lit_from_outside: ClassVar[bool] = False  # type: ignore[misc]
+    is_lit_from_outside: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return a scene with only the panorama, with the light's brightness and white."""
