@@ -1,7 +1,4 @@
-"""Boxes and balls, with texture coordinates proportional to their surface.
-
-Boulders: solids cut by random planes, weathered, half sunk into the ground.
-"""
+"""Boxes and balls, with texture coordinates proportional to their surface, and boulders."""
 
 from collections.abc import Callable
 from itertools import product

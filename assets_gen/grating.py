@@ -1,12 +1,8 @@
 """Patterns for motion detectors, and the cylinder and board for them.
 
-The 2-D sine grating is the one of the flow benchmark (dissertation §4.2.1): with image coordinates
-x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant "rot" turns the coordinates
-by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as in the dissertation; its moving part has √2·f
-cycles per frame. Variant "periodic" divides by 2 instead and has exactly f.
-
-Random dots are disks of half a period's diameter at random positions, with overlap, that cover half
-of the plane: a Boolean model, whose covariance has a closed form.
+The 2-D sine grating of the flow benchmark (dissertation §4.2.1), with image coordinates x, y in
+frames: S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant "rot" has x_r = (x + y)/√2 and
+y_r = (y − x)/√2, as there, and √2·f moving cycles per frame; "periodic" divides by 2, and has f.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -51,10 +47,7 @@ def bars(x: FloatArray, contrast: float, phase_rad: float, square: bool) -> Floa
 
 
 def random_dots(
-    shape: tuple[int, int],
-    size: tuple[float, float],
-    contrast: float,
-    rng: np.random.Generator,
+    shape: tuple[int, int], size: tuple[float, float], contrast: float, rng: np.random.Generator
 ) -> FloatArray:
     """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
 

@@ -10,7 +10,6 @@ paints only bare parts.
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,24 +132,22 @@ def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     return to_weight(2.2 * cushions + 0.6 * fibers - 0.6)
 
 
-TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = MappingProxyType(
-    {
-        "furrowed": bark.furrowed_bark,
-        "smooth": bark.smooth_bark,
-        "papery": bark.papery_bark,
-        "scaly": bark.scaly_bark,
-        "ridged": bark.ridged_bark,
-        "plated": bark.plated_bark,
-        "leaf": leaf_texture,
-        "needles": needle_texture,
-        "litter": litter_texture,
-        "turf": turf_texture,
-        "moss": moss_texture,
-        "trodden": trodden_texture,
-        "stone": stone_texture,
-        "mossy": mossy_texture,
-    }
-)
+TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = {
+    "furrowed": bark.furrowed_bark,
+    "smooth": bark.smooth_bark,
+    "papery": bark.papery_bark,
+    "scaly": bark.scaly_bark,
+    "ridged": bark.ridged_bark,
+    "plated": bark.plated_bark,
+    "leaf": leaf_texture,
+    "needles": needle_texture,
+    "litter": litter_texture,
+    "turf": turf_texture,
+    "moss": moss_texture,
+    "trodden": trodden_texture,
+    "stone": stone_texture,
+    "mossy": mossy_texture,
+}
 """Textures by name: a weight (H, W) in [0, 1]; all except leaf atlases tile."""
 
 

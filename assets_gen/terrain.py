@@ -1,11 +1,6 @@
-"""Ground as a height field over the plane, and its mesh.
+"""Ground as a height field: level at the camera's path, rolling beyond, a rim around the stand.
 
-The camera's path runs over level ground (a trail), the land beyond it rolls, and far outside the
-planted stand it rises to a rim, so that ground closes the horizon between the trunks.
-
-Moss grows in patches with outlines of many sizes, preferably around the feet of trees: a random
-field with waves from centimeters to meters is thresholded at the requested share. Its finer waves
-fray the outline down to the mesh.
+Moss grows preferably around the feet of trees: a random field is thresholded at its share.
 """
 
 from dataclasses import dataclass

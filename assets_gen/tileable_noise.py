@@ -24,16 +24,8 @@ def tileable_noise(
 ) -> FloatArray:
     """Return noise that repeats without a seam, mean 0, variance 1, shape (H, W).
 
-    Parameters
-    ----------
-    size_m : (float, float)
-        Extent in the direction of rows and of columns (m).
-    wavelengths_m : (float, float)
-        Shortest and longest wavelength present (m).
-    exponent : float
-        Amplitude falls as frequency to the minus `exponent`; 1 gives all octaves equal contrast.
-    stretch : float
-        Factor by which features are longer along the row index (v) than across.
+    It has wavelengths from the shortest to the longest. Amplitude falls as frequency to the minus
+    `exponent`; 1 gives all octaves equal contrast. Features are longer along v by `stretch`.
     """
     fv = np.fft.fftfreq(shape[0], size_m[0] / shape[0])[:, None] * stretch
     fu = np.fft.rfftfreq(shape[1], size_m[1] / shape[1])[None, :]

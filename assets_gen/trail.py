@@ -78,20 +78,9 @@ def make_trail(
     reach_m: float,
     rng: np.random.Generator,
 ) -> Trail:
-    """Return a path along a camera's path that extends beyond both of its ends.
+    """Return a path of a mean width along a camera's path (n, 2), extended at both ends (m).
 
-    Parameters
-    ----------
-    path_xy : (n, 2)
-        Path of the camera (m).
-    heading : (2,)
-        Direction of the path if the camera stays within half a meter.
-    width_m : float
-        Mean width (m).
-    reach_m : float
-        Length of the extensions (m).
-    rng : Generator
-        Draws windings and margins.
+    It has the heading (2,) if the camera stays within half a meter.
     """
     ends = []
     for points in (path_xy[::-1], path_xy):

@@ -1,8 +1,6 @@
-"""Triangulated plane, fine along a path and coarser away from it.
+"""Triangulated plane, finer along a path: a jittered lattice in each ring of distances from it.
 
-Steps grow in proportion to the distance from the path, like the resolution of a camera on it. The
-points are a jittered lattice in each ring of distances, joined by a Delaunay triangulation: no
-T-junctions between levels, and no straight lines along which edges of ground covers could align.
+Delaunay triangles have no T-junctions between levels, and no straight lines along their edges.
 """
 
 from dataclasses import dataclass
@@ -39,14 +37,6 @@ class Fineness:
     def step(self, distance_m: ArrayLike) -> FloatArray:
         """Step at distances from the path (m)."""
         return self.finest_m * np.maximum(np.asarray(distance_m) / self.near_m, 1)
-
-    def triangles(self, path_m: float, reach_m: float) -> float:
-        """Return the approximate number of triangles up to a distance from a straight path."""
-        within = min(self.near_m, reach_m)
-        inner = (2 * path_m * within + np.pi * within**2) / self.finest_m**2
-        slope = self.finest_m / self.near_m
-        outer = 2 * path_m * (1 / within - 1 / reach_m) + 2 * np.pi * np.log(reach_m / within)
-        return float(2 * (inner + outer / slope**2))
 
 
 @dataclass(frozen=True)
@@ -91,8 +81,8 @@ class Triangulation:
             best = worst.argmax(axis=-1)
             rows = np.arange(len(left))
             inside = worst[rows, best] > -ROUNDING
-            here = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
-            interpolated[left[inside]] = here[inside]
+            value = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
+            interpolated[left[inside]] = value[inside]
             left = left[~inside]
             if not len(left):
                 return interpolated

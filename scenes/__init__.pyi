@@ -28,10 +28,7 @@ from .stimuli.grating import Grating as Grating
 from .stimuli.panorama import Panorama as Panorama
 from .stimuli.pictures import Pictures as Pictures
 from .stimuli.plane import MotionBench as MotionBench, Plane as Plane
-from .tone_mapping import (
-    ToneCurve as ToneCurve,
-    preview as preview,
-)
+from .tone_mapping import ToneCurve as ToneCurve, preview as preview
 from .trajectories.base import Mount as Mount
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded

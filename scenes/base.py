@@ -1,11 +1,6 @@
-"""Base of every scene in a configuration.
-
-A package adds its own scene with a class derived from `SceneDescription`, named in an entry point
-of the group `megalopta.scenes`.
-"""
+"""Base of every scene in a configuration; packages add theirs by entry points."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from typing import ClassVar
 
 from megalopta.core.record import Record
@@ -34,9 +29,6 @@ class SceneDescription(Record, frozen=True):
     max_depth: ClassVar[int] = 16
     """Longest path of light unless `render.max_depth` tells another."""
 
-    has_bounces: ClassVar[bool] = True
-    """True if light is reflected between surfaces, which takes most of the rendering time."""
-
     def white(self, light: Light) -> Spectrum:
         """Spectrum of light on a white surface, W·m⁻²·nm⁻¹; flat, in any unit, if self-luminous."""
         return flat(1.0) if self.is_self_luminous else light.resolved().spectrum()
@@ -44,32 +36,12 @@ class SceneDescription(Record, frozen=True):
     @property
     def is_lit_from_outside(self) -> bool:
         """True if sky, sun or moon light its surfaces."""
-        return self.has_bounces and not self.is_self_luminous
-
-    @property
-    def is_moving(self) -> bool:
-        """True if anything in it moves."""
-        return False
+        return self.has_truth and not self.is_self_luminous
 
     @property
     def is_hazy(self) -> bool:
         """True if droplets in the air scatter light."""
         return False
-
-    @property
-    def is_diffuse(self) -> bool:
-        """True if all of its surfaces are diffuse."""
-        return True
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Numbers of objects by name, for the report."""
-        return {}
-
-    def expected_triangles(self, path_m: float) -> float:
-        """Return the approximate number of triangles along a path of this length."""
-        del path_m
-        return 1.0
 
     @abstractmethod
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     AnyScene = SceneDescription
 else:
     _others = plug_ins("megalopta.scenes", _offered, [*map(kind_of, OWN_SCENES)])
-    AnyScene = any_of([*OWN_SCENES, *(each.model for each in _others.values())])
+    AnyScene = any_of([*OWN_SCENES, *(plug_in.model for plug_in in _others.values())])
     """Any scene in a configuration, by `kind`."""
 
 

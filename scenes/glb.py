@@ -1,8 +1,6 @@
 """A scene at one time as GLB, for other programs: shapes, places, and colors in daylight.
 
-Every object is a node, named by its kind and number. glTF knows no spectra: reflectances become
-colors in linear sRGB as seen in D65, of 8 bits. Light, cameras, transmittance and haze are not
-written. Objects that bend or move are written as they are at the time.
+Reflectances become linear sRGB in D65; light, cameras, transmittance and haze are not written.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -59,7 +57,7 @@ def _surface(material: Material) -> "PBRMaterial":
             "baseColorFactor": np.append(np.rint(color * 255), 255).astype(np.uint8)
         }
     else:
-        others = np.array([_color(each) for each, _ in texture.spectra])
+        others = np.array([_color(spectrum) for spectrum, _ in texture.spectra])
         weight = texture.weight.reshape(*texture.weight.shape[:2], -1)
         base = np.zeros(3) if isinstance(texture, ColorTexture) else color
         colors: Floats = base + weight @ (others - base)

@@ -1,8 +1,4 @@
-"""File or folder that a scene is made from, with the hash of its content.
-
-The hash is taken when the file is first named. A file that has changed since raises an error, so
-that results stay consistent with it.
-"""
+"""File or folder that a scene is made from; one that has changed since it was named is an error."""
 
 import hashlib
 import sys
@@ -75,8 +71,8 @@ class HashedFile(Hashed, frozen=True):
         with unreadable(path):
             if not Path(path).is_dir():
                 return _file_hash(Path(path))
-            inside = [each for each in sorted(Path(path).iterdir()) if each.is_file()]
-            lines = (f"{each.name}\0{_file_hash(each)}\n" for each in inside)
+            inside = [file for file in sorted(Path(path).iterdir()) if file.is_file()]
+            lines = (f"{file.name}\0{_file_hash(file)}\n" for file in inside)
             return hashlib.sha256("".join(lines).encode()).hexdigest()
 
     def read(self) -> bytes:

@@ -44,14 +44,11 @@ def models_in(package: str, base: type[Model]) -> list[type[Model]]:
     """Models derived from a base in all modules of a package, in order of the modules' names."""
     folder = import_module(package).__path__
     modules = [import_module(f"{package}.{model.name}") for model in pkgutil.iter_modules(folder)]
-    named = [value for module in modules for value in vars(module).values()]
-    return list(
-        dict.fromkeys(
-            model
-            for model in named
-            if isinstance(model, type)
-            and issubclass(model, base)
-            and not isabstract(model)
-            and not model.model_fields["kind"].is_required()
-        )
-    )
+    named = {
+        value: None
+        for module in modules
+        for value in vars(module).values()
+        if isinstance(value, type)
+    }
+    models = (model for model in named if issubclass(model, base) and not isabstract(model))
+    return [model for model in models if not model.model_fields["kind"].is_required()]

@@ -13,7 +13,7 @@ forest shades itself; use `starlight` for it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from megalopta.scenes.spectra import outdoors
 from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
@@ -22,25 +22,13 @@ ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"
 ]
 
-SOURCES: Mapping[ComponentName, str] = {
-    "sun": "ASTM G173-03, direct",
-    "daylit sky": "Bird and Riordan 1986, air mass 1.5",
-    "moon": "ASTM G173-03 × Kieffer and Stone 2005, at a phase of 7° or 90°",
-    "moonlit sky": "Bird and Riordan 1986 × Kieffer and Stone 2005",
-    "twilight": "Patat et al. 2006, sun at −6.4°; sunlight × λ⁻⁴ beyond 0.8 µm",
-    "airglow": "Rousselot et al. 2000, Cuby et al. 2000, Maihara et al. 1993, Patat 2003",
-    "starlight": "Roach and Gordon 1973; zodiac: Benn and Ellison 1998, Leinert et al. 1998",
-    "clouds": "Kasten and Czeplak 1980, color by Meador and Weaver 1980, Hale and Querry 1973",
-}
-"""Source of each component's spectrum; the numbers are in `scenes/spectra`."""
-
 
 @dataclass(frozen=True)
 class Component:
     """Component of the outdoor light, as received by an unshaded horizontal plane."""
 
     name: ComponentName
-    """Name of the light; `SOURCES` gives the source of its spectrum."""
+    """Name of the light; `scenes/spectra/outdoors.py` has the source of its spectrum."""
     irradiance: Spectrum
     """Irradiance of the plane, W·m⁻²·nm⁻¹."""
 
@@ -82,7 +70,7 @@ FULL, QUARTER = (
 
 def overcast(components: tuple[Component, ...]) -> Component:
     """Light through a closed layer of cloud, with the total illuminance of its components."""
-    light = total([each.irradiance for each in components])
+    light = total([component.irradiance for component in components])
     wavelengths = sorted({*light.wavelengths_nm, *outdoors.OVERCAST.wavelengths_nm})
     values = light(wavelengths) * outdoors.OVERCAST(wavelengths)
     color = Spectrum.of(wavelengths, values, common_range([light, outdoors.OVERCAST]))
@@ -115,35 +103,30 @@ class Illumination:
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
-        return total([each.irradiance for each in self.components])
+        return total([light.irradiance for light in self.components])
 
     @property
     def disc(self) -> Component | None:
         """Light of the disc of sun or moon, if any."""
-        return next((each for each in self.components if each.is_disc), None)
-
-    @property
-    def disc_fraction(self) -> float:
-        """Share of the illuminance that comes from the disc of sun or moon."""
-        return self.disc.illuminance_lux / self.illuminance_lux if self.disc else 0.0
+        return next((light for light in self.components if light.is_disc), None)
 
 
 def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Illumination:
     """Disc and sky of sun or moon that together give an illuminance."""
     disc, sky = lights
     parts = (disc.giving(lux * disc_fraction), sky.giving(lux * (1 - disc_fraction)))
-    return Illumination(lux, tuple(each for each in parts if max(each.irradiance.values)))
+    return Illumination(lux, tuple(light for light in parts if max(light.irradiance.values)))
 
 
 def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Illumination:
     """Lights scaled by a common factor to give an illuminance."""
-    factor = illuminance_lux / sum(each.illuminance_lux for each in components)
-    return Illumination(illuminance_lux, tuple(each.scaled(factor) for each in components))
+    factor = illuminance_lux / sum(light.illuminance_lux for light in components)
+    return Illumination(illuminance_lux, tuple(light.scaled(factor) for light in components))
 
 
 def _above_night(illuminance_lux: float, *lights: Component) -> Illumination:
     """Lights that supply the part beyond the night sky, disc and sky by their shares."""
-    beyond_night_lux = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
+    beyond_night_lux = illuminance_lux - sum(light.illuminance_lux for light in _NIGHT)
     if len(lights) == 2:
         parts = shared((lights[0], lights[1]), beyond_night_lux, DISC_FRACTION).components
     else:
@@ -170,11 +153,6 @@ LEVELS: Mapping[str, Illumination] = {
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Limits, eight and four orders of magnitude beyond outdoor light."""
-
-
-def level_named(level: Any) -> Any:
-    """Return the level that dusk and dawn are, twilight; other values as they are."""
-    return "twilight" if level in ("dusk", "dawn") else level
 
 
 def illuminance_of(level: str | float) -> float:

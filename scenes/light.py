@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
@@ -30,7 +30,7 @@ _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "m
 class Light(Record, frozen=True):
     """Outdoor light: a named level, any part of which can be overridden."""
 
-    level: Annotated[LevelName, BeforeValidator(levels.level_named)] = "twilight"
+    level: LevelName = "twilight"
     """Named light level: a sum of lights, with the spectrum of each."""
 
     illuminance_lux: (

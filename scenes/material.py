@@ -1,8 +1,4 @@
-"""Surfaces that reflect, transmit or emit light.
-
-Surfaces that are not diffuse are the tree of Mitsuba's plug-ins that describes them (`Finish`).
-They are kept as a file states them; only the renderer knows what they do to light.
-"""
+"""Surfaces that reflect, transmit or emit light; others than diffuse are Mitsuba plug-ins."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -60,12 +56,12 @@ class Finish:
     @property
     def is_patterned(self) -> bool:
         """True if it needs meshes with uv coordinates."""
-        return any(each.kind in TEXTURES for each in self.tree())
+        return any(plug_in.kind in TEXTURES for plug_in in self.tree())
 
     @property
     def known_nm(self) -> tuple[float, float] | None:
         """Lowest and highest wavelength at which all of it is known; None: at all."""
-        spans = [span for each in self.tree() for span in each._spans()]
+        spans = [span for plug_in in self.tree() for span in plug_in._spans()]
         if not spans:
             return None
         return max(low for low, _ in spans), min(high for _, high in spans)
@@ -131,7 +127,7 @@ class ColorTexture:
     @property
     def spectra(self) -> "tuple[_Scattered, ...]":
         """Reflectance where each weight is 1; it is opaque."""
-        return tuple((each, None) for each in self.reflectances)
+        return tuple((reflectance, None) for reflectance in self.reflectances)
 
 
 _Scattered = tuple[Spectrum, Spectrum | None]
@@ -173,11 +169,9 @@ class Material:
     def range_nm(self) -> tuple[float, float]:
         """Lowest and highest wavelength at which it is known."""
         known = [Spectrum((550.0,), (0.0,), self.known_nm)]
-        if self.emission:
-            known += (
-                [self.emission.radiance] if isinstance(self.emission.radiance, Spectrum) else []
-            )
-        elif not self.finish:
+        if self.emission and isinstance(self.emission.radiance, Spectrum):
+            known.append(self.emission.radiance)
+        elif not (self.emission or self.finish):
             of_texture = self.texture.spectra if self.texture else ()
             parts = (self.reflectance, self.transmittance), *of_texture
             known += [part for pair in parts for part in pair if part]
@@ -188,7 +182,9 @@ class Material:
         """True if it transmits light anywhere."""
         of_texture = [through for _, through in self.texture.spectra] if self.texture else []
         spectra = self.transmittance, *of_texture
-        return not self.emission and any(each and max(each.values) > 0 for each in spectra)
+        return not self.emission and any(
+            spectrum and max(spectrum.values) > 0 for spectrum in spectra
+        )
 
 
 def _check_energy(surface: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:

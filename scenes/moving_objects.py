@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.meshes.model import PlacedMesh, pose_of
+from megalopta.scenes.meshes.pieces import check_pictures, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion, Vector
@@ -92,14 +94,15 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
     placements, notes = list(scene.placements), list(scene.notes)
     for index, thing in enumerate(objects):
         if isinstance(thing, MovingModel):
-            kind = thing.name or thing.file.stem
+            kind = thing.name or PurePath(thing.file.path).stem
             name = f"object {index} {kind}"
-            pieces = thing.pieces()
+            pieces, unused = thing.read()
             check_names(thing.materials, pieces)
             label = f"{name} {thing.file.path}"
             surfacing = Surfacing(label, thing.materials, materials=materials)
             assets[name] = surfacing.whole(pieces)
-            notes += thing.notes(pieces)
+            check_pictures(label, weights_of(materials.values()))
+            notes += unused
         else:
             kind, name = thing.name, f"object {index} {thing.name}"
             materials[name] = _material(thing, index)
@@ -110,11 +113,7 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
         to_world = pose_of(thing.position_m, thing.turn_deg)
         placements.append(Placement(name, kind, to_world, motion))
     return replace(
-        scene,
-        materials=materials,
-        assets=assets,
-        placements=tuple(placements),
-        notes=tuple(notes),
+        scene, materials=materials, assets=assets, placements=tuple(placements), notes=tuple(notes)
     )
 
 

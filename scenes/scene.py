@@ -1,21 +1,12 @@
-"""Scene as plain frozen data: materials, shapes, their placements and lighting.
+"""Scene as plain frozen data: materials, shapes, their placements, lighting and haze.
 
-World coordinates are right-handed, in meters, with z up. Nothing here depends on the renderer:
-`render` merges the placed meshes by material and keeps the table from triangles to objects. It
-computes in float32, so its coordinates are relative to `Scene.origin_m`.
-
-An object id is the index in `Scene.placements` plus one; 0 means no hit.
-
-Haze is droplets in the air that scatter light between objects and camera. The visibility V is the
-distance at which a black object has a contrast of 2 % (Koschmieder 1924, Beiträge zur Physik der
-freien Atmosphäre 12, 33), so the extinction is σ = ln 50 / V. Directions follow Henyey and
-Greenstein (1941, Astrophysical Journal 93, 70), p = (1 − g²) / (4π·(1 + g² − 2g·cos θ)^(3/2)) with
-the scattering angle θ.
-
-Haze is independent of wavelength: droplets of fog and mist are large compared with it (radii of 1
-to 20 µm), so extinction is twice the cross section. They absorb little light: less than 1e-5 in the
-visible, about 2 % at 1.45 µm (formula in `scenes/spectra/outdoors.py`). Dry, bluish haze of
-particles below 0.5 µm is not modeled.
+Haze is droplets in the air that scatter light. The visibility V is the distance at which a black
+object has a contrast of 2 % (Koschmieder 1924, Beiträge zur Physik der freien Atmosphäre 12, 33),
+so the extinction is σ = ln 50 / V. Directions follow Henyey and Greenstein (1941, Astrophysical
+Journal 93, 70), p = (1 − g²) / (4π·(1 + g² − 2g·cos θ)^(3/2)) with the scattering angle θ. Droplets
+of fog and mist are large compared with the wavelength (radii of 1 to 20 µm): extinction is twice
+the cross section, and absorption below 1e-5 in the visible, about 2 % at 1.45 µm. Dry, bluish haze
+of particles below 0.5 µm is not modeled.
 """
 
 import math
@@ -167,14 +158,9 @@ class Lighting:
     panorama: Environment | None = None
     """Picture of additional light, which the renderer turns into patterns and a disc."""
 
-    @property
-    def is_even(self) -> bool:
-        """True if light comes equally from all directions."""
-        return not (self.sun or self.patterns or self.panorama)
-
     def mean_sky(self) -> Spectrum:
         """Mean radiance of sky and patterns over all directions, W·m⁻²·sr⁻¹·nm⁻¹."""
-        return total([self.sky, *(each.mean() for each in self.patterns)])
+        return total([self.sky, *(pattern.mean() for pattern in self.patterns)])
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,4 @@
-"""Shutter: exposure time of each line, and delay between the first and the last line.
-
-Lines are rows or, read from the left or right, columns. A frame's time is the middle of the
-exposure of its middle line.
-"""
+"""Shutter: exposure time of each line, row or column, and delay between the first and the last."""
 
 from typing import Annotated, Literal
 

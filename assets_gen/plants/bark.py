@@ -1,12 +1,7 @@
-"""Bark patterns as tileable weights between a light and a dark reflectance (1 is dark).
+"""Bark patterns as tileable weights between a light and a dark reflectance (1), and reliefs.
 
-The patterns imitate appearance, not growth: plates between cracks for spruce, bands of lenticels
-and dark scars on white for birch, gray blotches with fine wrinkles for beech, long ridges that
-split and join for oak. Each has contrast from half a meter down to the texel, because motion
-detectors need it.
-
-**Relief** of a stem: furrows in its bark, roots and buttresses. Shape and texture come from one
-pattern, so that furrows are dark. The mean radius is unchanged.
+Each pattern has contrast from half a meter down to the texel, because motion detectors need it.
+Furrows and texture come from one pattern, so that furrows are dark; the mean radius is unchanged.
 """
 
 from dataclasses import dataclass
@@ -155,15 +150,7 @@ class Furrows:
         tile_m: tuple[float, float],
         uv_origin: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return axis (l, 3) and profile (l - 1, sides) of a stem as `sweep` takes them, carved.
-
-        Parameters
-        ----------
-        axis, profile
-            Axis and profile of the smooth stem, as for `sweep`.
-        tile_m, uv_origin
-            Tiling of its texture, with an integer number of tiles around.
-        """
+        """Return axis (l, 3) and profile (l - 1, sides) of a stem as for `swept_tube`, carved."""
         radius = float(profile.mean(axis=1).max())
         sides = int(np.clip(np.ceil(2 * np.pi * radius / GRAIN_M[0]), *SIDES))
         # more rings where furrows are, and more sides

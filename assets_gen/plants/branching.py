@@ -1,10 +1,7 @@
 """Axes of a plant, grown from its species' data: stem, branches and leafy twigs.
 
-Branches grow by space colonization. Points scattered in the crown attract the nearest node of the
-skeleton; a node grows one step toward the mean direction of the points it attracts; points that are
-reached are removed (Runions, Lane & Prusinkiewicz 2007, "Modeling trees with a space colonization
-algorithm"). The trunk and the first-order branches are set beforehand, which keeps the species'
-branching angle; only branches continue to grow, never the bare trunk.
+Branches grow by space colonization (Runions, Lane & Prusinkiewicz 2007, "Modeling trees with a
+space colonization algorithm"), from a trunk and first-order branches that are set beforehand.
 """
 
 from dataclasses import dataclass
@@ -56,18 +53,9 @@ def colonize(
     tropism: float,
     rng: np.random.Generator,
 ) -> Skeleton:
-    """Return the skeleton grown into the attraction points.
+    """Return the skeleton grown from buds (b,) into attraction points (p, 3) (m), step by step.
 
-    Parameters
-    ----------
-    buds : (b,)
-        Nodes that may grow.
-    points : (p, 3)
-        Attraction points (m).
-    step_m : float
-        Length of an internode (m).
-    tropism : float
-        Upward pull, relative to the pull of the points.
+    Tropism is the upward pull, relative to the pull of the points.
     """
     distance, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
     while len(buds) and len(points):

@@ -68,7 +68,9 @@ def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Sur
     It is at the place of one of them, chosen at random, and has their total area.
     """
     corners = leaves.vertices.reshape(-1, 4, 3)
-    area = leaf_areas(corners)
+    diagonal = corners[:, 2] - corners[:, 0]
+    halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
+    area = np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))
     chosen, factor = _one_of_each(area, merged, rng)
     base, left, tip, right = corners[chosen].swapaxes(0, 1)
     across = (right - left) / 2
@@ -85,13 +87,6 @@ def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Sur
         np.stack([uv[:, 0] + half, uv[:, 0] - half, uv[:, 2]], axis=1).reshape(-1, 2),
         clusters=None if leaves.clusters is None else leaves.clusters[2 * chosen],
     )
-
-
-def leaf_areas(corners: FloatArray) -> FloatArray:
-    """Return the area (n,) of leaves of two triangles, corners (n, 4, 3) (m, m²)."""
-    diagonal = corners[:, 2] - corners[:, 0]
-    halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
-    return np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))
 
 
 def some_leaves(leaves: Surface, share: float, rng: np.random.Generator) -> Surface:

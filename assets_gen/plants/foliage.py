@@ -87,16 +87,10 @@ def blades(
     foliage: Foliage | Blade,
     rng: np.random.Generator,
 ) -> Surface:
-    """Return one folded diamond per leaf.
+    """Return one folded diamond per leaf, with a random tile of the leaf texture.
 
-    Parameters
-    ----------
-    base, direction, facing : (n, 3)
-        Attachment (m), unit vector along the midrib, and direction that the upper side should face.
-    size : (n,)
-        Factor on length and width.
-    rng : Generator
-        Chooses each leaf's tile of the leaf texture.
+    Its base (n, 3) (m), its direction along the midrib, the direction that its upper side faces,
+    and its size (n,), a factor on length and width, are given.
     """
     across = unit(np.cross(facing, direction))
     normal = np.cross(direction, across)

@@ -1,11 +1,6 @@
 """Whole plant: axes by its growth form, bark around them, leaves on its twigs.
 
-A palm has a stem without branches, and fronds at its end. Successive fronds are at the golden
-angle, the oldest lowest, and arch over by their own weight. A frond has two rows of leaflets.
-
-A liana has ropes that hang between the ground and the crowns. Each rises from the ground, sags
-sideways in one or two loops between its holds, and bears its leaves in its upper half, among the
-crowns.
+Fronds of a palm are at the golden angle, the oldest lowest. Ropes of a liana hang between holds.
 """
 
 from dataclasses import dataclass

@@ -1,16 +1,9 @@
 """Axes of a plant as a tree of nodes, with their thickness, and tubes swept along them.
 
-Thickness follows the pipe model (Shinozaki et al. 1964, Jpn. J. Ecol. 14:97), which contains
-Leonardo's rule: every tip is supplied by one pipe of fixed cross-section that runs down to the
-root, so that the areas of the branches above a fork add up to the area below it. Pipes of shed
-leaves stay in the wood: each meter of axis adds a little area, which makes trunks taper below the
-crown too.
-
-**Tubes** are round and taper: trunks, branches and twigs. The cross-section is carried along by
-rotation-minimizing frames (double reflection, Wang et al. 2008, ACM TOG 27:2), so that the bark
-never twists more than its axis. Every tube is closed: a flat cap at the base, inside the bearing
-axis or in the ground, and a point at the tip. The column of vertices at the texture's seam is
-duplicated; welded by position, a tube is watertight.
+Pipe model (Shinozaki et al. 1964, Jpn. J. Ecol. 14:97): every tip is supplied by one pipe of fixed
+cross-section that runs down to the root. Pipes of shed leaves stay in the wood: each meter of axis
+adds a little area. Cross-sections are carried along by rotation-minimizing frames (double
+reflection, Wang et al. 2008, ACM TOG 27:2). Welded by position, a tube is watertight.
 """
 
 from dataclasses import dataclass
@@ -160,20 +153,10 @@ def swept_tube(
     uv_origin: FloatArray,
     whole_tiles: bool,
 ) -> Surface:
-    """Return the closed tube around an axis.
+    """Return the closed tube around an axis (k, 3) from base to pointed tip (m).
 
-    Parameters
-    ----------
-    axis : (k, 3)
-        Center line from base to tip (m).
-    profile : (k - 1, sides)
-        Radius of each ring toward each side (m); the last node of the axis is the pointed tip.
-    tile_m : (float, float)
-        Size of one texture tile around and along the tube (m).
-    uv_origin : (2,)
-        Texture coordinates at the start of the tube.
-    whole_tiles : bool
-        Stretch the texture to an integer number of tiles around the base, which hides the seam.
+    Its profile (k - 1, sides) is the radius of each ring toward each side (m). Texture tiles have a
+    size around and along the tube (m); whole tiles around the base hide the seam.
     """
     rings, sides = profile.shape
     _, normals, binormals = rotation_minimizing_frames(axis)

@@ -6,7 +6,7 @@ other: stems thicken faster than they rise (elastic similarity gives radius ∝ 
 keep their lower branches.
 """
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -32,7 +32,6 @@ class Colonized(Record, frozen=True):
     """Branches that grow toward attraction points in free space: broad-leaved trees and bushes."""
 
     kind: Literal["colonized"] = "colonized"
-    """Growth by space colonization."""
     points: Annotated[int, Field(gt=0)]
     """Attraction points scattered in the crown (count)."""
     scaffold: Annotated[int, Field(gt=0)]
@@ -55,7 +54,6 @@ class Whorled(Record, frozen=True):
     """Tiers of branches around a straight leader (spruces and firs)."""
 
     kind: Literal["whorled"] = "whorled"
-    """Growth by whorls."""
     spacing_m: Positive
     """Height between tiers (m)."""
     branches: Annotated[int, Field(gt=0)]
@@ -70,7 +68,6 @@ class Fronded(Record, frozen=True):
     """Tuft of fronds at the end of each stem: palms and tree ferns."""
 
     kind: Literal["fronded"] = "fronded"
-    """Growth by fronds."""
     fronds: Annotated[int, Field(gt=0)]
     """Fronds of one stem (count)."""
     frond_m: Positive
@@ -85,7 +82,6 @@ class Climbing(Record, frozen=True):
     """Ropes that hang and climb between the ground and the crowns: lianas."""
 
     kind: Literal["climbing"] = "climbing"
-    """Growth by ropes."""
     reach_m: Positive
     """Largest sideways distance of a rope (m)."""
     shoots: Annotated[int, Field(gt=0)]
@@ -189,7 +185,6 @@ class Species(Record, frozen=True):
     """Leaves or needles."""
 
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
 FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
 
 
@@ -200,23 +195,21 @@ def aged(species: Species, share: float) -> Species:
     crown, growth, relief = species.crown, species.growth, species.relief
     base = min(crown.base * (0.5 + 0.5 * share), 0.9)
     if isinstance(growth, Colonized):
-        growth = _changed(
-            growth,
-            points=max(round(share**2 * growth.points), FEWEST_POINTS),
-            scaffold=max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
-            shoots=max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
-        )
+        numbers = {
+            "points": max(round(share**2 * growth.points), FEWEST_POINTS),
+            "scaffold": max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
+            "shoots": max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
+        }
+        growth = growth.model_copy(update=numbers)
     elif isinstance(growth, Fronded):
-        growth = _changed(growth, frond_m=share**0.5 * growth.frond_m)
-    return _changed(
-        species,
-        height_m=share * species.height_m,
-        radius_m=share**1.5 * species.radius_m,
-        crown=_changed(crown, radius_m=share**0.9 * crown.radius_m, base=base),
-        growth=growth,
-        relief=relief and _changed(relief, depth_m=share**1.5 * relief.depth_m),
-    )
-
-
-def _changed(record: AnyRecord, **changes: object) -> AnyRecord:
-    return record.model_copy(update=changes)
+        growth = growth.model_copy(update={"frond_m": share**0.5 * growth.frond_m})
+    wide = {"radius_m": share**0.9 * crown.radius_m, "base": base}
+    changes = {
+        "height_m": share * species.height_m,
+        "radius_m": share**1.5 * species.radius_m,
+        "crown": crown.model_copy(update=wide),
+        "growth": growth,
+    }
+    if relief:
+        changes["relief"] = relief.model_copy(update={"depth_m": share**1.5 * relief.depth_m})
+    return species.model_copy(update=changes)

@@ -1,7 +1,4 @@
-"""Forest floor: small plants, loose leaves, fallen trunks.
-
-Except for grass, small plants consist of leaves of two triangles each, for `detail.merged_leaves`.
-"""
+"""Forest floor: small plants (leaves of two triangles each, and grass), loose leaves, trunks."""
 
 import numpy as np
 

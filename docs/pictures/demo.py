@@ -29,7 +29,7 @@ def photons(dataset: Dataset, path: Path) -> None:
             axis.plot([low, high], [place, place], color=color, linewidth=5, alpha=0.4)
             axis.plot(found["flux"], place, "o", color=color, markersize=8, markerfacecolor=fill)
     axis.set_yticks(list(places.values()), list(places))
-    ideal, trees = dataset.configuration.sensors[-1], dataset.configuration.scene.counts["trees"]
+    ideal, trees = dataset.configuration.sensors[-1], dataset.configuration.scene.trees
     for level in dataset.configuration.light_levels:
         events = open_counts(dataset.counts(ideal, level))["mean_events"]
         flux = events.mean() * events.shape[1] * events.shape[2]

@@ -20,7 +20,7 @@ from megalopta.core.bounded import folder_of, named_path
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.scenes.imu import Imu
-from megalopta.scenes.levels import illuminance_of, level_named
+from megalopta.scenes.levels import illuminance_of
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.formats.products import ProductName
 from megalopta.sensor.spad.presets import load_sensor, with_files
@@ -46,7 +46,7 @@ def _level(value: Any) -> Any:
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
-        return level_named(value)
+        return value
 
 
 LightLevels = Annotated[

@@ -41,9 +41,14 @@ class Camera(Record, frozen=True):
         return self.height, self.width
 
     @property
+    def has_image_plane(self) -> bool:
+        """True if depth is measured along the optical axis, False if along the ray."""
+        return False
+
+    @property
     def depth_meaning(self) -> str:
         """Direction of measured depth."""
-        return "along the ray"
+        return "along the optical axis" if self.has_image_plane else "along the ray"
 
     @property
     def wraps(self) -> bool:
@@ -112,5 +117,5 @@ class Camera(Record, frozen=True):
         return way
 
     def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W), m, from the distances (H, W) along the rays: equal to these."""
-        return distance
+        """Depth (H, W), m, from the distances (H, W) along the rays."""
+        return distance * self.directions()[..., 2] if self.has_image_plane else distance

@@ -12,11 +12,8 @@ for a fisheye, which has no p. Sources: OpenCV, "Camera Calibration and 3D Recon
 Photogrammetric Engineering 37, 1971), and its fisheye model (Kannala and Brandt, IEEE TPAMI 28,
 2006).
 
-OpenCV has the center of the first pixel at (0, 0), this program at (0.5, 0.5). Parameters are
-OpenCV's; image coordinates in this program are greater by half a pixel.
-
-Far from the axis such polynomials turn back, and would show points a second time. Points from there
-on have no image.
+Parameters are OpenCV's; image coordinates in this program are greater by half a pixel. Points from
+where such polynomials turn back on have no image.
 """
 
 import math
@@ -87,9 +84,9 @@ class OpenCVCamera(Camera, frozen=True):
         return self
 
     @property
-    def depth_meaning(self) -> str:
-        """Direction of measured depth."""
-        return "along the ray" if self.fisheye else "along the optical axis"
+    def has_image_plane(self) -> bool:
+        """True if depth is measured along the optical axis, False of a fisheye."""
+        return not self.fisheye
 
     @property
     def intrinsics(self) -> Floats | None:
@@ -160,10 +157,6 @@ class OpenCVCamera(Camera, frozen=True):
         """
         plane = (self.pixel_centers() - self._principal) / self._focal
         return self.project(np.dstack([plane, np.ones(self.shape)])) - 0.5
-
-    def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W), m, from distances (H, W) along the rays; the same for a fisheye."""
-        return distance if self.fisheye else distance * self.directions()[..., 2]
 
     def finer(self, parts: int) -> "OpenCVCamera":
         """Return the camera with each pixel divided into parts × parts."""
@@ -274,6 +267,6 @@ class _Lens:
         """Smallest s where the radial function √s·g(s) stops rising; infinite if it never does."""
         s, upper, lower = Polynomial([0.0, 1.0]), self.upper, self.lower
         slope = (upper + 2 * s * upper.deriv()) * lower - 2 * s * upper * lower.deriv()
-        roots = np.concatenate([each.trim().roots() for each in (slope, lower)])
+        roots = np.concatenate([factor.trim().roots() for factor in (slope, lower)])
         is_real = np.abs(roots.imag) < 1e-9 * np.abs(roots)
         return float(min(roots.real[is_real & (roots.real > 0)], default=math.inf))

@@ -1,11 +1,7 @@
-"""Panoramic cameras, around the full circle or a part of it.
+"""Panoramic cameras: columns equidistant in azimuth (0 along +z, growing toward +x).
 
-Columns are equidistant in azimuth (0 along +z, growing toward +x). Rows of the equirectangular
-camera are equidistant in elevation; the cylindrical camera's film is a cylinder around the vertical
-axis, so its rows are equidistant in the tangent of elevation.
-
-At elevation e a column is only cos(e) times as wide as at the horizon: toward the poles, horizontal
-motion in px and its errors grow by 1/cos(e).
+Rows are equidistant in elevation, or in its tangent on a cylinder. At elevation e a column is only
+cos(e) times as wide as at the horizon: horizontal motion in px and its errors grow by 1/cos(e).
 """
 
 import math

@@ -29,9 +29,9 @@ class PerspectiveCamera(Camera, frozen=True):
         return "camera"
 
     @property
-    def depth_meaning(self) -> str:
-        """Direction of measured depth."""
-        return "along the optical axis"
+    def has_image_plane(self) -> bool:
+        """True: depth is measured along the optical axis."""
+        return True
 
     @property
     def focal_length_px(self) -> float:
@@ -70,7 +70,3 @@ class PerspectiveCamera(Camera, frozen=True):
         nearest = SINGULAR_RAD * np.linalg.norm(points, axis=-1, keepdims=True)
         z = np.where(points[..., 2:] > nearest, points[..., 2:], np.nan)
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]
-
-    def depth(self, distance: Floats) -> Floats:
-        """Depth (H, W) along the optical axis, m, from the distances (H, W) along the rays."""
-        return distance * self.directions()[..., 2]

@@ -7,20 +7,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.forest.floor import (
-    HORIZON_M,
-    even_ground,
-    fineness,
-    kept_floor,
-    laid,
-    make_land,
-    trail_of,
-)
+from megalopta.scenes.forest.floor import even_ground, kept_floor, laid, make_land, trail_of
 from megalopta.scenes.forest.flora import BUSHES, LAYERS, LODS, PRESETS, TREES
 from megalopta.scenes.forest.planting import (
     BELT_M,
@@ -31,7 +23,6 @@ from megalopta.scenes.forest.planting import (
 )
 from megalopta.scenes.forest.specimens import (
     RING_M,
-    SPECIMENS,
     grow_specimens,
     in_leaf,
     materials,
@@ -44,8 +35,6 @@ from megalopta.scenes.trajectories.base import Path
 
 SMALL_TRIANGLES = 80
 """Approximate triangles of an average plant of the undergrowth."""
-CARVED_TRIANGLES = 20_000
-"""Approximate triangles of a stem's furrows."""
 TREE_LEAF_M2, LEAF_M2 = 45.0, 0.004
 """Approximate leaf area of a tree without a given leaf-area index, and of one leaf (m²)."""
 CROWN_M = 5.0
@@ -95,11 +84,6 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
         for kind, density in forest.densities_per_m2.items()
     )
     total = counts @ triangles + bushes * bush + small * SMALL_TRIANGLES
-    if forest.has_floor:
-        total += fineness(forest.detail).triangles(path_m, edge + HORIZON_M)
-    if forest.bark_relief:
-        rough = sum(share for name, share in forest.mix.items() if TREES[name].shape.relief)
-        total += counts[0] * CARVED_TRIANGLES * rough / sum(forest.mix.values())
     return float(counts.sum() + bushes + small), float(total)
 
 
@@ -110,7 +94,6 @@ FINER = 0.7, 1.25
 NARROWEST_M = 0.2
 """Smallest width of a trodden path (m)."""
 
-Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
@@ -177,23 +160,15 @@ class Forest(SceneDescription, frozen=True):
     haze: Haze | None = None
     """Mist or fog between and just above the trees, by its visibility_m; null: clear air."""
 
-    @field_validator("mix")
-    @classmethod
-    def _check_mix(cls, mix: dict[str, float]) -> dict[str, float]:
-        unknown = sorted(mix.keys() - TREES.keys())
-        if unknown:
-            raise ValueError(f"unknown species {unknown}; choose from {sorted(TREES)}")
-        if sum(mix.values()) <= 0:
-            raise ValueError(f"the shares {mix} sum to 0; give one species a positive share")
-        return mix
-
-    @field_validator("undergrowth_per_m2")
-    @classmethod
-    def _check_undergrowth(cls, densities: dict[str, float]) -> dict[str, float]:
-        unknown = sorted(densities.keys() - LAYERS.keys())
-        if unknown:
-            raise ValueError(f"unknown kind {unknown}; choose from {sorted(LAYERS)}")
-        return densities
+    @model_validator(mode="after")
+    def _check_plants(self) -> "Forest":
+        for name, known in ("mix", TREES), ("undergrowth_per_m2", LAYERS):
+            if unknown := sorted(getattr(self, name).keys() - known.keys()):
+                raise ValueError(f"{name}: unknown kind {unknown}; choose from {sorted(known)}")
+        if sum(self.mix.values()) <= 0:
+            raise ValueError(f"mix: the shares {self.mix} sum to 0; give one a positive share")
+        check_stand(self, 0.0)
+        return self
 
     @model_validator(mode="after")
     def _check_floor(self) -> "Forest":
@@ -214,11 +189,6 @@ class Forest(SceneDescription, frozen=True):
             )
         return self
 
-    @model_validator(mode="after")
-    def _check_size(self) -> "Forest":
-        check_stand(self, 0.0)
-        return self
-
     @property
     def has_floor(self) -> bool:
         """True if its ground is more than an even cover."""
@@ -230,28 +200,9 @@ class Forest(SceneDescription, frozen=True):
         return {kind: self.undergrowth * d for kind, d in self.undergrowth_per_m2.items()}
 
     @property
-    def is_moving(self) -> bool:
-        """True if it sways in the wind."""
-        return self.wind is not None
-
-    @property
     def is_hazy(self) -> bool:
         """True if there is mist or fog."""
         return self.haze is not None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of its trees, without those of the belt."""
-        return {"trees": self.trees}
-
-    def expected_triangles(self, path_m: float) -> float:
-        """Return the number of triangles along a path of this length, within a factor of 1.5."""
-        return foreseen(self, path_m)[1]
-
-    @property
-    def leaf_ring_m(self) -> tuple[float, float]:
-        """Range of distances from the path in which its leaf-area index is set (m)."""
-        return self.clearance_m, self.clearance_m + RING_M
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the forest in the light, with trunks clear of the camera's path."""
@@ -303,10 +254,10 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     litter: dict[str, Asset] = {}
     if floor:
         placements, litter = laid(forest.seed, placements, floor)
-    names = {placement.asset for placement in placements} & SPECIMENS.keys()
+    names = {placement.asset for placement in placements} - litter.keys() - {"ground"}
     grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index:
-        ring_m = forest.leaf_ring_m
+        ring_m = forest.clearance_m, forest.clearance_m + RING_M
         specimens, share = in_leaf(forest.leaf_area_index, grow, placements, path, ring_m)
     else:
         specimens, share = grow(), 1.0

@@ -1,9 +1,4 @@
-"""Ground of a forest, and its near floor: a trodden path, moss, bumps, fallen leaves.
-
-A forest without any of these has a grid of even cover as its ground (`description`). The ground
-depends on the seed, the path, the positions of trees and few of the forest's fields, not on light,
-camera or plants.
-"""
+"""Ground of a forest, and its near floor: a trodden path, moss, bumps, fallen leaves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -157,15 +152,7 @@ def make_floor(
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
 
 
-FIELDS = {
-    "seed",
-    "detail",
-    "ground",
-    "relief_m",
-    "floor_relief_m",
-    "moss_share",
-    "path_width_m",
-}
+FIELDS = {"seed", "detail", "ground", "relief_m", "floor_relief_m", "moss_share", "path_width_m"}
 """Fields of the forest on which its floor depends."""
 
 
@@ -175,7 +162,7 @@ def kept_floor(
     """Return the floor from `make_floor`, cached."""
     places = [land.path.data, trees] + ([trail.line.data] if trail else [])
     fields = forest.model_dump_json(include=FIELDS)
-    store = store_of("floor", fields, str(edge_m), digest(*(each.tobytes() for each in places)))
+    store = store_of("floor", fields, str(edge_m), digest(*(array.tobytes() for array in places)))
     if kept := store.read():
         covers = dict(zip(kept["names"].tolist(), kept["covers"], strict=True))
         mesh = Triangulation(kept["points"], kept["faces"].astype(np.int64))
@@ -206,7 +193,7 @@ def laid(
 
     Every corner of a leaf is as high above the mesh as above level ground, but flattened.
     """
-    lying = {each.asset for each in placements if each.kind == LITTER}
+    lying = {placement.asset for placement in placements if placement.kind == LITTER}
     specimens = grow_specimens(seed, lying)
     relaid: list[Placement] = []
     assets: dict[str, Asset] = {}

@@ -1,31 +1,23 @@
-"""Plants and litter of a forest, from the table `flora.yaml` and from here.
+"""Plants of a forest, from `flora.yaml` and from here; stones, logs and fallen leaves are some."""
 
-Stones, logs and fallen leaves are plants here too.
-"""
-
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.bodies import grow_rock
 from megalopta.assets_gen.plants import undergrowth
-from megalopta.assets_gen.plants.bark import Furrows
-from megalopta.assets_gen.plants.detail import Detail, coarsened, merged_leaves
-from megalopta.assets_gen.plants.growth import grow_plant
-from megalopta.assets_gen.plants.species import Species, aged
+from megalopta.assets_gen.plants.detail import Detail, merged_leaves
+from megalopta.assets_gen.plants.species import Species
 from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.reflectance import Leaf, leaf_of, reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum
 
-PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
+PRESETS: Mapping[str, Mapping[str, Any]] = strict_yaml.load(
+    Path(__file__).with_name("presets.yaml").read_text("utf-8")
 )
 """Fields of a forest by preset name; others have their defaults."""
 
@@ -96,7 +88,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Plant(ABC):
+class Plant:
     """Kind of plant or litter in a forest."""
 
     name: str
@@ -106,21 +98,10 @@ class Plant(ABC):
 
     detail_distance: ClassVar[float] = 1.0
     """Factor on the distances at which it gets coarser."""
+    leaves_from_m = 0.0
+    """Height of the lowest leaves above the ground (m)."""
     lies = False
     """True if it follows the slope of the ground instead of standing upright."""
-
-    @abstractmethod
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """Organs of one individual at each of some levels of detail."""
-
-    def individual(self, number: int) -> "Plant":
-        """Return the plant to grow for an individual: trees are of several ages."""
-        return self
-
-    @property
-    def leaves_from_m(self) -> float:
-        """Height of the lowest leaves above the ground (m)."""
-        return 0.0
 
     def part(self, organ: str) -> str:
         """Name of an organ's material, such as "beech bark"."""
@@ -135,43 +116,11 @@ class Woody(Plant):
     """Species from which it grows."""
     layer: Layer | None = None
     """Its layer in the undergrowth."""
-    fullness: int = 1
-    """Factor on its species' number of leaves."""
-    furrows: Furrows | None = None
-    """Relief of its bark, drawn in full detail only; None: smooth."""
 
     @property
-    def carved_bark(self) -> Coat | None:
-        """Coat of bark with furrows; None if it has none."""
-        relief = self.shape.relief
-        return replace(self.coats["bark"], texture=relief.pattern) if relief else None
-
-    def carved(self, depth: float, pattern: NDArray[np.float32]) -> "Woody":
-        """Return the same plant, with furrows where the pattern (H, W) of its relief is dark.
-
-        They are `depth` times as deep as those of its species.
-        """
-        relief = self.shape.relief
-        return replace(self, furrows=Furrows(pattern, depth * relief.depth_m)) if relief else self
-
-    def individual(self, number: int) -> "Woody":
-        """Tree of the height of individuals of this number."""
-        return self if self.layer else replace(self, shape=aged(self.shape, HEIGHTS[number]))
-
-    @property
-    def leaves_from_m(self) -> float:
+    def leaves_from_m(self) -> float:  # type: ignore[override]
         """Height of the lowest branches (m)."""
         return self.shape.crown.base * self.shape.height_m
-
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """Organs of one individual at each of some levels, all coarsened from one plant."""
-        plant = grow_plant(self.shape, rng, self.fullness, self.furrows)
-        for lod in lods:
-            is_full = lod.detail.leaf_m2 == 0
-            wood, leaves = (
-                (plant.wood, plant.leaves) if is_full else coarsened(plant, lod.detail, rng)
-            )
-            yield {"bark": wood, "leaf": leaves}
 
 
 @dataclass(frozen=True)
@@ -184,20 +133,6 @@ class Small(Plant):
     lies: bool = False
 
     detail_distance = 0.4
-
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """Organs of one individual at each of some levels."""
-        key = int(rng.integers(2**63))
-        for lod in lods:
-            yield self.drawn(lod, np.random.default_rng(key))
-
-
-AnyPlant = TypeVar("AnyPlant", bound=Plant)
-
-
-def by_name(*plants: AnyPlant) -> Mapping[str, AnyPlant]:
-    """Plants by their names."""
-    return MappingProxyType({plant.name: plant for plant in plants})
 
 
 def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
@@ -215,9 +150,9 @@ def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
 
 _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-8"))
 _WOODY = [_woody(name, entry) for name, entry in _TABLE.items()]
-TREES = by_name(*(plant for plant in _WOODY if plant.layer is None))
+TREES = {plant.name: plant for plant in _WOODY if plant.layer is None}
 """Species for the mix of a stand, by name."""
-BUSHES = by_name(*(plant for plant in _WOODY if plant.layer))
+BUSHES = {plant.name: plant for plant in _WOODY if plant.layer}
 """Bushes and saplings, by name."""
 
 
@@ -273,7 +208,7 @@ _LITTER = _coat("soil * 1.6", "litter")
 _LOG = {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")}
 _STONE = _coat("stone dark", "stone light", "stone")
 
-SMALL: Mapping[str, Small] = by_name(
+_SMALL = (
     Small("fern", {"leaf": _FERN}, Layer(0.55, 30, 0.9), _leaves(undergrowth.grow_fern)),
     Small("bilberry", {"leaf": _BILBERRY}, Layer(0.3, 22, 0.6), _leaves(undergrowth.grow_bilberry)),
     Small("grass", {"leaf": _GRASS}, Layer(4.0, 30, 0.35), _grass),
@@ -285,26 +220,20 @@ SMALL: Mapping[str, Small] = by_name(
     Small("log", _LOG, Layer(0.008, 40, 2.2, (0.7, 1.1)), _log, lies=True),
     Small("rock", {"": _STONE}, Layer(0.012, 40, 1.6, (0.25, 1.6)), _rock, lies=True),
 )
+SMALL = {plant.name: plant for plant in _SMALL}
 """Small plants and litter, by name."""
 
 
-PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
+PLANTS: Mapping[str, Woody | Small] = {**TREES, **BUSHES, **SMALL}
 """Everything that a forest may contain, by name."""
-LAYERS: Mapping[str, Layer] = MappingProxyType(
-    {
-        **{name: bush.layer for name, bush in BUSHES.items() if bush.layer},
-        **{name: plant.layer for name, plant in SMALL.items()},
-    }
-)
+LAYERS = {name: plant.layer for name, plant in PLANTS.items() if plant.layer}
 """Places of the undergrowth, by kind."""
 
-COVERS: Mapping[str, Coat] = MappingProxyType(
-    {
-        "litter": _coat("soil", "litter", "litter"),
-        "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
-        "moss": _coat("soil * 0.5", "moss", "turf"),
-        "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
-        "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
-    }
-)
+COVERS: Mapping[str, Coat] = {
+    "litter": _coat("soil", "litter", "litter"),
+    "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
+    "moss": _coat("soil * 0.5", "moss", "turf"),
+    "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
+    "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
+}
 """Ground covers: for all of the ground, or patches and a path."""

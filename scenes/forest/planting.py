@@ -1,9 +1,6 @@
-"""Positions and orientations of plants around a camera's path.
+"""Places of plants: a stand, a belt behind it that closes the horizon, undergrowth in patches.
 
-Trees are planted as a Poisson-disk pattern at the stand's density; those nearest the path are the
-stand. Behind them a belt of more trees, bushes and saplings on rising ground closes the horizon.
-Undergrowth grows in patches. A plant's level of detail depends on the distance of its lowest leaves
-from the whole path, so shapes do not change while the camera moves.
+Level of detail depends on the distance from the whole path, so that no shape changes with time.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +25,7 @@ from megalopta.scenes.forest.flora import (
     TREES,
     Plant,
 )
-from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
+from megalopta.scenes.forest.specimens import INDIVIDUALS
 from megalopta.scenes.scene import Placement
 
 REGULARITY = 0.72
@@ -211,15 +208,14 @@ class Planting:
             to_world = np.eye(4)
             to_world[:3, :3] = scales[index] * turn
             to_world[:3, 3] = (*points[index], heights[index])
-            specimen = Specimen(plant, numbers[index], LODS[levels[index]])
-            yield Placement(specimen.name, plant.name, to_world)
+            asset = f"{plant.name} {numbers[index]} {LODS[levels[index]].name}"
+            yield Placement(asset, plant.name, to_world)
 
     def _slopes(self, points: Floats) -> Floats:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
         steps = SLOPE_STEP_M * np.eye(2)
         rise = np.stack(
-            [self.height(points + s) - self.height(points - s) for s in steps],
-            axis=-1,
+            [self.height(points + s) - self.height(points - s) for s in steps], axis=-1
         ) / (2 * SLOPE_STEP_M)
         steep = np.linalg.norm(rise, axis=-1, keepdims=True)
         across = np.column_stack([rise[:, 1:], -rise[:, :1], np.zeros(len(points))])

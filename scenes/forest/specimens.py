@@ -1,28 +1,16 @@
-"""Shapes and surfaces of a forest's plants, cached for all that share them.
-
-They depend only on the forest's seed, their kind and number, not on their positions: sequences of a
-dataset and their rendering processes share them.
-
-A few individuals of every kind grow, each with several levels of detail. An asset is one of these,
-such as "young spruce 3 far".
+"""Shapes and surfaces of a forest's plants, cached for all forests of a seed.
 
 Leaf-area index is the one-sided area of the leaves of trees, bushes and climbers over the area of
 the ground below them. Wood counts with half of its surface, like one of a leaf's two sides (Chen
-and Black 1992, Plant, Cell and Environment 15:421). Herbs, grass and litter are excluded, as in the
-field, where instruments stand a meter above them.
-
-It applies in a ring around the camera's path: from the clearance of trunks to `RING_M` farther out.
-Trees grow with all their leaves, or twice or four times as many on the same twigs, and then lose
-some at random; leaves keep their size and clumping.
+and Black 1992, Plant, Cell and Environment 15:421). It applies in a ring around the camera's path.
+Trees grow with all their leaves, or with twice or four times as many, and then lose some at random.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, lru_cache
-from itertools import groupby, product
+from itertools import groupby
 from pathlib import Path
-from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +18,10 @@ from platformdirs import user_cache_path
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import TEXTURES, Surface, generator
-from megalopta.assets_gen.plants.detail import some_leaves
+from megalopta.assets_gen.plants.bark import Furrows
+from megalopta.assets_gen.plants.detail import coarsened, some_leaves
+from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.assets_gen.plants.species import aged
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
@@ -43,19 +34,19 @@ from megalopta.scenes.forest.flora import (
     SMALL,
     LodLevel,
     Organs,
-    Plant,
+    Small,
     Woody,
 )
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Asset, Placement
 
 _MOST_BYTES = 2 * 10**9
-_FIELDS = tuple(each.name for each in fields(Surface))
+_FIELDS = tuple(field.name for field in fields(Surface))
 
 
 def grown(
     seed: int,
-    plant: Plant,
+    plant: Woody | Small,
     number: int,
     lods: Sequence[LodLevel],
     fullness: int = 1,
@@ -78,12 +69,20 @@ def grown(
             for organs in fields_of
         ]
     rng = generator(seed, "plant", plant.name, number)
-    individual = plant.individual(number)
-    if isinstance(individual, Woody):
-        individual = replace(individual, fullness=fullness)
-        if bark_relief and (relief := individual.shape.relief):
-            individual = individual.carved(bark_relief, texture(seed, relief.pattern))
-    organs_of = list(individual.grow(lods, rng))
+    organs_of: list[Organs] = []
+    if isinstance(plant, Woody):
+        shape = plant.shape if plant.layer else aged(plant.shape, HEIGHTS[number])
+        furrows = None
+        if bark_relief and (relief := shape.relief):
+            furrows = Furrows(texture(seed, relief.pattern), bark_relief * relief.depth_m)
+        tree = grow_plant(shape, rng, fullness, furrows)
+        for lod in lods:
+            is_full = lod.detail.leaf_m2 == 0
+            wood, leaves = (tree.wood, tree.leaves) if is_full else coarsened(tree, lod.detail, rng)
+            organs_of.append({"bark": wood, "leaf": leaves})
+    else:
+        key = int(rng.integers(2**63))
+        organs_of = [plant.drawn(lod, np.random.default_rng(key)) for lod in lods]
     arrays = {
         f"{level}/{organ}/{field}": values
         for level, organs in enumerate(organs_of)
@@ -125,68 +124,41 @@ INDIVIDUALS = 5
 have one for each class of height."""
 
 
-class Specimen(NamedTuple):
-    """Individual at a level of detail."""
-
-    plant: Plant
-    number: int
-    lod: LodLevel
-
-    @property
-    def name(self) -> str:
-        """Name of its asset."""
-        return f"{self.plant.name} {self.number} {self.lod.name}"
-
-
-SPECIMENS: Mapping[str, Specimen] = MappingProxyType(
-    {
-        specimen.name: specimen
-        for specimen in map(Specimen._make, product(PLANTS.values(), range(len(HEIGHTS)), LODS))
-    }
-)
-"""Every specimen by its name."""
-
-
 def grow_specimens(
-    seed: int,
-    names: Iterable[str],
-    fullness: int = 1,
-    bark_relief: float = 0.0,
+    seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
 ) -> dict[str, Organs]:
     """Grow the named specimens; every individual grows once for all its levels of detail.
 
     Trees and bushes have `fullness` times their leaves, and furrows `bark_relief` times as deep as
     their species'.
     """
-    ordered = sorted(
-        map(SPECIMENS.__getitem__, names),
-        key=lambda specimen: (specimen.plant.name, specimen.number, LODS.index(specimen.lod)),
-    )
-    organs_of: dict[str, Organs] = {}
-    for (kind, number), group in groupby(
-        ordered, lambda specimen: (specimen.plant.name, specimen.number)
-    ):
-        individual, plant = list(group), PLANTS[kind]
+    levels: dict[tuple[str, int], set[str]] = {}
+    for name in names:
+        kind, number, level = name.rsplit(" ", 2)
+        levels.setdefault((kind, int(number)), set()).add(level)
+    specimens: dict[str, Organs] = {}
+    for (kind, individual), drawn in sorted(levels.items()):
+        plant, lods = PLANTS[kind], [lod for lod in LODS if lod.name in drawn]
         full = fullness if isinstance(plant, Woody) else 1
-        lods = [specimen.lod for specimen in individual]
-        levels = grown(seed, plant, number, lods, full, bark_relief)
-        organs_of.update(zip((specimen.name for specimen in individual), levels, strict=True))
-    return organs_of
+        organs_of = grown(seed, plant, individual, lods, full, bark_relief)
+        for lod, organs in zip(lods, organs_of, strict=True):
+            specimens[f"{kind} {individual} {lod.name}"] = organs
+    return specimens
 
 
 def plant_assets(
-    seed: int,
-    specimens: Mapping[str, Organs],
-    leaf_share: float = 1.0,
+    seed: int, specimens: Mapping[str, Organs], leaf_share: float = 1.0
 ) -> dict[str, Asset]:
     """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
     assets = {}
     for name, organs in specimens.items():
-        plant = SPECIMENS[name].plant
+        plant = PLANTS[name.rsplit(" ", 2)[0]]
         if isinstance(plant, Woody) and leaf_share < 1:
             rng = generator(seed, "leaf share", name)
             organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
-        assets[name] = Asset({plant.part(organ): each.to_mesh() for organ, each in organs.items()})
+        assets[name] = Asset(
+            {plant.part(organ): surface.to_mesh() for organ, surface in organs.items()}
+        )
     return assets
 
 
@@ -194,20 +166,18 @@ def materials(
     seed: int, assets: Mapping[str, Asset], has_furrows: bool = False
 ) -> dict[str, Material]:
     """Return the materials of all parts of the assets, bark with furrows or without."""
-    result, coats, carved = {}, {f"{cover} ground": coat for cover, coat in COVERS.items()}, {}
+    result, coats = {}, {f"{cover} ground": coat for cover, coat in COVERS.items()}
     for plant in PLANTS.values():
         coats |= {plant.part(organ): coat for organ, coat in plant.coats.items()}
-        if isinstance(plant, Woody) and plant.carved_bark:
-            carved[plant.part("bark")] = plant.carved_bark
+        if has_furrows and isinstance(plant, Woody) and (relief := plant.shape.relief):
+            coats[plant.part("bark")] = replace(plant.coats["bark"], texture=relief.pattern)
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
-        coat = (has_furrows and carved.get(part)) or coats[part]
+        coat = coats[part]
         (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
         mixed = Texture(texture(seed, coat.texture), second, more)
         result[part] = Material(first, mixed, transmittance=through)
     return result
 
-
-Specimens = Mapping[str, Organs]
 
 RING_M = 20.0
 """Width of the ring around the path in which the leaf-area index is set and measured (m)."""
@@ -233,16 +203,15 @@ def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
 
 def in_leaf(
     leaf_area_index: float,
-    grow: Callable[[int], Specimens],
+    grow: Callable[[int], Mapping[str, Organs]],
     placements: Sequence[Placement],
     path: cKDTree,
     ring_m: tuple[float, float],
-) -> tuple[Specimens, float]:
+) -> tuple[Mapping[str, Organs], float]:
     """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
-    Raises ValueError if the stand cannot carry that many leaves.
-
-    `grow`: function that returns all specimens for a factor on their species' leaves.
+    `grow` returns all specimens for a factor on their species' leaves. Raises ValueError if the
+    stand cannot carry that many.
     """
     ground = ground_area(path, ring_m)
     reached = 0.0
@@ -258,7 +227,7 @@ def in_leaf(
 
 
 def _leaf_area(
-    specimens: Specimens,
+    specimens: Mapping[str, Organs],
     placements: Sequence[Placement],
     path: cKDTree,
     ring_m: tuple[float, float],

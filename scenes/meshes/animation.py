@@ -1,9 +1,4 @@
-"""Animation of a glTF file's nodes as motion of its objects.
-
-A node's pose is the product of the translations, rotations and scales above it, each interpolated
-between its own keys as the specification tells: in steps, linearly (rotations at constant speed),
-or by cubic splines. Before its first key and after its last one a value stays.
-"""
+"""Animation of a glTF file's nodes as motion of its objects, interpolated as glTF 2.0 specifies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

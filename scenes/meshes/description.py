@@ -1,10 +1,4 @@
-"""Scene of the user's own mesh files, with an object for each mesh that a node places.
-
-Surfaces are diffuse and opaque, equal on both sides; those of Mitsuba's XML of another type are as
-their file describes them. The reflectance of diffuse ones comes from the colors of the files
-(`scenes/spectra/color.py`), which say nothing beyond 360 to 830 nm, or is given by the name of the
-material.
-"""
+"""Scene of the user's own mesh files, with an object for each mesh that a node places."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
@@ -14,15 +8,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from megalopta.assets_gen import Surface
-from megalopta.core.bounded import printable, quoted, undamaged
+from megalopta.core.bounded import printable, quoted
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.light import Light
 from megalopta.scenes.material import Material
-from megalopta.scenes.meshes.mesh_file import REPAIR
-from megalopta.scenes.meshes.mitsuba_xml import check_lights
 from megalopta.scenes.meshes.model import PlacedMesh
-from megalopta.scenes.meshes.pieces import Piece, Texels, check_triangles
+from megalopta.scenes.meshes.pieces import Piece, check_pictures, check_triangles, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.scene import Asset, Placement, Scene
@@ -95,46 +87,25 @@ class Meshes(SceneDescription, frozen=True):
         """True if lamps of the files are the only light."""
         return self.lights == "file"
 
-    @property
-    def is_moving(self) -> bool:
-        """True if nodes of a file move."""
-        return any(each.animate for each in self.files)
-
-    @property
-    def is_diffuse(self) -> bool:
-        """True if no surface of Mitsuba's XML is of another type."""
-        of_mitsuba = (each.pieces() for each in self.files if each.file.suffix == ".xml")
-        pieces = (piece for found in of_mitsuba for piece in found)
-        return not any(each.paint.finish and each.material not in self.materials for each in pieces)
-
-    def expected_triangles(self, path_m: float) -> float:
-        """Return the number of triangles of the files, at least."""
-        return float(max(sum(each.triangles() for each in self.files), 1))
-
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the objects of all files, in the light."""
         models: list[list[Piece]] = []
-        texels, triangles, shines = Texels("the scene"), 0, self.lights == "file"
-        for placed in self.files:
-            models.append(placed.pieces(placed.animate))
-            if shines and placed.file.suffix == ".xml":
-                with undamaged(placed.file.path, REPAIR):
-                    check_lights(placed.file.contents())
-            for piece in models[-1]:
-                triangles += len(piece.faces)
-                if piece.paint.picture is not None:
-                    texels.add(piece.paint.picture)
-            check_triangles("the scene", triangles)
-        check_names(self.materials, [piece for pieces in models for piece in pieces])
+        everything: list[Piece] = []
         notes: list[str] = []
-        for placed, pieces in zip(self.files, models, strict=True):
+        for placed in self.files:
             used = ["animation"] * placed.animate + ["lights"] * (self.lights == "file")
-            notes += placed.notes(pieces, *used)
+            pieces, unused = placed.read(*used)
+            models.append(pieces)
+            notes += unused
+            everything += pieces
+            check_triangles("the scene", sum(len(piece.faces) for piece in everything))
+            check_pictures("the scene", weights_of(piece.paint.material for piece in everything))
+        check_names(self.materials, everything)
         materials: dict[str, Material] = {}
         parts: list[tuple[Asset, Placement]] = []
         for index, (placed, pieces) in enumerate(zip(self.files, models, strict=True)):
             path = placed.file.path
-            surfacing = Surfacing(path, self.materials, self.reflectance, shines, materials)
+            surfacing = Surfacing(path, self.materials, self.reflectance, materials)
             for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
                 label, motion = f"file {index} object {number}", piece.motion
                 motion = motion and motion.moved(placed.pose)
@@ -145,31 +116,21 @@ class Meshes(SceneDescription, frozen=True):
             ground = Placement(_GROUND, _GROUND, np.eye(4))
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}
-        lit = None if shines else light.lighting()
-        if not (lit or any(each.emission for each in materials.values())):
+        lit = None if self.is_self_luminous else light.lighting()
+        if not (lit or any(material.emission for material in materials.values())):
             raise ValueError(
                 "lights 'file': the files have no area light with a radiance as rgb or spectrum; "
                 "use 'own'"
             )
-        placements = tuple(each for _, each in parts)
+        placements = tuple(placement for _, placement in parts)
         return Scene(materials, assets, placements, lit, notes=tuple(notes))
 
     def describe(self) -> str:
         """Sentence for the report."""
-        names = ", ".join(PurePath(each.file.path).name for each in self.files)
-        of_mitsuba = {each.file.suffix == ".xml" for each in self.files}
-        text = f"Meshes of {names}"
-        if False in of_mitsuba:
-            text += (
-                ", as opaque, diffuse surfaces: transparency, metal and emission in the files have "
-                "no effect"
-            )
-        if True in of_mitsuba:
-            text += (
-                "; surfaces of Mitsuba's XML are as it describes them, and ground truth is that of "
-                "the first surface, also of glass and mirrors"
-            )
-        return f"{text}."
+        names = ", ".join(PurePath(placed.file.path).name for placed in self.files)
+        has_mitsuba = any(placed.file.suffix == ".xml" for placed in self.files)
+        kept = "; those of Mitsuba's XML are as it describes them" if has_mitsuba else ""
+        return f"Meshes of {names}, with opaque, diffuse surfaces{kept}."
 
 
 def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:

@@ -1,14 +1,11 @@
-"""Meshes of a glTF 2.0 file: its nodes as objects, in the pose of the file.
+"""Nodes of a glTF 2.0 file (Khronos Group) as objects; errors of any kind mean a damaged file.
 
-trimesh reads glTF, too, but names parts at random, rounds colors to eight bits, and reads quantized
-vertices as they are stored. Points and lines have no surface.
-
-Khronos Group, glTF 2.0 Specification. Everything is read by index from JSON of a stranger: errors
-of any kind mean a damaged file.
+trimesh names parts at random, rounds colors to eight bits and reads quantized vertices as stored.
 """
 
 import base64
 import struct
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -22,7 +19,17 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, check_decoded, from_json, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
-from megalopta.scenes.meshes.pieces import Paint, Piece, Texels, Unused, check_map, linear_picture
+from megalopta.scenes.meshes.pieces import (
+    MOST_OBJECTS,
+    Paint,
+    Piece,
+    Unused,
+    check_map,
+    check_pictures,
+    colored,
+    linear_picture,
+    weights_of,
+)
 
 _JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -31,21 +38,23 @@ _VALUE_BYTES = 24
 """Memory of a value that an accessor reads, with its copies."""
 EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
 """Extensions that have an effect."""
+_TRIANGLES, _STRIP, _FAN, _REPEAT = 4, 5, 6, 10497
+_MOST_STEPS = 100_000
+"""Most nodes on the ways from the scene's root to all moving meshes."""
 
 Json = Mapping[str, Any]
 
 
 def parts_of(content: bytes) -> tuple[Json, bytes]:
     """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
+    parts: dict[int, bytes] = {}
+    place, length = 12, len(content)
     if content[:4] != b"glTF":
         if content.lstrip()[:1] != b"{":
             raise ValueError("it is neither binary glTF nor JSON")
-        return _checked(from_json(content.decode("utf-8"))), b""
-    (length,) = struct.unpack_from("<I", content, 8)
-    if length != len(content):
-        raise ValueError(f"it states {length} bytes, and has {len(content)}")
-    parts: dict[int, bytes] = {}
-    place = 12
+        parts[_JSON], place = content, length
+    elif (stated_bytes := struct.unpack_from("<I", content, 8)[0]) != length:
+        raise ValueError(f"it states {stated_bytes} bytes, and has {length}")
     while place + 8 <= length:
         size, kind = struct.unpack_from("<II", content, place)
         if place + 8 + size > len(content):
@@ -54,37 +63,50 @@ def parts_of(content: bytes) -> tuple[Json, bytes]:
             raise ValueError("it has two parts of one kind, or too many")
         parts[kind] = content[place + 8 : place + 8 + size]
         place += 8 + size
-    return _checked(from_json(parts[_JSON].decode("utf-8"))), parts.get(_BINARY, b"")
-
-
-def _checked(header: Any) -> Json:
+    header = from_json(parts[_JSON].decode("utf-8"))
     version = str(header["asset"]["version"])
     if version.split(".")[0] != "2":
         raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
     for name in header.get("extensionsRequired", ()):
         if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
             raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
-    return dict(header)
+    return dict(header), parts.get(_BINARY, b"")
 
 
-def names_in(content: bytes) -> list[str]:
-    """Names of the files with buffers and colors that a glTF file names. Raises any exception."""
+def names_in(name: str, content: bytes) -> list[str]:
+    """Names of the files with buffers and colors that a file names. Raises any exception."""
+    if not name.lower().endswith((".glb", ".gltf")):
+        return []
     header, _ = parts_of(content)
-    textures = (color_of(each)[1] for each in header.get("materials", ()))
-    images = [header["images"][image_of(header, each)] for each in textures if each is not None]
-    uris = [each["uri"] for each in [*header.get("buffers", ()), *images] if "uri" in each]
+    models = (material.get("pbrMetallicRoughness", {}) for material in header.get("materials", ()))
+    textures = (model["baseColorTexture"] for model in models if "baseColorTexture" in model)
+    images = [header["images"][image_of(header, texture)] for texture in textures]
+    uris = [entry["uri"] for entry in [*header.get("buffers", ()), *images] if "uri" in entry]
     return [unquote(uri) for uri in uris if not uri.startswith("data:")]
-
-
-def color_of(material: Json) -> tuple[list[float], Json | None]:
-    """Color factor, in linear sRGB, and entry of the texture, or None, of a material."""
-    model = material.get("pbrMetallicRoughness", {})
-    return model.get("baseColorFactor", [1, 1, 1])[:3], model.get("baseColorTexture")
 
 
 def image_of(header: Json, texture: Json) -> int:
     """Number of the image of a texture's entry in a material."""
     return int(header["textures"][texture["index"]]["source"])
+
+
+def stated(name: str, content: bytes) -> tuple[int, int, int]:
+    """Vertices, triangles and primitives that the nodes place, of meshes as often as placed."""
+    header, _ = parts_of(content)
+    for things in ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers"):
+        check_count(name, things, len(header.get(things, ())), MOST_OBJECTS)
+    counts = [int(accessor["count"]) for accessor in header.get("accessors", ())]
+    placed = Counter(node["mesh"] for node in header.get("nodes", ()) if "mesh" in node)
+    vertices = triangles = primitives = 0
+    for number, times in placed.items():
+        for part in header["meshes"][number]["primitives"]:
+            position = part["attributes"]["POSITION"]
+            corners = counts[part.get("indices", position)]
+            is_list = part.get("mode", _TRIANGLES) == _TRIANGLES
+            vertices += times * counts[position]
+            triangles += times * (corners // 3 if is_list else corners)
+            primitives += times
+    return vertices, triangles, primitives
 
 
 class GltfFile:
@@ -93,7 +115,7 @@ class GltfFile:
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         self.header, binary = parts_of(next(iter(contents.values())))
         self._contents, self._binary = contents, binary
-        self._buffers = [self._bytes(each) for each in self.header.get("buffers", ())]
+        self._buffers = [self._bytes(buffer) for buffer in self.header.get("buffers", ())]
         for number, entry in enumerate(self.header.get("buffers", ())):
             if entry["byteLength"] > len(self._buffers[number]):
                 raise ValueError(f"buffers.{number} ends early")
@@ -144,13 +166,6 @@ class GltfFile:
         return values.astype(np.float64) if kind.kind == "f" else values
 
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_REPEAT = 10497
-_MOST_STEPS = 100_000
-"""Most nodes on the ways from the scene's root to all moving meshes."""
-Picture = NDArray[np.float32]
-
-
 class _Look(NamedTuple):
     """Material, and how its picture lies on surfaces."""
 
@@ -161,18 +176,16 @@ class _Look(NamedTuple):
     """(3, 3): map of coordinates, with v downward."""
 
 
-def pieces_of(contents: Mapping[str, bytes], animated: bool = False) -> Iterator[Piece]:
+def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Piece]:
     """Yield the pieces of a file's nodes. Raises any exception if the file is damaged.
 
-    If `animated`, they move as the file's first animation tells.
+    If "animation" is used, they move as the file's first animation tells.
     """
-    file = GltfFile(contents)
+    file, animated = GltfFile(contents), "animation" in used
     tracks = _tracks(file) if animated else {}
     nodes, to_world = file.header.get("nodes", []), _poses(file.header)
-    above = {child: each for each in to_world for child in nodes[each].get("children", ())}
-    materials = file.header.get("materials", ())
-    pictures, texels = dict[int, Picture](), Texels(next(iter(contents)))
-    looks = [_look(file, number, each, pictures, texels) for number, each in enumerate(materials)]
+    above = {child: parent for parent in to_world for child in nodes[parent].get("children", ())}
+    looks = _looks(file, next(iter(contents)))
     steps, is_moving = 0, False
     for number, pose in to_world.items():
         node = nodes[number]
@@ -215,7 +228,20 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in animations[playing:])
     for name, material in named("material", "materials"):
-        yield from ((what, name) for what in _ignored(material))
+        model = material.get("pbrMetallicRoughness", {})
+        through = {"KHR_materials_transmission", "KHR_materials_volume"}
+        through &= material.get("extensions", {}).keys()
+        if through or material.get("alphaMode", "OPAQUE") != "OPAQUE":
+            yield "transparency", name
+        if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
+            yield "metal" + " in a picture" * ("metallicRoughnessTexture" in model), name
+        if model.get("roughnessFactor", 1) < 1:
+            yield "gloss", name
+        if any(material.get("emissiveFactor", ())):
+            yield "emission", name
+        for kind in ("normal", "occlusion"):
+            if f"{kind}Texture" in material:
+                yield f"{kind} maps", name
     for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
@@ -231,18 +257,6 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
         for target in (channel["target"] for channel in animation["channels"]):
             if target["path"] not in PARTS or "node" not in target:
                 yield "an animation's morph weights, extensions", target["path"]
-
-
-def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
-    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
-    node = file.header["nodes"][number]
-    mesh = file.header["meshes"][node["mesh"]]
-    name = str(node.get("name") or mesh.get("name") or f"node {number}")
-    for part in mesh["primitives"]:
-        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
-            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
-        if mode >= _TRIANGLES:
-            yield _piece(file, part, looks, (number, name))
 
 
 def _poses(header: Json) -> dict[int, Floats]:
@@ -262,7 +276,7 @@ def _poses(header: Json) -> dict[int, Floats]:
         check_map(
             poses[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
         )
-        waiting += [(each, poses[number]) for each in nodes[number].get("children", ())]
+        waiting += [(child, poses[number]) for child in nodes[number].get("children", ())]
     return dict(sorted(poses.items()))
 
 
@@ -300,7 +314,7 @@ def _motion(
     tracks: Mapping[int, Mapping[str, Track]],
 ) -> NodeMotion | None:
     """Motion of the last node of a chain; None if none of it moves."""
-    if not any(each in tracks for each in chain):
+    if not any(node in tracks for node in chain):
         return None
     if np.linalg.det(pose[:3, :3]) == 0:
         raise ValueError(f"node {chain[-1]} moves, but has no size at rest")
@@ -313,74 +327,65 @@ def _motion(
         for each in chain
     )
     motion = NodeMotion(tuple(joints), pose, np.eye(4))
-    keys = [track.times_s for each in chain for track in tracks.get(each, {}).values()]
+    keys = [track.times_s for node in chain for track in tracks.get(node, {}).values()]
     if not np.isfinite(motion.maps(np.unique(np.concatenate(keys)))).all():
         raise ValueError("its animation leads to places that are not finite")
     return motion
 
 
-def _look(
-    file: GltfFile, number: int, material: Json, pictures: dict[int, Picture], texels: Texels
-) -> _Look:
-    color, texture = color_of(material)
-    red, green, blue = np.clip(color, 0, 1).tolist()
-    name = str(material.get("name") or f"material {number}")
-    paint = Paint(name, (red, green, blue))
-    if texture is None:
-        return _Look(paint)
-    image = image_of(file.header, texture)
-    if image not in pictures:
-        pictures[image] = texels.add(linear_picture(file.image(image), name))
-    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    paint = replace(paint, picture=pictures[image])
-    coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
-    turn, to_picture = change.get("rotation", 0.0), np.eye(3)
-    to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-    to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
-    to_picture[:2, 2] = change.get("offset", [0, 0])
-    return _Look(paint, coordinates, to_picture)
+def _looks(file: GltfFile, owner: str) -> list[_Look]:
+    """Look of each material; of a picture there is one copy for each color that multiplies it."""
+    looks: list[_Look] = []
+    pictures: dict[int, NDArray[np.float32]] = {}
+    weights: list[NDArray[np.float32]] = []
+    for number, material in enumerate(file.header.get("materials", ())):
+        name = str(material.get("name") or f"material {number}")
+        model = material.get("pbrMetallicRoughness", {})
+        color = np.clip(model.get("baseColorFactor", [1, 1, 1])[:3], 0, 1)
+        if (texture := model.get("baseColorTexture")) is None:
+            looks.append(_Look(Paint(name, colored(color))))
+            continue
+        image = image_of(file.header, texture)
+        if image not in pictures:
+            pictures[image] = linear_picture(file.image(image), name)
+        surface = colored(color, pictures[image])
+        weights += weights_of([surface])
+        check_pictures(owner, weights)
+        change = texture.get("extensions", {}).get("KHR_texture_transform", {})
+        coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
+        turn, to_picture = change.get("rotation", 0.0), np.eye(3)
+        to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
+        to_picture[:2, 2] = change.get("offset", [0, 0])
+        looks.append(_Look(Paint(name, surface), coordinates, to_picture))
+    return looks
 
 
-def _ignored(material: Json) -> Iterator[str]:
-    extensions = material.get("extensions", {})
-    model = material.get("pbrMetallicRoughness", {})
-    transmits = {"KHR_materials_transmission", "KHR_materials_volume"} & extensions.keys()
-    if material.get("alphaMode", "OPAQUE") != "OPAQUE" or transmits:
-        yield "transparency"
-    if model.get("metallicFactor", 1) > 0:  # 1 is glTF's own default
-        yield "metal" + (" in a picture" if "metallicRoughnessTexture" in model else "")
-    if model.get("roughnessFactor", 1) < 1:
-        yield "gloss"
-    if any(material.get("emissiveFactor", ())):
-        yield "emission"
-    for kind in ("normal", "occlusion"):
-        if f"{kind}Texture" in material:
-            yield f"{kind} maps"
-
-
-def _piece(
-    file: GltfFile,
-    part: Json,
-    looks: Sequence[_Look],
-    of: tuple[int, str],
-) -> Piece:
-    attributes = part["attributes"]
-
-    def values(name: str) -> Floats | None:
-        if name not in attributes:
-            return None
-        return file.values(attributes[name]).astype(np.float64)
-
-    if (vertices := values("POSITION")) is None:
-        raise ValueError(f"object {quoted(of[1])!r} has no positions")
-    corners = file.values(part["indices"])[:, 0] if "indices" in part else np.arange(len(vertices))
-    look = looks[part["material"]] if "material" in part else _Look()
-    uv = values(f"TEXCOORD_{look.coordinates}")
-    if uv is not None:
-        uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
-        uv[:, 1] = 1 - uv[:, 1]
-    faces = _faces(corners.astype(np.int64), part.get("mode", _TRIANGLES))
-    return Piece(*of, vertices, faces, look.paint, values("NORMAL"), uv)
+def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piece]:
+    """Yield the piece of each part of a node's mesh with triangles, in its axes."""
+    node = file.header["nodes"][number]
+    mesh = file.header["meshes"][node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"node {number}")
+    for part in mesh["primitives"]:
+        if (mode := part.get("mode", _TRIANGLES)) not in range(_FAN + 1):
+            raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
+        if mode < _TRIANGLES:
+            continue
+        look = looks[part["material"]] if "material" in part else _Look()
+        values = {
+            attribute: file.values(accessor).astype(np.float64)
+            for attribute, accessor in part["attributes"].items()
+            if attribute in ("POSITION", "NORMAL", f"TEXCOORD_{look.coordinates}")
+        }
+        if (vertices := values.get("POSITION")) is None:
+            raise ValueError(f"object {quoted(name)!r} has no positions")
+        indices = file.values(part["indices"])[:, 0] if "indices" in part else range(len(vertices))
+        faces = _faces(np.asarray(indices, np.int64), mode)
+        uv = values.get(f"TEXCOORD_{look.coordinates}")
+        if uv is not None:
+            uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
+            uv[:, 1] = 1 - uv[:, 1]
+        yield Piece(number, name, vertices, faces, look.paint, values.get("NORMAL"), uv)
 
 
 def _faces(corners: Ints, mode: int) -> Ints:

@@ -1,27 +1,34 @@
-"""Mesh file with the files that it names: buffers, materials and textures.
+"""Mesh file with the files that it names, in its folder: buffers, materials and textures.
 
-All of them are in its folder, regular and bounded. They are read at once, and the hash is that of
-all: of the file alone, that of its content.
+They are read at once, and the hash is that of all: of the file alone, that of its content.
 """
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
-from pathlib import Path, PurePosixPath
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
 
 from pydantic import model_validator
 
 from megalopta.core.bounded import TEXT_BYTES, named_path, quoted, read_bytes, undamaged, unreadable
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed
-from megalopta.scenes.meshes import gltf, mitsuba_xml, wavefront
+from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
 REPAIR = "repair it, or export it again"
 """Remedy of a damaged file."""
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".xml")
-"""Suffixes of supported files."""
+FORMATS: Mapping[str, ModuleType] = {
+    ".glb": gltf,
+    ".gltf": gltf,
+    ".obj": wavefront,
+    ".ply": polygons,
+    ".stl": polygons,
+    ".xml": mitsuba_xml,
+}
+"""Readers by suffix; each has `names_in`, `pieces_of` and `unused`, and `stated` of a mesh."""
 
 Contents = Mapping[str, bytes]
 """Content of a file and of those that it names, by name; the file itself is first."""
@@ -32,8 +39,8 @@ class MeshFile(Hashed, frozen=True):
 
     @model_validator(mode="after")
     def _is_of_a_known_kind(self) -> "MeshFile":
-        if self.suffix not in SUFFIXES:
-            raise ValueError(f"{self.path} is not a {', '.join(SUFFIXES)} file; give one of these")
+        if self.suffix not in FORMATS:
+            raise ValueError(f"{self.path} is not a {', '.join(FORMATS)} file; give one of these")
         return self
 
     @classmethod
@@ -45,11 +52,6 @@ class MeshFile(Hashed, frozen=True):
     def suffix(self) -> str:
         """Suffix of the file, in lower case."""
         return Path(self.path).suffix.lower()
-
-    @property
-    def stem(self) -> str:
-        """Name of the file without its suffix."""
-        return Path(self.path).stem
 
     def contents(self) -> Contents:
         """Content of the file and of those that it names.
@@ -66,12 +68,12 @@ def _hash(contents: Contents) -> str:
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     if len(hashes) == 1:
         return next(iter(hashes.values()))
-    lines = (f"{name}\0{each}\n" for name, each in hashes.items())
+    lines = (f"{name}\0{content_hash}\n" for name, content_hash in hashes.items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 def _contents(path: str) -> Contents:
-    main = Path(path).name
+    main, reader = Path(path).name, FORMATS.get(Path(path).suffix.lower(), polygons)
     with unreadable(path):
         contents = {main: read_bytes(path, MESH_BYTES)}
     left = MESH_BYTES - len(contents[main])
@@ -84,19 +86,10 @@ def _contents(path: str) -> Contents:
             at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
             contents[name] = _beside(path, name, min(left, at_most))
             left -= len(contents[name])
-        waiting += [each for each in _names_in(path, name, contents[name]) if each not in contents]
+        with undamaged(path, REPAIR):
+            names = reader.names_in(name, contents[name])
+        waiting += [other for other in names if other not in contents]
     return contents
-
-
-def _names_in(path: str, name: str, content: bytes) -> Iterable[str]:
-    """Names of the files that a file, or one that it names, names."""
-    kind = PurePosixPath(name).suffix.lower()
-    with undamaged(path, REPAIR):
-        if path.lower().endswith(".xml"):  # which alone names surfaces and pictures
-            return mitsuba_xml.names_in(content) if kind == ".xml" else ()
-        if kind in (".glb", ".gltf"):
-            return gltf.names_in(content)
-        return wavefront.names_in(name, content) if kind in (".obj", ".mtl") else ()
 
 
 def _beside(path: str, name: str, at_most: int) -> bytes:

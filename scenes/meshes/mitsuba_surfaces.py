@@ -1,13 +1,11 @@
-"""Surfaces of Mitsuba's XML as paints: diffuse ones as reflectances, colors and pictures.
+"""Surfaces of Mitsuba's XML: diffuse ones as reflectances, metal, glass and gloss as they are.
 
-Metal, glass and gloss are kept as they are. Of any other surface the paint says what it is, so that
-it can be refused by name.
+Of any other surface the paint says what it is, so that it can be refused by name.
 """
 
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,9 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, quoted
-from megalopta.scenes.material import SURFACES, TEXTURES, Finish, Part, Rgb
-from megalopta.scenes.meshes.pieces import Color, Paint, Texels, linear_picture, texels_of
+from megalopta.core.errors import DamagedFileError
+from megalopta.scenes.material import SURFACES, TEXTURES, Finish, Material, Part, Rgb
+from megalopta.scenes.meshes.pieces import Paint, check_pictures, colored, linear_picture, texels_of
 from megalopta.scenes.meshes.xml_document import (
     Document,
     Element,
@@ -34,6 +33,8 @@ _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
 _SPECTRUM_BYTES, _MOST_VALUES = 4 * 10**6, 10_000
 _RELIEFS = "bumpmap", "normalmap"
+_GRAY = 0.5
+"""Reflectance of surfaces that are not diffuse, for viewers that know none."""
 _MOST_PARTS = 200
 """Most plug-ins of one surface, which may name each other many times."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
@@ -53,14 +54,13 @@ class Surfaces:
         self._document, self._contents = document, contents
         self._read: dict[tuple[int, str], PlacedPaint] = {}
         self._pictures: dict[tuple[str, str], NDArray[np.float32]] = {}
-        self._texels = Texels(next(iter(contents)))
         self._parts = 0
 
     def of(self, shape: Element, name: str) -> PlacedPaint:
         """Return the surface of a shape, which has the shape's name if it has none."""
         surfaces = self._document.parts(shape, "bsdf")
         if not surfaces:
-            return PlacedPaint(Paint(name, spectrum=self._spectrum(_USUAL)), np.eye(3))
+            return PlacedPaint(Paint(name, _reflecting(self._spectrum(_USUAL))), np.eye(3))
         key = id(surfaces[0]), surfaces[0].get("id") or name
         if key not in self._read:
             self._read[key] = self._coat(surfaces[0], key[1])
@@ -74,24 +74,26 @@ class Surfaces:
         try:
             if side.get("type") == "diffuse" and (coat := self._diffuse(side, name)):
                 return coat
-            return PlacedPaint(Paint(name, finish=self._finish(bsdf, name)), np.eye(3))
+            finish = self._finish(bsdf, name)
+            surface = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
+            return PlacedPaint(Paint(name, surface), np.eye(3))
         except _NotKeptError as problem:
             return PlacedPaint(Paint(name, refused=str(problem)), np.eye(3))
 
     def _diffuse(self, bsdf: Element, name: str) -> PlacedPaint | None:
         """Return a diffuse surface of a color, spectrum or picture of colors; None of others."""
-        reflectances = (each for each in bsdf if each.get("name", "reflectance") == "reflectance")
+        reflectances = (part for part in bsdf if part.get("name", "reflectance") == "reflectance")
         reflecting = self._document.resolved(next(reflectances, _USUAL))
         if reflecting.tag in ("rgb", "srgb"):
-            return PlacedPaint(Paint(name, _color(reflecting)), np.eye(3))
+            return PlacedPaint(Paint(name, colored(_color(reflecting))), np.eye(3))
         if reflecting.tag == "spectrum":
-            return PlacedPaint(Paint(name, spectrum=self._spectrum(reflecting)), np.eye(3))
+            return PlacedPaint(Paint(name, _reflecting(self._spectrum(reflecting))), np.eye(3))
         if reflecting.get("type") != "bitmap" or value_of(reflecting, "boolean", "raw") == "true":
             return None
         file = plain(value_of(reflecting, "string", "filename"))
-        picture = self._picture(file, name)
+        surface = colored(np.ones(3), self._picture(file, name))
         # Mitsuba ignores the fourth row and column.
-        return PlacedPaint(Paint(name, picture=picture), transform_of(reflecting, "to_uv")[:3, :3])
+        return PlacedPaint(Paint(name, surface), transform_of(reflecting, "to_uv")[:3, :3])
 
     def _finish(self, given: Element, material: str) -> Finish:
         """Return a surface, or a texture of one, as it is. Raises _NotKeptError."""
@@ -102,7 +104,7 @@ class Surfaces:
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
         textures = self._document.parts(given, "texture") if kind in _RELIEFS else []
-        if any(value_of(each, "boolean", "raw") != "true" for each in textures):
+        if any(value_of(texture, "boolean", "raw") != "true" for texture in textures):
             raise _NotKeptError(f"a {kind} whose texture is no raw bitmap")
         for number, each in enumerate(given):
             part = self._document.resolved(each)
@@ -122,11 +124,12 @@ class Surfaces:
         """Return a picture, decoded once; all together have a bounded size."""
         if (file, how) not in self._pictures:
             content = content_of(self._contents, file)
-            self._pictures[file, how] = self._texels.add(
+            self._pictures[file, how] = (
                 linear_picture(content, material)
                 if how == "linear"
                 else texels_of(content, material, how == "coded")
             )
+            check_pictures(next(iter(self._contents)), self._pictures.values())
         return self._pictures[file, how]
 
     def _part(self, given: Element, material: str) -> Part:
@@ -152,27 +155,26 @@ class Surfaces:
                 return Rgb(_color(given))
         raise _NotKeptError(f"with a {quoted(given.tag)} {quoted(value)!r}")
 
-    def shining(self, paint: Paint, shape: Element) -> Paint:
-        """Return the paint of a lamp with its radiance, or with the reason that it has none."""
+    def radiance(self, shape: Element, name: str) -> Spectrum:
+        """Return the radiance of a lamp, W·m⁻²·sr⁻¹·nm⁻¹. Raises DamagedFileError."""
         lamp = self._document.parts(shape, "emitter")[0]
-        radiances = [each for each in lamp if each.get("name") == "radiance"]
+        radiances = (element for element in lamp if element.get("name") == "radiance")
+        stated = self._document.resolved(next(radiances, Element("float", value="1")))
         try:
             if lamp.get("type") != "area":
                 raise _NotKeptError(f"of type {quoted(lamp.get('type'))}")
-            if not radiances:
-                return replace(paint, radiance=_WHITE)
-            return replace(paint, radiance=self._light(self._document.resolved(radiances[0])))
-        except (_NotKeptError, ValueError, KeyError) as problem:  # it may never shine
-            return replace(paint, dark=str(problem))
-
-    def _light(self, given: Element) -> Spectrum:
-        if given.tag == "spectrum":
-            return self._spectrum(given)
-        if given.tag == "float":
-            return _WHITE.scaled(float(given.get("value", "")))
-        if given.tag != "rgb":
-            raise _NotKeptError(f"with a {quoted(given.tag)} of radiance")
-        shares = (numbers_in(given.get("value", "")) * np.ones(3)).tolist()
+            if stated.tag == "spectrum":
+                return self._spectrum(stated)
+            if stated.tag == "float":
+                return _WHITE.scaled(float(stated.get("value", "")))
+            if stated.tag != "rgb":
+                raise _NotKeptError(f"with a {quoted(stated.tag)} of radiance")
+        except _NotKeptError as problem:
+            raise DamagedFileError(
+                f"object {quoted(name)!r} is a lamp {problem}, which is not read; remove it, or "
+                "use lights 'own'"
+            ) from None
+        shares = (numbers_in(stated.get("value", "")) * np.ones(3)).tolist()
         parts = zip(primaries(_WHITE), shares, strict=True)
         return total([part.scaled(share) for part, share in parts])
 
@@ -182,7 +184,7 @@ class Surfaces:
         Without a type it is a number, wavelength:value pairs, or lines of both in a file.
         """
         kind, text = given.get("type", ""), given.get("value", "")
-        stated = {each.get("name"): each.get("value", "") for each in given}
+        stated = {part.get("name"): part.get("value", "") for part in given}
         scale = float(stated.pop("scale", "1"))
         match kind, sorted(stated, key=str):
             case "", [] if name := given.get("filename"):
@@ -226,7 +228,13 @@ class _NotKeptError(Exception):
     """Says what a surface is that is not kept."""
 
 
-def _color(given: Element) -> Color:
+def _reflecting(spectrum: Spectrum) -> Material:
+    """Surface of a reflectance, which is known between its ends, or of a number everywhere."""
+    ends = spectrum.wavelengths_nm[0], spectrum.wavelengths_nm[-1]
+    return Material(spectrum, known_nm=ends if len(spectrum.values) > 1 else None)
+
+
+def _color(given: Element) -> tuple[float, float, float]:
     """Return a color in linear sRGB; with a # it is coded as sRGB."""
     text = given.get("value", "")
     if text.startswith("#"):

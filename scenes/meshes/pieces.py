@@ -1,19 +1,20 @@
 """Meshes of a file in one form, whatever the format: pieces of one object and one material."""
 
 import io
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_decoded
 from megalopta.core.pictures import decoded
-from megalopta.scenes.material import Finish
+from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.meshes.animation import NodeMotion
-from megalopta.scenes.spectra.color import linear_of_srgb
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra import color as colors
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
@@ -21,31 +22,35 @@ _FLATTEST = 1e12
 """Largest ratio of a map's scales."""
 Unused = tuple[str, str]
 """Property in a file that has no effect, and the name of its owner, perhaps empty."""
-Color = tuple[float, float, float]
-"""Red, green and blue in linear sRGB, 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Paint:
-    """Material of a file, as far as it is a diffuse color."""
+    """Surface of a piece."""
 
     name: str | None = None
-    """Its name; None: the surface has no material."""
-    color: Color = (1.0, 1.0, 1.0)
-    picture: NDArray[np.float32] | None = None
-    """(H, W, 3): colors in linear sRGB that multiply the color; row 0 is v = 0."""
-    spectrum: Spectrum | None = None
-    """Reflectance in place of a color."""
-    radiance: Spectrum | None = None
-    """Radiance that it emits, W·m⁻²·sr⁻¹·nm⁻¹, where lights of files count."""
-    dark: str = ""
-    """Description of a lamp whose radiance is not read."""
-    finish: Finish | None = None
-    """Surface that is not diffuse, in place of all colors."""
+    """Name of its material; None: it has none."""
+    material: Material | None = None
+    """None: the file tells no color, or a surface that is not rendered."""
     refused: str = ""
     """Description of a surface that is not rendered, unless its reflectance is given."""
-    is_described: bool = True
-    """False of a material that the file only names, as where its .mtl file is missing."""
+    radiance: Spectrum | None = None
+    """Radiance of a lamp, W·m⁻²·sr⁻¹·nm⁻¹."""
+
+    @property
+    def is_described(self) -> bool:
+        """False of a material that the file only names, as where its .mtl file is missing."""
+        return self.name is None or bool(self.material or self.refused)
+
+
+def colored(color: ArrayLike, picture: NDArray[np.float32] | None = None) -> Material:
+    """Return the surface of a color (3,), times that of a picture (H, W, 3), in linear sRGB."""
+    if picture is None:
+        return Material(colors.reflectance_of_color(color), known_nm=colors.KNOWN_NM)
+    if (np.asarray(color) != 1).any():
+        picture = picture * np.asarray(color, np.float32)
+    texture = ColorTexture(picture, (colors.RED, colors.GREEN, colors.BLUE))
+    return Material(flat(0.0), texture, known_nm=colors.KNOWN_NM)
 
 
 @dataclass(frozen=True)
@@ -131,20 +136,15 @@ TEXEL_BYTES = 40
 """Memory of a pixel of a picture, decoded and loaded (bytes, measured)."""
 
 
-class Texels:
-    """Pictures of one file or scene, which fit into the budget together."""
+def check_pictures(owner: str, pictures: Iterable[NDArray[np.float32]]) -> None:
+    """Raise TooLargeError if pictures (H, W, C), each counted once, do not fit into the budget."""
+    texels = {id(picture): picture.shape[0] * picture.shape[1] for picture in pictures}
+    check_decoded(f"{owner} with its pictures", (sum(texels.values()),), TEXEL_BYTES)
 
-    def __init__(self, owner: str) -> None:
-        self._owner, self._count = owner, 0
-        self._pictures: dict[int, NDArray[np.float32]] = {}
 
-    def add(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return a picture, which counts once. Raises TooLargeError."""
-        if id(picture) not in self._pictures:
-            self._pictures[id(picture)] = picture
-            self._count += picture.shape[0] * picture.shape[1]
-            check_decoded(f"{self._owner} with its pictures", (self._count,), TEXEL_BYTES)
-        return picture
+def weights_of(materials: Iterable[Material | None]) -> Iterator[NDArray[np.float32]]:
+    """Yield the pictures of materials."""
+    return (material.texture.weight for material in materials if material and material.texture)
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:
@@ -169,7 +169,7 @@ def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[n
             levels = 2**8
             codes = np.asarray(image.convert("L" if image.mode in _GRAY else "RGB"))
     values = np.arange(levels) / (levels - 1)
-    table = (linear_of_srgb(values) if is_coded else values).astype(np.float32)
+    table = (colors.linear_of_srgb(values) if is_coded else values).astype(np.float32)
     return np.asarray(table[codes.reshape(*codes.shape[:2], -1)])
 
 

@@ -2,13 +2,13 @@
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Piece
+from megalopta.scenes.meshes.pieces import Piece, Unused
 
 _HEADER_BYTES = 2**16
 _PLY_BYTES = {
@@ -21,10 +21,40 @@ _STL_HEADER = 84
 _STL_TRIANGLE_BYTES = 50
 
 
-def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
+def names_in(name: str, content: bytes) -> list[str]:
+    """Names of other files: none."""
+    del name, content
+    return []
+
+
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> list[Unused]:
+    """Return what has no effect: nothing."""
+    del contents, used
+    return []
+
+
+def stated(name: str, content: bytes) -> tuple[int, int, int]:
+    """Vertices, triangles and objects that a file states. Raises ValueError if it is too short."""
+    if name.lower().endswith(".ply"):
+        counts = _ply_counts(content)
+        return counts.get("vertex", 0), counts.get("face", 0), 1
+    triangles = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
+    if len(content) != _STL_HEADER + _STL_TRIANGLE_BYTES * triangles:
+        if not content.lstrip()[:5].lower() == b"solid":
+            raise ValueError(
+                f"it states {triangles} triangles, which do not fit its {len(content)} bytes"
+            )
+        if not content.rstrip().rpartition(b"\n")[2].lstrip().lower().startswith(b"endsolid"):
+            raise ValueError("it ends early, without endsolid")
+        triangles = content.lower().count(b"endfacet")
+    return 3 * triangles, triangles, 1
+
+
+def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> list[Piece]:
     """Return the piece of a file. Raises any exception if the file is damaged."""
     import trimesh  # slow
 
+    del used
     name, content = next(iter(contents.items()))
     path, header = PurePosixPath(name), content[:_HEADER_BYTES]
     kind = path.suffix.lower().removeprefix(".")
@@ -42,11 +72,8 @@ def pieces_of(contents: Mapping[str, bytes]) -> list[Piece]:
     return [Piece(0, path.stem, vertices, faces, normals=normals, uv=uv)]
 
 
-def ply_counts(content: bytes) -> dict[str, int]:
-    """Return how many of each element a PLY file states.
-
-    Raises ValueError if the file is too short for them.
-    """
+def _ply_counts(content: bytes) -> dict[str, int]:
+    """Number of each element that a PLY file states; ValueError if it is too short for them."""
     header, ends, body = content.partition(b"end_header")
     if not ends:
         raise ValueError("its header does not end")
@@ -70,15 +97,3 @@ def ply_counts(content: bytes) -> dict[str, int]:
     if needed > size or min(counts.values(), default=0) < 0:
         raise ValueError(f"it states {counts}, for which its {size} {unit} are too few")
     return counts
-
-
-def stl_triangles(content: bytes) -> int:
-    """Return the number of triangles of an STL file. Raises ValueError if it is cut short."""
-    stated = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
-    if len(content) == _STL_HEADER + _STL_TRIANGLE_BYTES * stated:
-        return stated
-    if not content.lstrip()[:5].lower() == b"solid":
-        raise ValueError(f"it states {stated} triangles, which do not fit its {len(content)} bytes")
-    if not content.rstrip().rpartition(b"\n")[2].lstrip().lower().startswith(b"endsolid"):
-        raise ValueError("it ends early, without endsolid")
-    return content.lower().count(b"endfacet")

@@ -1,12 +1,9 @@
-"""Reflectance of a material as a configuration gives it: a number, a name, or a curve of a file.
-
-A curve is read once, and its numbers replace the path of its file.
-"""
+"""Reflectance of a material as a configuration gives it: a number, a name, or a curve of a file."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from megalopta.core.bounded import folder_of, named_path, quoted, read_bytes, unreadable
 from megalopta.core.curve_file import curve_of
@@ -40,33 +37,20 @@ class Curve(Record, frozen=True):
 
 
 def _read(given: Any, validation: ValidationInfo) -> Any:
-    is_number = isinstance(given, int | float)
-    if (is_number and not 0 <= given <= 1) or not (
-        is_number or isinstance(given, str | Mapping | Curve)
-    ):
-        raise ValueError(_no_reflectance(given))
-    is_file = isinstance(given, str) and given.lower().endswith(".csv")
-    if not is_file:
+    if isinstance(given, str) and given.lower().endswith(".csv"):
+        path = named_path(given, folder_of(validation))
+        with unreadable(path):
+            return curve_of(read_bytes(path), str(path), "reflectance")
+    is_share = isinstance(given, int | float) and 0 <= given <= 1
+    if is_share or isinstance(given, Mapping | Curve) or given in NAMES:
         return given
-    path = named_path(given, folder_of(validation))
-    with unreadable(path):
-        return curve_of(read_bytes(path), str(path), "reflectance")
-
-
-def _known(given: "float | Curve | str") -> "float | Curve | str":
-    if isinstance(given, str) and given not in NAMES:
-        raise ValueError(_no_reflectance(given))
-    return given
-
-
-def _no_reflectance(given: object) -> str:
-    return (
+    raise ValueError(
         f"{quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
         f"wavelength_nm,reflectance, or one of {', '.join(NAMES)}"
     )
 
 
-Reflectance = Annotated[Share | Curve | str, BeforeValidator(_read), AfterValidator(_known)]
+Reflectance = Annotated[Share | Curve | str, BeforeValidator(_read)]
 """A number, the same at every wavelength; the name of a surface of forests; or a curve."""
 
 

@@ -1,7 +1,6 @@
 """Mitsuba's XML as a bounded document: no entities, defaults filled in, references resolved.
 
-Nothing in it is loaded or executed. Names of older versions (toWorld) become those of version 3
-(to_world), as Mitsuba itself does.
+Nothing is executed. Names of older versions (toWorld) become those of version 3 (to_world).
 """
 
 import re
@@ -48,7 +47,7 @@ class Document:
 
     def parts(self, element: Element, tag: str) -> list[Element]:
         """Direct parts of an element with a tag, also those that it names by their id."""
-        return [each for each in map(self.resolved, element) if each.tag == tag]
+        return [part for part in map(self.resolved, element) if part.tag == tag]
 
     def resolved(self, element: Element) -> Element:
         """Return an element, or what it refers to by its id."""
@@ -101,8 +100,8 @@ def _walk(element: Element, depth: int) -> Iterator[Element]:
 
 def value_of(element: Element, tag: str, name: str) -> str:
     """Value of a property of an element; empty without it."""
-    properties = (each for each in element if each.tag == tag and each.get("name") == name)
-    return next((each.get("value", "") for each in properties), "")
+    properties = (part for part in element if part.tag == tag and part.get("name") == name)
+    return next((part.get("value", "") for part in properties), "")
 
 
 def plain(name: str) -> str:

@@ -67,25 +67,18 @@ def matching_functions(wavelength_nm: ArrayLike) -> Floats:
     return np.stack([sum(lobe(*part) for part in lobes) for lobes in _LOBES], axis=-1)
 
 
-def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> Floats:
-    """XYZ (..., 3), up to a common factor, of band-mean radiance (..., B)."""
-    matrix = [
-        np.trapezoid(matching_functions(grid), grid, axis=0)
-        for grid in (np.linspace(lower, upper, 65) for lower, upper in bands_nm)
-    ]
-    return np.asarray(radiance @ np.stack(matrix))
-
-
 def linear_srgb(radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum) -> Floats:
     """Linear sRGB (..., 3) of radiance (..., B), up to a common factor.
 
     The spectrum of `white` becomes neutral. Without any visible band the result is gray.
     """
-    band_white = np.array([white(np.linspace(*band, 65)).mean() for band in bands_nm])
-    light = bands_to_xyz(band_white, bands_nm)
+    grids = [np.linspace(lower, upper, 65) for lower, upper in bands_nm]
+    to_xyz = np.stack([np.trapezoid(matching_functions(grid), grid, axis=0) for grid in grids])
+    band_white = np.array([white(grid).mean() for grid in grids])
+    light = band_white @ to_xyz
     if light[1] < 1e-2 * band_white.max():
         return np.repeat(radiance.mean(axis=-1, keepdims=True), 3, axis=-1).astype(np.float64)
-    balanced = bands_to_xyz(radiance, bands_nm) * (light[1] / light) * _D65
+    balanced = radiance @ to_xyz * (light[1] / light) * _D65
     return np.asarray(np.clip(balanced @ np.linalg.inv(_XYZ_FROM_SRGB).T, 0, None))
 
 

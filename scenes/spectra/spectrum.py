@@ -66,7 +66,7 @@ class Spectrum:
         known_nm: tuple[float, float] | None = None,
     ) -> "Spectrum":
         """Return the spectrum of values (n,) at wavelengths (n,)."""
-        tables = (np.asarray(each, np.float64).tolist() for each in (wavelengths_nm, values))
+        tables = (np.asarray(column, np.float64).tolist() for column in (wavelengths_nm, values))
         at_nm, values_there = map(tuple, tables)
         return cls(at_nm, values_there, known_nm)
 
@@ -89,7 +89,7 @@ class Spectrum:
 
 def common_range(spectra: Sequence[Spectrum]) -> tuple[float, float]:
     """Return the wavelengths (nm) between which all spectra are known."""
-    lowest, highest = zip(*(each.range_nm for each in spectra), strict=True)
+    lowest, highest = zip(*(spectrum.range_nm for spectrum in spectra), strict=True)
     return max(lowest), min(highest)
 
 
@@ -113,7 +113,7 @@ def flat(value: float) -> Spectrum:
 
 def total(spectra: Sequence[Spectrum]) -> Spectrum:
     """Return the sum of spectra, exact at all wavelengths; 0 without any."""
-    wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
+    wavelengths = sorted({nm for spectrum in spectra for nm in spectrum.wavelengths_nm})
     values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
     return Spectrum.of(wavelengths, values, common_range(spectra)) if spectra else flat(0.0)
 

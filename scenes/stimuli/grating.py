@@ -1,14 +1,12 @@
 """Camera inside a cylinder whose wall glows with a pattern.
 
-One frame of grating spans the horizontal field of view, in azimuth along the wall and in the same
-angular measure up the wall. Columns of a perspective image are not equidistant in azimuth, so "f
-cycles per frame" holds over the whole frame and is exceeded at its center. The wall is just high
-enough for a level camera on the axis, so the camera may only turn about the vertical.
+One frame of grating spans the horizontal field of view in azimuth, and as much up the wall. Columns
+of a perspective image are not equidistant in azimuth: "f cycles per frame" is exceeded at its
+center.
 """
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -42,14 +40,12 @@ _RADIUS_M = 10.0
 _TEXELS = 4096
 _STEEPEST_TANGENT = 4.0
 
-PATTERN_NAMES: Mapping[Pattern, str] = MappingProxyType(
-    {
-        "sine_2d": "A 2-D sine grating",
-        "sine": "A sine grating",
-        "square": "A square-wave grating",
-        "dots": "Random dots",
-    }
-)
+PATTERN_NAMES: Mapping[Pattern, str] = {
+    "sine_2d": "A 2-D sine grating",
+    "sine": "A sine grating",
+    "square": "A square-wave grating",
+    "dots": "Random dots",
+}
 """Patterns, as the beginning of a sentence."""
 
 
@@ -78,7 +74,6 @@ class Grating(SceneDescription, frozen=True):
     """Random seed of the dots."""
 
     is_self_luminous = True
-    has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the glowing cylinder around a camera that turns in place.
@@ -118,11 +113,7 @@ def sky_radiance(illuminance_lux: float) -> float:
 
 
 def glowing(
-    kind: str,
-    mesh: "trimesh.Trimesh",
-    to_world: Floats,
-    pattern: Floats,
-    light: Light,
+    kind: str, mesh: "trimesh.Trimesh", to_world: Floats, pattern: Floats, light: Light
 ) -> Scene:
     """Scene of one mesh that glows like a sky of the light where its pattern is 1."""
     emission = Emission(sky_radiance(light.resolved().illuminance_lux), pattern.astype(np.float32))
@@ -159,17 +150,12 @@ def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
             f"trajectory.kind {kind!r}: a grating surrounds a camera that turns in "
             "place; use 'steady'"
         )
-    height = trajectory.position_m[2]
+    height, past = trajectory.position_m[2], "the camera would look past the grating"
     if trajectory.look_at_m[2] != height:
-        raise ValueError(
-            f"trajectory.look_at_m {trajectory.look_at_m} is not level with position_m, so the "
-            f"camera would look past the grating: give it the height {height:g}"
-        )
+        reason = f"look_at_m {trajectory.look_at_m} is not level with position_m, so {past}: give "
+        raise ValueError(f"trajectory.{reason}it the height {height:g}")
     if any(trajectory.up[:2]) or trajectory.up[2] < 0:
-        raise ValueError(
-            f"trajectory.up {trajectory.up} tilts the camera, which would look past the grating: "
-            "use (0, 0, 1)"
-        )
+        raise ValueError(f"trajectory.up {trajectory.up} is tilted, and {past}: use (0, 0, 1)")
     if any(trajectory.velocity_m_s):
         raise ValueError(
             f"trajectory.velocity_m_s {trajectory.velocity_m_s} takes the camera off the axis of "

@@ -3,14 +3,12 @@
 Points at infinity move by rotation alone. A camera that also moves along a path sees the same as
 one that turns in place, and the ground truth agrees.
 
-The picture's values are relative: they are scaled so that the upper half gives a horizontal plane
-the light's illuminance. The light's direction comes from the picture; `disc_fraction` and the
-disc's angles have no effect. Spectra are those of three primaries in the light's own color
-(`scenes/spectra/color.py`).
+Its upper half gives a horizontal plane the light's illuminance. Spectra are those of three
+primaries of the light's color (`scenes/spectra/color.py`).
 """
 
 from pathlib import PurePath
-from typing import Literal
+from typing import ClassVar, Literal
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
@@ -33,7 +31,7 @@ class Panorama(SceneDescription, frozen=True):
     """Counterclockwise turn of the picture seen from above (degrees); at 0 its center is toward
     +x."""
 
-    has_bounces = False
+    is_lit_from_outside: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return a scene with only the panorama, with the light's brightness and white."""

@@ -1,8 +1,6 @@
 """Your pictures as the light of a scene: a video, a folder of pictures or an array.
 
-Nothing is rendered, and true motion is unknown. Values are relative: they are scaled so that the
-mean of all frames reflects a given share of the light. Spectra are those of three primaries of the
-color of white (`scenes/spectra/color.py`), so that white has a given spectrum.
+Values are relative: the mean of all frames reflects a given share of the light.
 """
 
 import math
@@ -28,13 +26,7 @@ from megalopta.scenes.spectra.color import (
     primaries,
     rebinned,
 )
-from megalopta.scenes.spectra.spectrum import (
-    SPECTRA,
-    Spectrum,
-    SpectrumName,
-    check_known,
-    luminous,
-)
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, check_known, luminous
 from megalopta.scenes.trajectories.base import Path
 
 Unit = Literal["srgb", "linear", "cd/m2"]
@@ -71,11 +63,7 @@ class ColorsAsLight(Record, frozen=True):
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
     def radiance_of_unit(
-        self,
-        light: Light,
-        bands_nm: Bands,
-        mean: ArrayLike,
-        of_channels_nm: Bands | None = None,
+        self, light: Light, bands_nm: Bands, mean: ArrayLike, of_channels_nm: Bands | None = None
     ) -> Floats:
         """Band means (channels, B) of each channel with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 
@@ -112,7 +100,6 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     linearly, or move them along the `flow` that DIS estimates."""
 
     has_truth: ClassVar[bool] = False
-    has_bounces: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Raise ValueError: pictures have no geometry."""

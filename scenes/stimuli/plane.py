@@ -1,18 +1,11 @@
-"""Board with a pattern, square to the first view of a camera that moves in front of it.
+"""Board with a pattern, square to the first view: at distance D it shifts by f·s/D px (s: the way).
 
-Motion in the image has a closed form: a board at distance D shifts by f·s/D everywhere if the
-camera, of focal length f (px), moves by s along it. The board covers all views.
-
-On the motion bench of the dissertation's SPADCAM (§2.4.8) a plate crosses the beam over a row. A
-metal plate on a 3-D printer moves at 1 to 10 mm/s between a monochromator and the bare array, 16
-pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame. Hidden pixels
-still receive stray light: 27 photons per pixel and frame against 65.
-
-Here the camera replaces the array. Its rays meet the plate's plane one pixel pitch apart, and it
-moves past the resting plate, which gives the same images: a camera velocity of 0.01 m/s to the
-right is a plate that moves at 10 mm/s to the left. Its edges are sharp; the blur of the real ones
-by the beam's divergence is not known. The true flow is that of the plate, and of the open beam as
-if it moved along.
+On the motion bench of the dissertation's SPADCAM (§2.4.8) a plate crosses the beam over a row of 16
+pixels of 60 µm at 1 to 10 mm/s, read out 10 times a second. Hidden pixels receive stray light: 27
+photons per pixel and frame against 65. Here the camera replaces the array. Its rays meet the
+plate's plane one pixel pitch apart, and it moves past the resting plate: a velocity of 0.01 m/s to
+the right is a plate that moves at 10 mm/s to the left. Edges are sharp: the blur by the beam's
+divergence is not known. The true flow is that of the plate, and of the beam as if it moved along.
 """
 
 from itertools import pairwise
@@ -22,13 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.grating import (
-    Pattern,
-    bars,
-    board,
-    random_dots,
-    sine_grating,
-)
+from megalopta.assets_gen.grating import Pattern, bars, board, random_dots, sine_grating
 from megalopta.core.arrays import Floats
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
@@ -73,7 +60,6 @@ class Plane(SceneDescription, frozen=True):
     """Random seed of the dots."""
 
     is_self_luminous = True
-    has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the glowing board; its mean luminance is that of a uniform sky of the light.
@@ -161,7 +147,6 @@ class MotionBench(SceneDescription, frozen=True):
     """Light on a hidden pixel, relative to an open one (1)."""
 
     is_self_luminous = True
-    has_bounces = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the plate before the beam; open pixels see a sky of the light's illuminance.

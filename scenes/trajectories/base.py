@@ -1,10 +1,6 @@
-"""Base of every camera path: frames, times, and a pose at any time.
+"""Base of every camera path: frames, times, and a pose (4, 4), camera axes to world, at any time.
 
-A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to world meters. The
-renderer computes in float32 about a local origin, `origin_m`. Positions are rounded accordingly, so
-that the stored pose is the rendered pose, even a kilometer from the world's origin.
-
-A camera may have a place on a rig that follows the path (`Mount`).
+Positions are float32 about a local origin, `origin_m`: the stored pose is the rendered pose.
 """
 
 from abc import abstractmethod
@@ -88,7 +84,8 @@ class Path(Record, frozen=True):
         positions, rotations = self.placed(np.asarray(times_s, dtype=float))
         poses = np.tile(np.eye(4), (len(positions), 1, 1))
         poses[:, :3, :3] = rotations
-        poses[:, :3, 3] = rounded_about(positions, self.origin_m)
+        origin = np.asarray(self.origin_m)
+        poses[:, :3, 3] = (positions - origin).astype(np.float32) + origin
         return poses
 
     def placed(self, times_s: Floats) -> tuple[Floats, Floats]:
@@ -114,12 +111,6 @@ class Path(Record, frozen=True):
     @abstractmethod
     def __str__(self) -> str:
         """Camera motion, as the end of a sentence that begins with "The camera"."""
-
-
-def rounded_about(positions: Floats, origin_m: ArrayLike) -> Floats:
-    """Positions (..., 3) rounded so that their distance from an origin is a float32."""
-    origin = np.asarray(origin_m)
-    return np.asarray((positions - origin).astype(np.float32) + origin)
 
 
 def looking(views: Floats, up: ArrayLike) -> Floats:

@@ -1,7 +1,4 @@
-"""Camera on a circle around the point at which it looks, or around a scene, all of which it sees.
-
-Of a scene of files only what a camera looks at counts (`bounds_of`).
-"""
+"""Camera on a circle around a point, or around a scene, all of which it sees."""
 
 from typing import Annotated, Literal
 

@@ -1,8 +1,4 @@
-"""Camera on a recorded path: time, position and orientation in a CSV file.
-
-Positions are interpolated by a cubic spline, orientations by spherical linear interpolation
-(Shoemake, SIGGRAPH 1985).
-"""
+"""Camera on a recorded path, a CSV file: cubic spline, and spherical linear interpolation."""
 
 import math
 from functools import lru_cache
@@ -96,25 +92,21 @@ def read_recording(text: str) -> Floats:
         names = tuple(field.strip(' "') for field in line.split(","))
         if not any(names) or (not rows and names == COLUMNS):
             continue
-        rows.append(_numbers(names, number))
+        try:
+            rows.append([float(field) for field in names])
+        except ValueError:
+            rows.append([])
+        is_row = len(rows[-1]) == len(COLUMNS) and all(abs(x) <= _LARGEST for x in rows[-1])
+        if not is_row:
+            raise ValueError(f"line {number} is not the 8 numbers {','.join(COLUMNS)}; correct it")
+        norm = math.hypot(*rows[-1][4:])
+        if abs(norm - 1) > _LARGEST_NORM_ERROR:
+            raise ValueError(
+                f"line {number}: the quaternion {rows[-1][4:]} has norm {norm:.3g}; give unit "
+                "quaternions in the order qx,qy,qz,qw"
+            )
         if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
             raise ValueError(f"line {number}: t {rows[-1][0]:g} s does not increase; sort by time")
     if len(rows) < 2:
         raise ValueError(f"{len(rows)} poses; a path needs at least 2")
     return np.array(rows)
-
-
-def _numbers(fields: tuple[str, ...], number: int) -> list[float]:
-    try:
-        values = [float(field) for field in fields]
-    except ValueError:
-        values = []
-    if len(values) != len(COLUMNS) or not all(abs(value) <= _LARGEST for value in values):
-        raise ValueError(f"line {number} is not the 8 numbers {','.join(COLUMNS)}; correct it")
-    norm = math.hypot(*values[4:])
-    if abs(norm - 1) > _LARGEST_NORM_ERROR:
-        raise ValueError(
-            f"line {number}: the quaternion {values[4:]} has norm {norm:.3g}; give unit "
-            "quaternions in the order qx,qy,qz,qw"
-        )
-    return values

@@ -13,21 +13,14 @@ from megalopta.assets_gen.tileable_noise import Marks, plane_waves, strew, tilea
 LOW, HIGH = np.array([-10.0, 5.0]), np.array([30.0, 25.0])
 
 
-def scattered(count=300, spacing_m=1.1, seed=0):
-    return poisson_disk(LOW, HIGH, count, spacing_m, np.random.default_rng(seed))
-
-
 def test_points_keep_their_distance_and_number_inside_the_box():
-    points = scattered()
+    points = poisson_disk(LOW, HIGH, 300, 1.1, np.random.default_rng(0))
     nearest = cKDTree(points).query(points, k=2)[0][:, 1]
     assert points.shape == (300, 2)
     assert nearest.min() >= 1.1
     assert np.all((points >= LOW) & (points <= HIGH))
-
-
-def test_a_pattern_that_cannot_fit_is_refused():
     with pytest.raises(ValueError, match="spacing_m: 300 points 2 m apart do not fit"):
-        scattered(spacing_m=2.0)
+        poisson_disk(LOW, HIGH, 300, 2.0, np.random.default_rng(0))
 
 
 def test_every_part_of_the_purpose_and_seed_zero_count():
@@ -59,16 +52,9 @@ def test_plane_waves_have_the_rms_asked_for():
     assert field(points).std() == pytest.approx(0.4, rel=0.02)
 
 
-SPLATS_SHAPE, SPLATS_SIZE_M = (400, 400), (1.0, 1.0)
-
-
-def marks(count, lengths_m=(0.4, 0.4), aspect=0.5, seed=0):
-    rng = np.random.default_rng(seed)
-    return strew(SPLATS_SHAPE, SPLATS_SIZE_M, count, Marks(lengths_m, aspect, 0.3, 0.0), rng)
-
-
 def test_marks_cover_as_independent_places_do():
-    area = np.mean(np.isfinite(marks(400, (0.1, 0.1))))
+    marks, rng = Marks((0.1, 0.1), 0.5, 0.3, 0.0), np.random.default_rng(0)
+    area = np.mean(np.isfinite(strew((400, 400), (1.0, 1.0), 400, marks, rng)))
     expected = 1 - np.exp(-400 * 2 / 3 * 0.1 * 0.05)
     # coverage of 400 independent marks on the torus: standard deviation below 0.01
     assert area == pytest.approx(expected, abs=0.05)

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from megalopta.scenes import Haze, MovingObject, Scene, ToneCurve, preview
-from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.motion import Tour
 from megalopta.scenes.moving_objects import with_objects
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
@@ -28,15 +28,6 @@ def test_surfaces_that_would_send_out_more_light_than_they_get_are_refused():
         Texture(WEIGHT, flat(0.5), falling)
     with pytest.raises(ValueError, match=r"add up to 1.5 at 550 nm"):
         Material(flat(1.5))
-
-
-def test_light_comes_through_where_either_spectrum_lets_it():
-    half = flat(0.5)
-    assert not Material(half).transmits
-    assert not Material(half, Texture(WEIGHT, half), transmittance=flat(0.0)).transmits
-    assert Material(half, transmittance=half).transmits
-    assert Material(half, Texture(WEIGHT, half, half)).transmits
-    assert not Material(half, None, Emission(1.0), half).transmits
 
 
 @pytest.mark.parametrize("visibility_m", [30.0, 4000.0])

@@ -21,28 +21,13 @@ from ..conftest import welded
 WOODY = {name: plant.shape for name, plant in {**TREES, **BUSHES}.items()}
 
 
-def grow(species, individual=0):
-    return grow_plant(species, np.random.default_rng(individual))
-
-
-@pytest.fixture(params=WOODY, scope="module")
-def kind(request):
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def plant(kind):
-    return grow(WOODY[kind])
-
-
-def test_every_axis_is_a_closed_tube_with_its_outside_out(plant):
+@pytest.mark.parametrize("kind", WOODY)
+def test_a_plant_has_its_height_stands_in_the_ground_and_consists_of_closed_tubes(kind):
+    plant = grow_plant(WOODY[kind], np.random.default_rng(0))
     for surface in plant.tubes:
         mesh = welded(surface)
         assert mesh.is_watertight and mesh.is_winding_consistent
         assert mesh.volume > 0
-
-
-def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
     z = plant.branching.skeleton.positions[:, 2]
     assert z.max() == pytest.approx(WOODY[kind].height_m, rel=0.12)
     assert plant.wood.vertices[:, 2].min() < -0.3
@@ -87,34 +72,25 @@ def test_the_stem_has_the_radius_asked_for_at_breast_height(skeleton):
     assert np.sqrt(squared) == pytest.approx(0.1, rel=1e-12)
 
 
-def helix(turns=2.0, count=200):
-    t = np.linspace(0, 2 * np.pi * turns, count)
-    return np.stack([np.cos(t), np.sin(t), 0.3 * t], axis=-1)
-
-
-def tube(axis, radius, sides=12, whole_tiles=False):
-    profile = np.full((len(axis) - 1, sides), radius)
-    return swept_tube(axis, profile, TILE_M, np.zeros(2), whole_tiles)
-
-
 def test_frames_on_a_helix_turn_back_by_its_torsion():
-    # A helix of radius 1 and pitch 2πb has torsion b / (1 + b²); relative to the curve's principal normal a
+    # A helix of radius 1 and pitch 2πb has torsion b / (1 + b²); relative to the principal normal a
     # rotation-minimizing frame turns by minus the integral of the torsion over arc length.
-    axis, b = helix(count=4000), 0.3
+    angle, b = np.linspace(0, 4 * np.pi, 4000), 0.3
+    axis = np.stack([np.cos(angle), np.sin(angle), b * angle], axis=-1)
     tangents, normals, _ = rotation_minimizing_frames(axis)
     principal = -axis * (1, 1, 0)
     across = np.cross(tangents, principal)
-    angle = np.unwrap(np.arctan2((normals * across).sum(1), (normals * principal).sum(1)))
+    turn = np.unwrap(np.arctan2((normals * across).sum(1), (normals * principal).sum(1)))
     arc = 4 * np.pi * np.sqrt(1 + b**2)
     # second-order method: error falls with the square of the 4000 steps
-    assert angle[-2] - angle[1] == pytest.approx(-arc * b / (1 + b**2), rel=2e-3)
+    assert turn[-2] - turn[1] == pytest.approx(-arc * b / (1 + b**2), rel=2e-3)
 
 
 def test_volume_is_that_of_a_prism_and_a_pyramid():
-    radius, sides = 0.3, 12
-    volume = welded(tube(np.outer([0, 1, 2, 3.5], [0, 0, 1.0]), radius, sides)).volume
+    radius, sides, axis = 0.3, 12, np.outer([0, 1, 2, 3.5], [0, 0, 1.0])
+    tube = swept_tube(axis, np.full((3, sides), radius), TILE_M, np.zeros(2), whole_tiles=False)
     section = sides / 2 * radius**2 * np.sin(2 * np.pi / sides)
-    assert volume == pytest.approx(section * (2 + 1.5 / 3), rel=1e-12)
+    assert welded(tube).volume == pytest.approx(section * (2 + 1.5 / 3), rel=1e-12)
 
 
 AXES = np.random.default_rng(3).normal(0, 1, (40, 3, 3))
@@ -144,20 +120,11 @@ def test_every_leaf_starts_on_its_twig(foliage):
 
 
 def test_leaf_area_is_half_length_times_width_however_it_is_folded():
-    sizes = np.array([0.5, 1.0, 2.0])
-    leaf = blades(
-        np.zeros((3, 3)),
-        np.eye(3),
-        np.roll(np.eye(3), 1, axis=0),
-        sizes,
-        TREES["beech"].shape.foliage,
-        np.random.default_rng(0),
-    )
+    sizes, foliage = np.array([0.5, 1.0, 2.0]), TREES["beech"].shape.foliage
+    facing, rng = np.roll(np.eye(3), 1, axis=0), np.random.default_rng(0)
+    leaf = blades(np.zeros((3, 3)), np.eye(3), facing, sizes, foliage, rng)
     area = leaf.to_mesh().area_faces.reshape(3, 2).sum(axis=1)
-    expected = (
-        sizes**2 * TREES["beech"].shape.foliage.length_m * TREES["beech"].shape.foliage.width_m / 2
-    )
-    np.testing.assert_allclose(area, expected, rtol=1e-12)
+    np.testing.assert_allclose(area, sizes**2 * foliage.length_m * foliage.width_m / 2, rtol=1e-12)
 
 
 RADIUS_M, DEPTH_M = 0.2, 0.02

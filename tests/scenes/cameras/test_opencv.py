@@ -99,7 +99,6 @@ def test_the_steepest_tangent_is_the_largest_in_a_level_view(lens):
         ({"distortion": (0.1, 0.2)}, "distortion has 2 coefficients: give 5 or 8"),
         ({"fisheye": (0.1,)}, "fisheye has 1 coefficients: give 4"),
         ({"distortion": BARREL, "fisheye": FISHEYE}, "both given: omit one"),
-        ({"fx_px": 0}, "greater than 0"),
     ],
 )
 def test_a_lens_without_an_inverse_is_refused(given, reason):

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.scatter import distance_to
+from megalopta.assets_gen.triangulation import Triangulation
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.floor import MOSS_RING_M, kept_floor, make_floor, make_land, trail_of
 from megalopta.scenes.forest.flora import LAYERS, TREES
@@ -49,23 +50,6 @@ def plan_areas(corners, faces):
     return np.abs(ux * vy - uy * vx) / 2
 
 
-def mesh_height(ground, places):
-    """Height of the ground by a ray down through every triangle near a place."""
-    corners, faces, _ = ground
-    triangles = corners[faces]
-    tree = cKDTree(triangles[..., :2].mean(axis=1))
-    found = []
-    for place in places:
-        nearest = triangles[tree.query(place, k=30)[1]]
-        edges = np.stack([nearest[:, 1] - nearest[:, 0], nearest[:, 2] - nearest[:, 0]], axis=-1)
-        weight = np.linalg.solve(edges[:, :2], (place - nearest[:, 0, :2])[..., None])[..., 0]
-        inside = (weight >= -1e-9).all(axis=1) & (weight.sum(axis=1) <= 1 + 1e-9)
-        chosen = int(inside.argmax())
-        assert inside.any()
-        found.append(nearest[chosen, 0, 2] + edges[chosen, 2] @ weight[chosen])
-    return np.array(found)
-
-
 def test_moss_covers_the_share_asked_for(ground):
     corners, faces, covers = ground
     areas = plan_areas(corners, faces)
@@ -102,8 +86,11 @@ def test_plants_stand_on_the_mesh(scene, ground):
     standing = [
         p.to_world[:3, 3] for p in scene.placements[1:] if p.kind in {*TREES, *LAYERS} - {"litter"}
     ]
-    feet = np.array(standing)[:400]
-    np.testing.assert_allclose(feet[:, 2], mesh_height(ground, feet[:, :2]), atol=1e-9)
+    corners, faces, _ = ground
+    heights = Triangulation(corners[:, :2], faces).interpolated(
+        corners[:, 2], np.array(standing)[:, :2]
+    )
+    np.testing.assert_allclose(np.array(standing)[:, 2], heights, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -152,15 +139,8 @@ def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
         again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
     assert list(made.covers) == list(again.covers)
     before, after = (
-        [
-            each.mesh.points,
-            each.mesh.faces,
-            each.heights,
-            each.uv,
-            each.leaves,
-            *each.covers.values(),
-        ]
-        for each in (made, again)
+        [f.mesh.points, f.mesh.faces, f.heights, f.uv, f.leaves, *f.covers.values()]
+        for f in (made, again)
     )
-    for one, other in zip(before, after, strict=True):
-        np.testing.assert_array_equal(one, other, strict=True)
+    for first, second in zip(before, after, strict=True):
+        np.testing.assert_array_equal(first, second, strict=True)

@@ -8,7 +8,7 @@ from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import PRESETS, SMALL
 from megalopta.scenes.forest.planting import dense_path
-from megalopta.scenes.forest.specimens import ground_area
+from megalopta.scenes.forest.specimens import RING_M, ground_area
 
 PATH = np.array([[-1.0, 0], [4, 1]])
 
@@ -16,7 +16,7 @@ PATH = np.array([[-1.0, 0], [4, 1]])
 def measured(forest):
     """Area of the leaves of woody plants, triangle by triangle, and wood over all of it."""
     scene, path = build_forest(forest, PATH), cKDTree(dense_path(PATH))
-    near, far = forest.leaf_ring_m
+    near, far = forest.clearance_m, forest.clearance_m + RING_M
     area = {"leaf": 0.0, "bark": 0.0}
     for placement in scene.placements:
         for part, mesh in scene.assets[placement.asset].parts.items():

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory
 from megalopta.scenes.meshes.animation import Track
 from megalopta.scenes.meshes.gltf import pieces_of
-from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf, pose
 
@@ -16,19 +15,32 @@ TIMES = np.array([0.0, 0.5, 0.6, 0.99, 1.0, 1.7, 2.5, 9.0])
 RNG = np.random.default_rng(8)
 
 
-def test_steps_keep_a_value_until_the_next_key():
-    values = np.array([[1.0], [2.0], [3.0]])
-    found = Track(KEYS, values, "STEP").at(TIMES, False)[:, 0]
-    assert found.tolist() == [1, 1, 1, 1, 2, 2, 3, 3]
+def spline(values, key, share, span):
+    """The specification's sum; values are (3, 3, d): key; slope before, value, slope after."""
+    (_, first, leaving), (arriving, second, _) = values[key], values[key + 1]
+    return (
+        (2 * share**3 - 3 * share**2 + 1) * first
+        + span * (share**3 - 2 * share**2 + share) * leaving
+        + (-2 * share**3 + 3 * share**2) * second
+        + span * (share**3 - share**2) * arriving
+    )
 
 
-def test_lines_join_keys():
-    values = RNG.normal(size=(3, 3))
-    for time, found in zip(TIMES, Track(KEYS, values).at(TIMES, False), strict=True):
+@pytest.mark.parametrize(
+    ("mode", "shape", "formula"),
+    [
+        ("STEP", (3, 2), lambda v, key, share, _: v[key + (share == 1)]),
+        ("LINEAR", (3, 3), lambda v, key, share, _: (1 - share) * v[key] + share * v[key + 1]),
+        ("CUBICSPLINE", (3, 3, 4), spline),
+    ],
+)
+def test_values_between_keys_follow_the_formulas_of_the_specification(mode, shape, formula):
+    values = RNG.normal(size=shape)
+    for time, found in zip(TIMES, Track(KEYS, values, mode).at(TIMES, False), strict=True):
         x = np.clip(time, 0.5, 2.5)
-        first, span = (0, 0.5) if x < 1 else (1, 1.5)
-        share = (x - KEYS[first]) / span
-        np.testing.assert_allclose(found, (1 - share) * values[first] + share * values[first + 1])
+        key, span = (0, 0.5) if x < 1 else (1, 1.5)
+        expected = formula(values, key, (x - KEYS[key]) / span, span)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_rotations_turn_at_constant_speed_the_shorter_way():
@@ -38,22 +50,6 @@ def test_rotations_turn_at_constant_speed_the_shorter_way():
     way = (second * first.inv()).as_rotvec()
     expected = Rotation.from_rotvec(0.25 * way) * first
     np.testing.assert_allclose(Rotation.from_quat(half).as_matrix()[0], expected.as_matrix())
-
-
-def test_splines_follow_the_formula_of_the_specification():
-    values = RNG.normal(size=(3, 3, 4))  # key; slope before, value, slope after
-    for time, found in zip(TIMES, Track(KEYS, values, "CUBICSPLINE").at(TIMES, False), strict=True):
-        x = np.clip(time, 0.5, 2.5)
-        k = 0 if x < 1 else 1
-        span = float(KEYS[k + 1] - KEYS[k])
-        t = (x - KEYS[k]) / span
-        expected = (
-            (2 * t**3 - 3 * t**2 + 1) * values[k, 1]
-            + span * (t**3 - 2 * t**2 + t) * values[k, 2]
-            + (-2 * t**3 + 3 * t**2) * values[k + 1, 1]
-            + span * (t**3 - t**2) * values[k + 1, 0]
-        )
-        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 TURNS = Rotation.from_euler("z", [[0], [90], [200]], degrees=True).as_quat().astype(np.float32)
@@ -94,7 +90,9 @@ def world(time_s):
 
 @pytest.fixture
 def blade():
-    return next(each for each in pieces_of({"a.glb": mill().glb()}, True) if each.name == "blade")
+    return next(
+        each for each in pieces_of({"a.glb": mill().glb()}, ["animation"]) if each.name == "blade"
+    )
 
 
 def test_a_node_moves_with_all_above_it(blade):
@@ -122,26 +120,13 @@ def test_normals_stay_at_right_angles_to_the_surface(blade):
 
 
 def test_what_does_not_move_has_no_motion_and_without_animation_nothing_has():
-    moving = {piece.name: piece.motion for piece in pieces_of({"a.glb": mill().glb()}, True)}
+    moving = {
+        piece.name: piece.motion for piece in pieces_of({"a.glb": mill().glb()}, ["animation"])
+    }
     assert moving["still"] is None and moving["blade"] is not None
     assert all(piece.motion is None for piece in pieces_of({"a.glb": mill().glb()}))
     with pytest.raises(ValueError, match="no animation of nodes with meshes.*; omit animate"):
-        list(pieces_of({"a.glb": mill(animations=[]).glb()}, True))
-
-
-def test_a_damaged_animation_is_one_sentence(tmp_path):
-    rng, whole, refused = np.random.default_rng(11), mill().glb(), 0
-    for _ in range(150):
-        content = bytearray(whole)
-        for place in rng.integers(len(content), size=1):
-            content[place] = rng.integers(256)
-        (tmp_path / "a.glb").write_bytes(content)
-        try:
-            PlacedMesh.model_validate({"file": str(tmp_path / "a.glb")}).pieces(animated=True)
-        except ValueError as problem:
-            assert "a.glb" in str(problem)
-            refused += 1
-    assert 20 < refused < 150
+        list(pieces_of({"a.glb": mill(animations=[]).glb()}, ["animation"]))
 
 
 def test_what_of_an_animation_has_no_effect_is_told(tmp_path):

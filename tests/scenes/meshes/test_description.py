@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
 from pydantic import TypeAdapter
 
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
@@ -9,7 +8,7 @@ from megalopta.scenes.meshes import pieces
 from megalopta.scenes.moving_objects import AnyObject
 from megalopta.scenes.spectra.reflectance import reflectance_of
 
-from .files import pose
+from .files import TRIANGLE, Gltf, png, pose
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory(frames=2)
 
@@ -65,32 +64,28 @@ def test_a_material_that_is_not_there_is_told_with_those_that_are(files):
     assert {max(each.reflectance.values) for each in scene.materials.values()} == {0.4, 0.2}
 
 
-def pictured(path, *colors):
-    """Squares with a picture of 8 × 4 pixels each, in a color."""
-    squares = trimesh.Scene()
-    for number, color in enumerate(colors):
-        square = trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False)
-        look = trimesh.visual.material.PBRMaterial(
-            name=f"tile {number}",
-            baseColorTexture=Image.new("RGB", (8, 4), (number, 9, 9)),
-            baseColorFactor=color,
-        )
-        square.visual = trimesh.visual.TextureVisuals(uv=np.eye(3)[:, :2], material=look)
-        squares.add_geometry(square, f"square {number}")
-    squares.export(path)
+def pictured(path, color=(1, 1, 1, 1)):
+    """A triangle with a picture of 8 × 4 pixels in a color."""
+    file = Gltf()
+    image = file.view(png(np.full((4, 8, 3), 99)))
+    file.triangle(material=0, TEXCOORD_0=file.accessor(TRIANGLE[:, :2]))
+    model = {"baseColorFactor": color, "baseColorTexture": {"index": 0}}
+    file.header |= {
+        "images": [{"bufferView": image, "mimeType": "image/png"}],
+        "textures": [{"source": 0}],
+        "materials": [{"name": "tile", "pbrMetallicRoughness": model}],
+    }
+    path.write_bytes(file.glb())
     return str(path)
 
 
-WHITE = [255, 255, 255, 255]
-
-
 def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):
-    one, other, third = (pictured(tmp_path / f"{n}.glb", WHITE) for n in range(3))
+    one, other, third = (pictured(tmp_path / f"{n}.glb") for n in range(3))
     monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 95)
     assert len(built(files=[one, other]).materials) == 2
     with pytest.raises(ValueError, match="the scene with its pictures takes .*96 values"):
         built(files=[one, other, third])
-    tinted = pictured(tmp_path / "tinted.glb", [99, 255, 255, 255])
+    tinted = pictured(tmp_path / "tinted.glb", (0.4, 1, 1, 1))
     monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)
     # That of an object is with those of the scene.
     scene, bird = Meshes(files=one), TypeAdapter(AnyObject).validate_python({"file": tinted})

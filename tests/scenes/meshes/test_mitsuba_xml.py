@@ -1,12 +1,12 @@
 """Mitsuba's XML from strangers: what is read, and what is refused in one sentence."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from PIL import Image
 
 from megalopta.render import mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 CAMERA, PATH = PerspectiveCamera(), Trajectory()
@@ -43,11 +43,8 @@ def material_of(path, **more):
 def test_metal_is_kept_as_it_is_unless_a_reflectance_is_given(write):
     path = write(square(METAL))
     assert material_of(path).finish.kind == "roughconductor"
-    assert not Meshes(files=(path,)).is_diffuse
-    assert Meshes(files=(path,)).expected_triangles(1.0) == 1  # costs are in proportion to it
     given = material_of(path, materials={"Brass": 0.3})
     assert (given.finish, given.reflectance(600)) == (None, 0.3)
-    assert Meshes(files=(path,), materials={"Brass": 0.3}).is_diffuse
 
 
 @pytest.mark.parametrize(
@@ -97,34 +94,22 @@ def test_surfaces_that_are_not_kept_are_refused_by_name_unless_given(write):
     assert finish.kind == "diffuse"
 
 
-def test_spectra_are_numbers_tables_or_files_and_known_where_they_are(write, tmp_path):
-    def diffuse(spectrum):
-        return square(f'<bsdf type="diffuse"><spectrum name="reflectance" {spectrum}/></bsdf>')
-
-    assert material_of(write(diffuse('value="0.25"'))).known_nm is None
-    table = material_of(write(diffuse('value="400:0.1, 800:0.5"')))
-    assert table.known_nm == (400, 800)
-    assert table.reflectance(600) == pytest.approx(0.3)
-    path = write(diffuse('filename="leaf.spd"'))
-    (tmp_path / "yard/leaf.spd").write_text("# nm, share\n500 0.2\n900 0.6\n")
-    leaf = material_of(path)
-    assert leaf.known_nm == (500, 900)
-    assert leaf.reflectance(700) == pytest.approx(0.4)
-
-
-def test_names_of_older_versions_are_understood(write):
-    step = '<transform name="toWorld"><translate x="3"/></transform>'
-    (piece,) = PlacedMesh(file=write(square(more=step), "0.6.0"), up="z").pieces()
+def test_defaults_and_names_of_older_versions_are_understood(write):
+    steps = '<scale value="$size"/><translate x="3"/>'
+    shape = square(more=f'<transform name="toWorld">{steps}</transform>')
+    sizes = '<default name="size" value="4"/><default name="size" value="9"/>'
+    ((piece,), _) = PlacedMesh(file=write(sizes + shape, "0.6.0"), up="z").read()
     np.testing.assert_allclose(piece.vertices.mean(axis=0), [3, 0, 0])
-
-
-def test_defaults_fill_what_is_not_given(write):
-    scale = '<transform name="to_world"><scale value="$size"/></transform>'
-    path = write(
-        '<default name="size" value="4"/><default name="size" value="9"/>' + square(more=scale)
-    )
-    (piece,) = PlacedMesh(file=path).pieces()
     assert np.ptp(piece.vertices, axis=0).max() == 8
+
+
+def test_entities_and_other_encodings_are_refused(write):
+    path = write("&b;", before='<!DOCTYPE scene [<!ENTITY a "xxxx"><!ENTITY b "&a;&a;&a;">]>')
+    with pytest.raises(ValueError, match="it defines entities, which are not read"):
+        scene_of(path)
+    Path(path).write_text('<scene version="3.0.0"/>', "utf-16")
+    with pytest.raises(ValueError, match="its XML is not UTF-8"):
+        scene_of(path)
 
 
 @pytest.mark.parametrize(
@@ -187,31 +172,6 @@ def test_surfaces_that_repeat_their_parts_are_bounded(write, last):
         scene_of(write(blends + square('<ref id="b0"/>')))
 
 
-def test_pictures_have_a_bounded_size_in_all(write, tmp_path, monkeypatch):
-    monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 50)
-    path = write("".join(square(
-        '<bsdf type="principled"><texture type="bitmap" name="base_color">'
-        f'<string name="filename" value="{n}.png"/></texture></bsdf>') for n in range(2))
-    )  # fmt: skip
-    for number in range(2):
-        Image.new("RGB", (8, 4)).save(tmp_path / f"yard/{number}.png")
-    with pytest.raises(ValueError, match="scene.xml with its pictures takes .*64 values"):
-        scene_of(path)
-
-
-def test_entities_are_refused_before_they_grow(write):
-    bomb = '<!DOCTYPE scene [<!ENTITY a "xxxx"><!ENTITY b "&a;&a;&a;">]>'
-    with pytest.raises(ValueError, match="it defines entities, which are not read"):
-        scene_of(write("&b;", before=bomb))
-
-
-def test_other_encodings_are_refused(write, tmp_path):
-    path = write("")
-    (tmp_path / "yard/scene.xml").write_text('<scene version="3.0.0"/>', "utf-16")
-    with pytest.raises(ValueError, match="its XML is not UTF-8"):
-        scene_of(path)
-
-
 @pytest.mark.parametrize("kind", ["envmap", "constant", "point"])
 def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write, kind):
     lamp = '<emitter type="area" id="glow"><rgb name="radiance" value="2"/></emitter>'
@@ -226,26 +186,35 @@ def test_lights_of_the_file_that_are_not_read_are_refused_where_they_count(write
 
 
 @pytest.mark.parametrize(
-    ("spectrum", "at_500_nm"),
+    ("spectrum", "at_500_nm", "known_nm"),
     [
-        ('type="uniform"><float name="value" value="0.4"/>', 0.4),
+        ('value="0.25">', 0.25, None),
+        ('value="400:0.1, 800:0.5">', 0.2, (400, 800)),
+        ('filename="leaf.spd">', 0.2, (400, 900)),
+        ('type="uniform"><float name="value" value="0.4"/>', 0.4, None),
         (
             'type="irregular"><string name="wavelengths" value="400, 600"/>'
             '<string name="values" value="0.1, 0.5"/>',
             0.3,
+            (400, 600),
         ),
         (
             'type="regular"><float name="wavelength_min" value="400"/>'
             '<float name="wavelength_max" value="700"/><string name="values" value="0, 0.3, 0.6"/>',
             0.2,
+            (400, 700),
         ),
     ],
 )
-def test_spectra_of_mitsubas_types_are_those_of_surfaces_and_lamps(write, spectrum, at_500_nm):
+def test_spectra_are_those_of_surfaces_and_lamps(write, tmp_path, spectrum, at_500_nm, known_nm):
+    write("")
+    (tmp_path / "yard/leaf.spd").write_text("# nm, share\n400 0.1\n900 0.6\n")
     element = f'<spectrum name="NAME" {spectrum}</spectrum>'
     surface = f'<bsdf type="diffuse">{element.replace("NAME", "reflectance")}</bsdf>'
     lamp = f'<emitter type="area">{element.replace("NAME", "radiance")}</emitter>'
-    assert material_of(write(square(surface))).reflectance(500) == pytest.approx(at_500_nm)
+    diffuse = material_of(write(square(surface)))
+    assert diffuse.reflectance(500) == pytest.approx(at_500_nm)
+    assert diffuse.known_nm == known_nm
     shining = material_of(write(square(lamp)), lights="file").emission.radiance
     assert shining(500) == pytest.approx(at_500_nm)
 

@@ -8,6 +8,7 @@ from megalopta.scenes.meshes import pieces
 from megalopta.scenes.meshes.model import PlacedMesh
 
 from .files import Gltf
+from .test_animation import mill
 
 BOX = trimesh.creation.box((1, 2, 3))
 
@@ -44,9 +45,8 @@ def extent(pieces):
     ],
 )
 def test_the_axis_that_is_up_becomes_z(write, name, up, expected):
-    given = write(exported(name), name, up=up, scale=0.1)
-    np.testing.assert_allclose(extent(given.pieces()), np.multiply(0.1, expected), rtol=1e-6)
-    assert given.triangles() == 12
+    pieces, _ = write(exported(name), name, up=up, scale=0.1).read()
+    np.testing.assert_allclose(extent(pieces), np.multiply(0.1, expected), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -59,28 +59,28 @@ def test_wrong_units_are_told_with_a_better_scale(write, factor, better):
     with pytest.raises(
         ValueError, match=rf"extends over {re.escape(f'{factor:.4g}')} m .*`scale: {better}`"
     ):
-        given.pieces()
+        given.read()
     scale = float(better.replace("\\", ""))
-    given.model_copy(update={"scale": scale}).pieces()
+    given.model_copy(update={"scale": scale}).read()
 
 
 @pytest.mark.parametrize("name", ["a.glb", "a.obj", "a.ply", "a.stl"])
 def test_too_many_triangles_are_refused(write, monkeypatch, name):
     given = write(exported(name), name)
-    assert given.pieces()
+    assert given.read()
     monkeypatch.setattr(pieces, "TRIANGLE_BYTES", 2e9 / 11)
     with pytest.raises(ValueError, match=f"{name} takes .* GB of memory .*MEGALOPTA_DECODED_GB"):
-        given.pieces()
+        given.read()
 
 
-@pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"])
+@pytest.mark.parametrize("name", ["a.glb", "mill.glb", "a.gltf", "a.obj", "a.ply", "a.stl"])
 def test_a_damaged_file_is_one_sentence(tmp_path, name):
     """Cut, flipped and exchanged bytes: read, or refused with the path of the file."""
     rng = np.random.default_rng(7)
     if name == "a.gltf":
         whole = trimesh.Scene(BOX).export(file_type="gltf", embed_buffers=True)["model.gltf"]
     else:
-        whole = exported(name)
+        whole = mill().glb() if name == "mill.glb" else exported(name)
         whole = whole.encode() if isinstance(whole, str) else whole
     path, refused = tmp_path / name, 0
     for case in range(150):
@@ -91,15 +91,15 @@ def test_a_damaged_file_is_one_sentence(tmp_path, name):
             content[place] = rng.integers(256)
         path.write_bytes(content)
         try:
-            PlacedMesh.model_validate({"file": str(path)}).pieces()
+            PlacedMesh.model_validate({"file": str(path)}).read(*["animation"] * ("mill" in name))
         except ValueError as problem:
             assert name in str(problem)
             refused += 1
     assert refused > 20
 
 
-def notes(model, *used):
-    return " ".join(model.notes(model.pieces(*used), *used))
+def notes(model):
+    return " ".join(model.read()[1])
 
 
 @pytest.mark.parametrize(

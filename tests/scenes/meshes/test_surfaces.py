@@ -2,19 +2,16 @@
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
-from megalopta.scenes.material import ColorTexture
-from megalopta.scenes.meshes.pieces import Paint, Piece
+from megalopta.scenes.meshes.pieces import Paint, Piece, colored
 from megalopta.scenes.meshes.reflectance import Curve, Reflectance, material_of
 from megalopta.scenes.meshes.surfaces import Surfacing
-from megalopta.scenes.spectra.color import reflectance_of_color
 from megalopta.scenes.spectra.reflectance import reflectance_of
 from megalopta.scenes.spectra.spectrum import flat
 
 RNG = np.random.default_rng(6)
-GRID = np.arange(360.0, 831.0)
-RED = Paint("red", (0.5, 0.1, 0.0))
+RED = Paint("red", colored((0.5, 0.1, 0.0)))
 
 
 def piece(number=0, faces=5, **more):
@@ -24,22 +21,14 @@ def piece(number=0, faces=5, **more):
     )
 
 
-def test_a_color_is_a_reflectance_and_knows_where_it_ends():
-    surfacing = Surfacing("a.obj")
-    surfacing.objects([piece(paint=RED)])
-    (material,) = surfacing.materials.values()
-    np.testing.assert_allclose(material.reflectance(GRID), reflectance_of_color(RED.color)(GRID))
-    assert material.known_nm == (360, 830)
-
-
 def test_a_picture_is_three_weights_and_needs_coordinates():
     picture = RNG.random((3, 4, 3)).astype(np.float32)
-    paint = Paint("bark", (1.0, 0.5, 0.25), picture)
+    paint = Paint("bark", colored((1.0, 0.5, 0.25), picture))
     surfacing = Surfacing("a.glb")
     surfacing.objects([piece(paint=paint, uv=RNG.random((10, 2)))])
     (material,) = surfacing.materials.values()
-    assert isinstance(material.texture, ColorTexture)
     np.testing.assert_allclose(material.texture.weight, picture * [1.0, 0.5, 0.25], rtol=1e-6)
+    assert material.known_nm == (360, 830)
     with pytest.raises(ValueError, match="'thing 0' of material 'bark' has no texture"):
         Surfacing("a.glb").objects([piece(paint=paint)])
     Surfacing("a.glb", {"bark": 0.3}).objects([piece(paint=paint)])
@@ -48,25 +37,19 @@ def test_a_picture_is_three_weights_and_needs_coordinates():
 def test_given_reflectances_replace_colors_by_the_name_of_the_material_or_object():
     curve = Curve(wavelengths_nm=(400, 900), values=(0.1, 0.6))
     given = {"red": curve, "thing 1": 0.25, "thing 2": "soil"}
-    surfacing = Surfacing("a.ply", given)
-    surfacing.objects([piece(paint=RED), piece(1), piece(2)])
-    first, second, third = surfacing.materials.values()
+    surfacing = Surfacing("a.ply", given, colorless=0.125)
+    surfacing.objects([piece(paint=RED), piece(1), piece(2), piece(3)])
+    first, second, third, fourth = surfacing.materials.values()
     assert first.reflectance(650.0) == pytest.approx(0.35) and first.known_nm == (400, 900)
     assert second.reflectance == flat(0.25) and second.known_nm is None
-    assert third.reflectance == reflectance_of("soil")
-
-
-def test_without_material_and_colors_the_reflectance_is_that_of_the_configuration():
-    surfacing = Surfacing("a.stl", colorless=0.125)
-    surfacing.objects([piece()])
-    assert [each.reflectance for each in surfacing.materials.values()] == [flat(0.125)]
+    assert third.reflectance == reflectance_of("soil") and fourth.reflectance == flat(0.125)
 
 
 def test_materials_of_one_name_stay_apart():
-    other = Paint("red", (0.0, 0.0, 1.0))
-    pictures = [Paint("bark", picture=RNG.random((2, 2, 3)).astype(np.float32)) for _ in range(2)]
-    uv = RNG.random((10, 2))
-    given = [piece(paint=RED), piece(paint=other), *(piece(paint=p, uv=uv) for p in pictures)]
+    other, uv = Paint("red", colored((0.0, 0.0, 1.0))), RNG.random((10, 2))
+    pictures = [colored(np.ones(3), RNG.random((2, 2, 3)).astype(np.float32)) for _ in range(2)]
+    barks = (piece(paint=Paint("bark", picture), uv=uv) for picture in pictures)
+    given = [piece(paint=RED), piece(paint=other), *barks]
     surfacing = Surfacing("a.glb")
     surfacing.objects(given)
     names = ["a.glb: red", "a.glb: red (2)", "a.glb: bark", "a.glb: bark (2)"]
@@ -102,20 +85,3 @@ def test_a_curve_is_read_once_and_its_numbers_stay(tmp_path):
     assert given == Curve(wavelengths_nm=(400, 700, 1000), values=(0.05, 0.1, 0.5))
     assert READ(given.model_dump(mode="json")) == given
     assert material_of(given).known_nm == (400, 1000)
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("400,0.5\n", "has 1 points"),
-        ("400,0.5\n700,1.5\n", "line 2: reflectance 1.5 is not from 0 to 1"),
-        ("700,0.5\n400,0.5\n", "400 nm follows 700"),
-        ("400,0.5,1\n", "not wavelength_nm,reflectance"),
-        ("400,nan\n700,1\n", "nan is not from 0 to 1"),
-    ],
-)
-def test_what_is_no_curve_is_refused(tmp_path, text, reason):
-    path = tmp_path / "leaf.csv"
-    path.write_text(text)
-    with pytest.raises(ValidationError, match=reason):
-        READ(str(path))

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from megalopta.scenes.meshes.wavefront import pieces_of
+from megalopta.scenes.spectra.color import reflectance_of_color
 
 from .files import png
 
@@ -62,11 +63,12 @@ def test_polygons_of_any_form_become_fans_of_their_object_and_material():
 
 
 def test_materials_are_those_of_the_library():
-    brick, tin = (piece.paint for piece in yard())
-    coded = np.array([0.5, 0.25, 1])
-    np.testing.assert_allclose(brick.color, ((coded + 0.055) / 1.055) ** 2.4, rtol=1e-6)
-    np.testing.assert_allclose(brick.picture, ((188 / 255 + 0.055) / 1.055) ** 2.4, rtol=1e-5)
-    assert np.ptp(tin.color) == 0
+    brick, tin = (piece.paint.material for piece in yard())
+    codes = np.array([0.5, 0.25, 1, 188 / 255])
+    *color, gray = ((codes + 0.055) / 1.055) ** 2.4
+    expected = np.broadcast_to(np.multiply(gray, color), (2, 2, 3))
+    np.testing.assert_allclose(brick.texture.weight, expected, rtol=1e-5)
+    assert tin.reflectance == reflectance_of_color(3 * [color[0]])
 
 
 def test_without_its_library_a_material_is_a_name_without_color():

@@ -34,21 +34,14 @@ def magnitude(lower_nm, upper_nm, zero_point_w_m2_um):
     return -2.5 * np.log10(radiance * 1000 * ARCSEC2_SR / zero_point_w_m2_um)
 
 
-def kilorayleigh(lower_nm, upper_nm):
-    """Column emission, 1e9·4π photons per second, square meter and steradian of radiance."""
-    grid = np.arange(lower_nm, upper_nm + 1)
-    photons = MOONLESS_ZENITH(grid) * grid * 1e-9 / PHOTON_J_M
-    return np.trapezoid(photons, grid) * 4 * np.pi / 1e13
-
-
 def test_sky_has_the_measured_brightness_in_j_and_h():
     # edges of the bands lie in the middle of means over 20 nm; J has eight of them, and few lines
     assert magnitude(1510, 1790, 1.133e-9) == pytest.approx(14.4, abs=0.02)
     assert magnitude(1170, 1330, 3.129e-9) == pytest.approx(16.5, abs=0.08)
-
-
-def test_oh_42_band_has_about_80_kilorayleigh():
-    assert kilorayleigh(1570, 1660) == pytest.approx(80, rel=0.15)
+    # Column emission of the OH (4–2) band: 80 kR, 1e13/4π photons per second, m² and steradian.
+    grid = np.arange(1570, 1661)
+    photons = MOONLESS_ZENITH(grid) * grid * 1e-9 / PHOTON_J_M
+    assert np.trapezoid(photons, grid) * 4 * np.pi / 1e13 == pytest.approx(80, rel=0.15)
 
 
 def test_airglow_and_faint_starlight_are_the_zenith():
@@ -61,10 +54,7 @@ def test_airglow_and_faint_starlight_are_the_zenith():
 
 def test_disc_reddens_as_the_full_moon_of_kieffer_and_stone():
     np.testing.assert_allclose(FULL_MOON(published.FULL_MOON_NM), published.FULL_MOON, rtol=0.013)
-
-
-def test_quarter_moon_is_redder():
-    # the curve is off the best line by up to 12 %
+    # At a quarter the curve is off the best line by up to 12 %.
     grid = np.linspace(450, 1650, 100)
     np.testing.assert_allclose(QUARTER_MOON(grid), published.quarter_moon(grid), rtol=0.12)
 
@@ -90,10 +80,20 @@ def test_color_is_that_of_a_layer_added_up_of_thin_ones(wavelength_nm, absorptio
     clear, wet = (two_streams(1 - each, 30.0, 0.86) for each in (0.0, absorbed))
     # thin layers of a hundredth of the thickness at which light turns back
     assert OVERCAST(wavelength_nm) == pytest.approx(wet / clear, rel=0.01)
+    assert OVERCAST(np.arange(380, 780)).min() > 0.99  # gray to the eye
 
 
-def test_clouds_are_gray_where_the_eye_sees():
-    assert OVERCAST(np.arange(380, 780)).min() > 0.99
+@pytest.mark.parametrize(
+    ("spectra", "lux", "rel"),
+    [
+        ([ABOVE_ATMOSPHERE], 133e3, 5e-3),  # a textbook value, to its three digits
+        ([TWILIGHT.scaled(math.pi)], 1.0, 0.1),
+        # The usual value for a starry sky; parts from five papers, each good to some 20 %.
+        ([STARLIGHT.scaled(math.pi), AIRGLOW.scaled(math.pi)], 1e-3, 0.15),
+    ],
+)
+def test_light_has_its_known_illuminance(spectra, lux, rel):
+    assert sum(map(luminous, spectra)) == pytest.approx(lux, rel=rel)
 
 
 def test_zodiacal_light_is_the_mean_of_its_latitudes():
@@ -102,12 +102,6 @@ def test_zodiacal_light_is_the_mean_of_its_latitudes():
     brightness = np.where(latitude < np.pi / 3, 140 - 90 * np.sin(latitude), 60)
     mean = np.trapezoid(brightness * np.cos(latitude), latitude)
     assert mean == pytest.approx(ZODIACAL_S10, rel=0.01)
-
-
-def test_stars_and_airglow_make_a_moonless_night_of_a_millilux():
-    # 1 mlux is the usual value for a starry sky; parts from five papers, each good to some 20 %
-    lux = math.pi * (luminous(STARLIGHT) + luminous(AIRGLOW))
-    assert lux == pytest.approx(1e-3, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -130,15 +124,6 @@ def test_direct_and_scattered_light_are_the_standards_hemispherical_light():
     tilted = (429.8, 207.7, 120.9, 86.51, 54.55)
     seen = in_bands(SUN) * np.cos(np.radians(11.19)) + in_bands(CLEAR_SKY)
     np.testing.assert_allclose(seen, tilted, rtol=0.055)
-
-
-def test_sun_has_the_efficacy_of_the_solar_constant():
-    # 133 klux above the atmosphere, a textbook value, to its three digits
-    assert luminous(ABOVE_ATMOSPHERE) == pytest.approx(133e3, rel=5e-3)
-
-
-def test_sky_of_that_brightness_gives_a_lux():
-    assert math.pi * luminous(TWILIGHT) == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("band", "depression_deg"), [((1170, 1330), 9.3), ((1510, 1790), 7.4)])

@@ -45,10 +45,7 @@ def test_a_sliding_camera_sees_the_board_shift_by_focal_length_times_way_over_di
 
 @pytest.mark.parametrize(
     "trajectory",
-    [
-        Trajectory(frames=3, rotation_deg_s=400),
-        Trajectory(frames=3, velocity_m_s=(15, 0, 0)),
-    ],
+    [Trajectory(frames=3, rotation_deg_s=400), Trajectory(frames=3, velocity_m_s=(15, 0, 0))],
 )
 def test_a_camera_that_looks_past_the_board_or_flies_through_it_is_refused(trajectory):
     with pytest.raises(ValueError, match=r"frame \d looks past the board at scene.distance_m 2"):
