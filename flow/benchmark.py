@@ -3,16 +3,10 @@
 A clean sequence is resized, scaled to a photon flux, and drawn. Each detector runs on the counts
 and on the clean sequence, and the error between both responses is measured over the flux. Counts
 are multiplied by pixels/flux first, so that the response to the clean sequence does not depend on
-the flux (dark counts are the same everywhere; detectors that respond to such an offset get the
-clean sequence with it). All detectors see the same draws.
+the flux. Detectors that respond to an offset get the clean sequence with dark counts.
 
-The sequence is processed in chunks of frames, all fluxes of a chunk at a time, so memory does not
-grow with its length. Every draw has its own random stream, so neither chunks nor the choice of
-fluxes, sizes or detectors changes a number. Standard errors (`error_curve`) are estimated in blocks
-of frames longer than the memory of the detector.
-
-For a template that turns past a window, `photon_search` finds the thresholds alone with a fraction
-of the draws.
+All fluxes of a few frames are measured at a time. Every draw has its own random stream, so neither
+chunks nor the choice of fluxes, sizes or detectors changes a number.
 """
 
 import math
@@ -21,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Annotated, Any, Literal, Protocol, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BaseModel, Field, PositiveInt, TypeAdapter, field_validator, model_validator
@@ -51,22 +45,10 @@ class CurveSettings(
     """Independent draws of the whole sequence at each flux; they give the confidence intervals"""
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
-    normalization: photons.Normalization = "per_frame"
-    """per_frame scales every frame to the flux, as in the dissertation. per_sequence scales the
-    mean frame, so that frames keep their differences in brightness"""
-    reference: Literal["self", "perfect"] = "self"
-    """Reference of the responses to counts: those to the mean counts, dark counts included (self),
-    or to the light alone (perfect). It matters to IM and PM, which respond to an offset"""
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is reported; n bits are an error of 2⁻ⁿ"""
-    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
-    """Confidence level of intervals"""
-
-    def compares_with_means(self, detector: Detector) -> bool:
-        """True if the reference of a detector's responses includes mean dark counts."""
-        return self.reference == "self" and not detector.ignores_offset
 
     @field_validator("metrics", "bits", "sizes", check_fields=False)
     @classmethod
@@ -176,28 +158,6 @@ def checked_warm_up(
 
 
 @dataclass(frozen=True)
-class Bookkeeping:
-    """Progress of a run, and cache of its parts, so that an interrupted run can continue."""
-
-    on_progress: Callable[[int], object] = lambda work: None
-    """Called with the work done since the last call, in the units of `work_units`."""
-    part: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = lambda _, work: work()
-    """Returns a part by name, one per size and repeat: the cached one, or else the result of the
-    callable, sums (4, fluxes, T) of each method."""
-
-
-class Clip(Protocol):
-    """A sequence of frames, of which some are read at a time: an array, in memory or on disk."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Frames, rows and columns."""
-
-    def __getitem__(self, frames: slice, /) -> Any:
-        """Return successive frames (n, H, W)."""
-
-
-@dataclass(frozen=True)
 class BenchmarkResult:
     """All curves of one sequence, with everything needed to reproduce them."""
 
@@ -248,13 +208,22 @@ class BenchmarkResult:
         )
 
 
+def _unseen(work: int) -> None:
+    """Show no progress."""
+
+
+def _computed(_: str, work: Callable[[], list[Floats]]) -> list[Floats]:
+    return work()
+
+
 def photon_benchmark(
-    frames: Clip,
+    frames: Frames,
     methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
-    books: Bookkeeping = Bookkeeping(),
+    advance: Callable[[int], object] = _unseen,
+    cached: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = _computed,
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes that it needs.
 
@@ -271,8 +240,11 @@ def photon_benchmark(
         Any integer.
     sequence : str
         Name of the sequence; sequences of different names are drawn independently.
-    books
-        Gets the work done, `work_units` in all, and caches its parts.
+    advance
+        Called with the work done since the last call, `work_units` in all.
+    cached
+        Returns a part of the work by name, one per size and repeat: a stored one, or else the
+        result of the callable, sums (4, fluxes, T) of each method.
     """
     detectors = [method(chosen) for chosen in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
@@ -280,7 +252,7 @@ def photon_benchmark(
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
         repeats = [
-            books.part(f"{at_size.key[-1]}-{n}", partial(at_size.sums, n, detectors, books))
+            cached(f"{at_size.key[-1]}-{n}", partial(at_size.sums, n, detectors, advance))
             for n in range(settings.repeats)
         ]
         for detector, repeated in zip(detectors, zip(*repeats, strict=True), strict=True):
@@ -291,9 +263,10 @@ def photon_benchmark(
             starts = [block * scored // blocks for block in range(blocks)]
             for metric in settings.metrics:
                 measured = measured_errors(metric, settings.fluxes, sums, starts)
-                levels = settings.bits, settings.confidence
                 curves.append(
-                    error_curve(detector, at_size.shape, metric, measured, *levels, at_size.key)
+                    error_curve(
+                        detector, at_size.shape, metric, measured, settings.bits, at_size.key
+                    )
                 )
     return BenchmarkResult(
         sequence=sequence,
@@ -310,7 +283,7 @@ class _AtSize:
     """A resized clean sequence, and the errors of methods on its photons."""
 
     def __init__(
-        self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
+        self, frames: Frames, size: int, settings: BenchmarkSettings, seed: int, sequence: str
     ) -> None:
         self._frames, self._settings = frames, settings
         rows, columns = frames.shape[1], frames.shape[2]
@@ -322,10 +295,12 @@ class _AtSize:
         """Names the sequence at this size in random streams"""
         self._of_means: dict[tuple[str, float, int], Floats] = {}
         """Velocities in mean counts by method, scale and first frame: the same in every repeat"""
-        light = np.concatenate([photons.frame_light(chunk) for _, chunk in self._resized()])
-        self._divisors = photons.divisors(light, settings.normalization)
+        chunks = [photons.frame_light(chunk) for _, chunk in self._resized()]
+        self._light = photons.not_black(np.concatenate(chunks))
 
-    def sums(self, repeat: int, detectors: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
+    def sums(
+        self, repeat: int, detectors: Sequence[Detector], advance: Callable[[int], object]
+    ) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, T), over one draw of the sequence."""
         fluxes = self._settings.fluxes
         to_light = [detector.start(self.shape) for detector in detectors]
@@ -336,7 +311,7 @@ class _AtSize:
         ]
         sums: defaultdict[tuple[str, float], list[Floats]] = defaultdict(list)
         for first, frames in self._resized():
-            light = frames / self._divisors[first : first + len(frames), None, None]
+            light = frames / self._light[first : first + len(frames), None, None]
             ideals = [respond(light, self._pixels) for respond in to_light]
             # bright light first, which takes longest: the time left then only falls
             for flux, at_flux in zip(reversed(fluxes), reversed(started), strict=True):
@@ -348,11 +323,11 @@ class _AtSize:
                     detectors, ideals, at_flux, strict=True
                 ):
                     reference = ideal
-                    if self._settings.compares_with_means(detector):
+                    if not detector.ignores_offset:
                         reference = self._mean_response(detector, to_means, means, scale, first)
                     errors = error_sums(detector, reference, respond(counts, scale))
                     sums[detector.name, flux].append(errors)
-                books.on_progress(counts.size)
+                advance(counts.size)
         return [
             np.stack([np.concatenate(sums[detector.name, flux], axis=1) for flux in fluxes], axis=1)
             for detector in detectors

@@ -1,22 +1,15 @@
 """Search for the photons that detectors need on a moving template, with few draws.
 
-**Short sequences.** The dissertation's sequence of 400 frames is represented by a few short ones
-that start at places spread around the template. Detectors with memory see clean frames first, so
-that their filters have the right state, and only the noise has yet to reach its strength; frames
-until then are drawn but not scored. Draws are keyed by seed, stimulus, flux, place and repeat, and
-a detector that needs few frames sees the first of those that another one sees.
+**Short sequences** that start at places spread around the template represent the dissertation's
+sequence of 400 frames. Detectors with memory see clean frames first, so that only the noise has yet
+to reach its strength; frames until then are drawn but not scored.
 
 **Search.** Errors are measured only at the fluxes of a fixed lattice that a search needs. It starts
 where a single pixel is precise enough, strides up or down by half decades as far as the error
 suggests, and bisects the half decade in which the error crosses its level until its ends are
 neighbors, or the curve between them is straight; it strides on while the interval of the crossing
-is open. An error at a flux does not depend on the path of the search, so no result depends on the
-other methods of a search, nor on their order. For one method, metrics and bits share their fluxes,
-so further ones may refine an interval.
-
-The crossing is the dissertation's first downward one, unless the error falls below its level and
-rises again at a smaller flux, between lattice neighbors that the search has not measured; then
-another crossing may be found.
+is open. If the error falls below its level and rises again between fluxes that are not measured,
+another crossing than the dissertation's first may be found.
 """
 
 import math
@@ -97,10 +90,14 @@ class ShortSequences:
             max((detector.noise_memory_frames for detector in methods), default=0) + settings.frames
         )
         frames = self._before + after + settings.summed_frames - 1
-        self._light = [
-            stimulus.light(shift - self._before * stimulus.velocity_px, frames)
-            for shift in phase_shifts(stimulus.template.shape[1], settings.phases)
-        ]
+        # evenly spread, but incommensurate with a grating: shares of a step between places by van
+        # der Corput's sequence in base 2, 0, 1/2, 1/4, 3/4, …
+        self._light = []
+        for n in range(settings.phases):
+            share = int(f"{n:b}"[::-1], 2) / (1 << n.bit_length())
+            shift = int((n + share) / settings.phases * stimulus.template.shape[1])
+            shift -= self._before * stimulus.velocity_px
+            self._light.append(stimulus.light(shift, frames))
         self._brightest = max(float(light.max()) for light in self._light)
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
@@ -121,13 +118,6 @@ class ShortSequences:
                 counts = narrowest(sum_frames(counts, self.settings.summed_frames))
             self._counts[name] = counts
         return self._counts[name][:frames]
-
-
-def phase_shifts(columns: int, phases: int) -> list[int]:
-    """Return places around a template (px), evenly spread but incommensurate with a grating."""
-    # van der Corput's sequence in base 2: 0, 1/2, 1/4, 3/4, …
-    shares = [int(f"{n:b}"[::-1], 2) / (1 << n.bit_length()) for n in range(phases)]
-    return [int((phase + share) / phases * columns) for phase, share in enumerate(shares)]
 
 
 def next_index(
@@ -270,8 +260,8 @@ class _Search:
         starts = range(0, places * frames, frames)
         fluxes = [self._fluxes[index] for index in indices]
         measured = measured_errors(metric, fluxes, sums.reshape(*axes, -1), starts)
-        levels, sequences = (bits, self._settings.confidence), self._sequences
-        return error_curve(self._method, sequences.shape, metric, measured, *levels, sequences.key)
+        shape, key = self._sequences.shape, self._sequences.key
+        return error_curve(self._method, shape, metric, measured, bits, key)
 
     def _measure(self, index: int) -> None:
         """Keep the sums for the error at a flux, (4, repeats, places, scored frames)."""
@@ -285,7 +275,7 @@ class _Search:
         """Return sums of errors, (4, repeats, scored frames)."""
         method, repeats = self._method, self._settings.repeats
         ideal = self._ideal[phase]
-        if self._settings.compares_with_means(method):
+        if not method.ignores_offset:
             ideal = self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
         # if frames are independent, one represents those of a place
         means = self._clean[phase][:1] * flux + dark

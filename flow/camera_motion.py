@@ -1,16 +1,10 @@
 """The camera's rotation and its direction of translation, of maximum likelihood, from counts.
 
 The likelihood of the counts of several frames (`flow.likelihood`), in terms of the rotation ω, its
-change α, the heading, and the inverse depth ρ|t| at nodes 4 px apart. Neighbors pay for flow that
-differs through ρ as in Poisson flow, though less, so that a place without texture takes its
-distance from its neighbors. There are several maxima: translation to the left resembles rotation to
-the left. So the search starts from the heading that fits Poisson flow best (`motion_of_flow`), from
-its opposite, and from both directions along each axis of the camera, each with the rotation and
-distances that fit Poisson flow; the two most likely after three steps continue.
-
-The scene is assumed static. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading is meaningless. Equations, errors and limits:
-`docs/theory/camera-motion.md`.
+change α, the heading, and the inverse depth ρ|t| at nodes 4 px apart. There are several maxima:
+translation to the left resembles rotation to the left. So the search starts from the heading that
+fits Poisson flow best (`motion_of_flow`), from its opposite, and from both directions along each
+axis of the camera; the two most likely after three steps continue.
 
 **From the flow of a whole frame**: a point seen in direction d (unit vector) is seen in direction e
 by a camera that translated by t and rotated by R. At any distance,
@@ -19,8 +13,9 @@ by a camera that translated by t and rotated by R. At any distance,
 
 which is the motion across the plane of d and t, in radians, so noise of the flow has equal weight
 everywhere. Headings all over the sphere are tried in a linearization in the rotation (Bruss and
-Horn 1983); the best are refined without it and with Cauchy's loss. The sign of t is the one that
-puts more points in front.
+Horn 1983); the best are refined without it and with Cauchy's loss.
+
+Equations, errors and limits: `docs/theory/camera-motion.md`.
 """
 
 from collections.abc import Iterator

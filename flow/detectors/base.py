@@ -1,9 +1,5 @@
 """Common interface of all motion detectors.
 
-A detector is a frozen parameter object. `respond` takes a whole sequence; `start` returns the same
-detector as a function of successive chunks of a sequence, so that a long one need not be in
-memory. Both give the same numbers, for any chunks.
-
 To add a detector: derive from `Detector` in a new file of this folder, with a default for each
 parameter, and write a test; `megalopta.flow.detectors.registry` finds it.
 """

@@ -1,8 +1,7 @@
 """Square blocks of block methods, which give one velocity each, and their common parts.
 
-The dissertation cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square
-blocks of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of
-the motion (the match may have left the frame), so errors are scored on inner blocks.
+The dissertation cuts an N × N frame into 10 × 10 blocks. Blocks at the border see less of the
+motion (the match may have left the frame), so errors are scored on inner blocks.
 """
 
 from collections.abc import Sequence

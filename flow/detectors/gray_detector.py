@@ -1,25 +1,15 @@
 """Common parts of the estimators of OpenCV and scikit-image: gray levels in, blocks out.
 
-They expect gray levels of a fixed range, as in pictures. Photon counts are mapped to it pair by
-pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the brightest 1, and
-neither gain nor offset of the counts changes a velocity. Hot pixels would leave few levels to all
-others, so values beyond the middle 98 % of the pixels by more than three times the spread of these
-are clipped there; pictures without such pixels are not clipped.
-Estimators of 8 bits round to 256 levels, which loses nothing if the counts of a pair span less than
-256, and is below the photon noise wherever a pixel holds more than (span/255)²/12 photons.
+Photon counts are mapped to gray levels pair by pair, by one linear map of both frames: the darkest
+pixel of the two becomes 0, the brightest 1, and neither gain nor offset of the counts changes a
+velocity. Values beyond the middle 98 % of the pixels by more than three times the spread of these,
+such as hot pixels, are clipped. 256 levels of 8 bits are finer than the photon noise wherever a
+pixel holds more than (span/255)²/12 photons.
 
-Photon noise grows with the light, which these estimators ignore. With `stretch`, the counts n are
-first transformed to 2·√(n + 3/8), whose noise is the same in the dark and in the light
-(Anscombe 1948), and smoothed slightly, `blur_px`, or denoised.
+Photon noise grows with the light. With `stretch`, the counts n are first transformed to
+2·√(n + 3/8), whose noise is the same in the dark and in the light (Anscombe 1948).
 
-A pair without contrast has no velocity (NaN); estimators state further cases.
-Velocities belong to the blocks of the first frame of a pair.
-
-A plain function that returns the flow between two frames becomes such a detector, too:
-
-    photon_benchmark(frames, ["LK", detector_from(my_flow)], settings, seed=0, sequence="mine")
-
-A method that needs the counts themselves derives from `BlockDetector` instead.
+A pair without contrast has no velocity (NaN). Velocities belong to the first frame of a pair.
 """
 
 import hashlib

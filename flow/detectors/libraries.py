@@ -1,18 +1,12 @@
-"""Estimators of OpenCV and scikit-image.
+"""Estimators of OpenCV and scikit-image, and of OpenCV's contributed modules where installed.
 
-OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS); scikit-image: total
-variation (TV-L1), Lucas–Kanade at each pixel (ILK) and phase correlation (PC).
+OpenCV runs on one thread: its parallel loops cut a frame by the number of threads, and some
+estimators propagate results within such a part, so only one thread gives the same numbers on every
+machine.
 
-OpenCV is imported on first use, and runs on one thread: its parallel loops cut a frame by the
-number of threads, and some estimators propagate results within such a part, so only one thread
-gives the same numbers on every machine. Sequences are spread over processes anyway.
-
-**OpenCV's contributed modules**, where these are installed. RLOF: robust local optical flow, dense
-by interpolation (Senst et al. 2012, Geistert et al. 2016). PCAFlow: sparse matches in a basis of
-learned flow fields (Wulff and Black 2015). DeepFlow: the variational part of DeepFlow, coarse to
-fine, without its matches (Weinzaepfel et al. 2013). They are in `opencv-contrib-python-headless`,
-which replaces `opencv-python-headless`, and in no default list: an environment without them gives
-the same tables.
+RLOF: Senst et al. 2012, Geistert et al. 2016. PCAFlow: Wulff and Black 2015. DeepFlow: the
+variational part, coarse to fine, without its matches (Weinzaepfel et al. 2013). They are in no
+default list: an environment without them gives the same tables.
 """
 
 from collections.abc import Iterator

@@ -1,10 +1,8 @@
 """A network in an ONNX file for the flow between two pictures, run by onnxruntime.
 
-The file should have the interface of RAFT and similar networks: two pictures (1, 3, H, W), RGB from
-0 to 255, as inputs, and the flow (1, 2, H, W), px, x before y, as output. One input for both, (1,
-6, H, W), and pictures of one channel also work. Of several outputs with two channels the largest is
-the flow, of equals the last. Pictures are resized to the size that the file needs; if it accepts
-any, they are padded at their borders to multiples of 8, as RAFT does.
+Inputs are as RAFT's two pictures (1, 3, H, W), RGB from 0 to 255, of one channel, or joined in one
+input; the output is (1, 2, H, W), px, x before y, the last of the largest ones. Pictures are
+resized to the size that the file needs; if it accepts any, padded to multiples of 8, as RAFT does.
 """
 
 import hashlib

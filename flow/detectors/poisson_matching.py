@@ -1,21 +1,13 @@
 """Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
-As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Costs are squared differences of the roots of counts. Each block is smoothed according
-to its counts (`likelihood.suited_blur_px`), and each pixel weighted by the variance of the smoothed
-roots around it: texture over texture plus noise, at least 0.2.
-
-The best shift is interpolated by the parabola through 3 × 3 costs, for frames smoothed by at least
-0.7 px. A neighborhood in which only one frame's part moves sees another strip
-of texture on either side, which tilts the parabola: the costs around the minimum are those of both
-frames' parts. A block uses its own pixels, those that the search compares them with, and what the
-smoothing mixes into both, 6 px at most; the weights look a little further. One without photons, or
-whose costs are all equal, has no velocity (NaN).
+Costs are squared differences of the roots of counts. Each block is smoothed according to its counts
+(`roots.suited_blur_px`), and each pixel weighted by the variance of the smoothed roots around it:
+texture over texture plus noise, at least 0.2. The best shift is interpolated by the parabola
+through 3 × 3 costs, of both frames' parts: where only one's moves, another strip of texture on
+either side tilts it. One without photons, or whose costs are all equal, has no velocity (NaN).
 
 PPM first finds the velocity common to all pairs of frames, by a sum of their filtered correlations,
-then refines the alignment of the frames by Gauss–Newton steps. Between pixels frames are cubic
-splines, with an error below 0.01 px for frames blurred by 0.7 px, where parabolas through costs
-have 0.1 px.
+then refines the alignment of the frames by Gauss–Newton steps on cubic splines.
 
 Equations, sources and errors: `docs/theory/matching.md`.
 """

@@ -1,9 +1,6 @@
-"""Detectors by name: those of the files of this folder, then those of other packages.
+"""Detectors by name: those of this folder, in the order of `Detector.place`, then other packages'.
 
-Detector classes of this folder with a default for each parameter are listed here, in the order of
-`Detector.place`. Other packages register theirs, classes or instances, in the entry points
-`megalopta.detectors` (`megalopta.core.plug_ins`). A Python function can replace a name without any
-of this, see `detector_from`; so can the place of one, see `detector_at`.
+These register classes or instances in the entry points `megalopta.detectors`.
 """
 
 import inspect

@@ -2,28 +2,23 @@
 
 **Cost.** Roots of the counts, smoothed and aligned by a motion, differ from their mean by noise
 alone: the sum of squares is the log-likelihood of that motion. The gradient is that of the mean of
-the aligned frames: noise in it is then independent of noise in their differences, and biases no
-velocity toward 0. Where aligned frames differ by more, something is occluded or not modeled;
-evidence there has proportionally less weight.
+the aligned frames: its noise is independent of noise in their differences, and biases no velocity
+toward 0. Where aligned frames differ by more, evidence has proportionally less weight.
 
-**Prior.** The flow is known at nodes 4 px apart. Links between neighbors penalize its change with
-heavy tails: proportional to the change when small, to its logarithm when large.
+**Prior.** Links between nodes 4 px apart penalize the change of flow: proportional to the change
+when small, to its logarithm when large.
 
 **Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide, against its surroundings, lies beyond their reach: at the
-finest scales, whole displacements that are likelier replace the flow first. Each place of the
-second frame belongs to one place of the first: displacements to where the flow so far explains what
-is seen cost more. Where a displacement leaves the frame, it is no better than the flow so far.
+moves by more than its texture is wide lies beyond their reach: at the finest scales, whole
+displacements that are likelier replace the flow first. Those to where the flow so far explains the
+second frame cost more.
 
 **Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
-factorization, or by conjugate gradients from the factors of a similar one, so that evidence reaches
-any distance in one step.
+factorization, or by conjugate gradients from the factors of a similar one.
 
-**Covariance.** At the most likely flow, evidence and prior are a quadratic form with the matrix
-A + P: A has a block of 2 × 2 per node, the information, P links neighbors. The blocks on the
-diagonal of the inverse are the covariances of nodes (Laplace's approximation). A row of nodes is
-linked to the rows beside it alone, so the matrix is block tridiagonal, and these blocks of its
-inverse follow exactly from two passes, one down and one up (Takahashi's equations).
+**Covariance.** The blocks on the diagonal of the inverse of information plus prior (Laplace's
+approximation). A row of nodes is linked to the rows beside it alone, so these follow exactly from
+two passes, one down and one up (Takahashi's equations).
 
 Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """

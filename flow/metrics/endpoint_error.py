@@ -1,23 +1,14 @@
 """Errors of velocities of blocks, and of dense flow, against the true flow.
 
-The error rate of the dissertation (`error`) compares a method with itself; this compares it with
-ground truth.
+A block's true velocity is the mean over its pixels that are known and visible in the next frame.
+The outermost blocks (of dense flow, pixels) are skipped. Forward flow is on the pixels of frame t,
+block matching on the blocks of frame t + 1: they differ by the motion itself.
 
-**Blocks.** The true flow is averaged over the blocks of the method, without pixels where it is
-undefined or that are occluded in the next frame, and converted from pixels of the full image to
-pixels of the resized one. Blocks with too few such pixels are skipped, and so is the outermost
-block on every side, as in the error of the dissertation: of a dense flow field, whose blocks are
-pixels, that is a border of 1 px. Forward flow is on the pixels of frame t, block matching on the
-blocks of frame t + 1: they differ by the motion itself, which matters where the flow changes much
-over a few pixels.
-
-**Pixels**, in the measures of the public benchmarks. EPE is the length of the difference. A pixel
-counts for the 1, 3 and 5 px rates when its EPE is larger, and for Fl when its EPE is larger than
-3 px and 5 % of the true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the
-share of pixels within i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is
-that between (u, v, 1) of flow and truth. Pixels whose truth is undefined are not scored. A pixel
-without estimated flow exceeds every limit, its EPE and angle are those of zero motion, and the
-share of such pixels is reported.
+Of pixels, EPE is the length of the difference. Fl counts those off by more than 3 px and 5 % of the
+true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the share of pixels within
+i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is that between (u, v, 1)
+of flow and truth. A pixel without estimated flow exceeds every limit, and its EPE and angle are
+those of zero motion.
 """
 
 import math

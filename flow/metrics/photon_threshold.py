@@ -3,16 +3,11 @@
 N_2b, N_3b, N_4b of the dissertation, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is
 the first downward crossing of the measured curve, interpolated linearly in log error over log flux.
 
-The standard error of an error comes from the differences between the repeats, which are
-independent draws of the same frames. It is estimated in independent blocks of frames and
-added over the blocks: (repeats − 1) · blocks degrees of freedom.
-
-The 95 % CI of a threshold is for the mean of infinitely many draws of the same frames (another
-single draw lies outside more often). The errors at the fluxes of the curve are perturbed 2000
-times, independently of each other like the photons, by their relative standard error times
-Student's t of its degrees of freedom, and the crossing is found again; the interval holds the
-central part. It includes neither the variation between scenes nor the error of interpolation
-between two fluxes.
+Standard errors come from the differences between repeats, independent draws of the same frames, in
+independent blocks of frames: (repeats − 1) · blocks degrees of freedom. For the interval of a
+threshold the errors are perturbed 2000 times by their relative standard error times Student's t,
+and the crossing is found again. It includes neither the variation between scenes nor the error of
+interpolation between two fluxes.
 """
 
 import math
@@ -31,6 +26,8 @@ from megalopta.flow.metrics.response_error import Metric, error_parts, for_json,
 from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
+_TAIL = (1 - 0.95) / 2
+_INTERVAL = _TAIL, 1 - _TAIL
 _LOWEST_ERROR = 1e-3
 """Smaller errors, in levels, are raised to this (block matching reaches 0, without logarithm)."""
 _LARGEST_EXPONENT = 50.0
@@ -88,21 +85,11 @@ class Threshold:
         return f"[{low}, {high}]"
 
 
-def threshold(
-    measured: MeasuredErrors, level: float, rng: np.random.Generator, confidence: float = 0.95
-) -> Threshold:
-    """Return the flux at which a measured error curve first falls below a level.
+def threshold(measured: MeasuredErrors, level: float, rng: np.random.Generator) -> Threshold:
+    """Return the flux at which a measured error curve first falls below a level, 0.25 for N_2b.
 
-    Raises ValueError if there are fewer than two fluxes or they do not increase.
-
-    Parameters
-    ----------
-    level : float
-        0.25 for N_2b.
-    rng
-        Generator for the interval.
-    confidence : float
-        Confidence level of the interval.
+    Its interval, of 95 %, is drawn from the generator. Raises ValueError if there are fewer than
+    two fluxes or they do not increase.
     """
     flux, error, spread = (np.asarray(values, np.float64) for values in measured[:3])
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
@@ -116,9 +103,8 @@ def threshold(
     relative = np.divide(spread, error, out=np.zeros_like(error), where=error > 0)
     exponents = relative * rng.standard_t(measured.degrees_of_freedom, (_REPLICATES, error.size))
     replicates = error * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
-    tail = (1 - confidence) / 2
     low, high = np.quantile(
-        first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
+        first_crossing(flux, replicates, level), _INTERVAL, method="inverted_cdf"
     )
     # On a flat, noisy curve the first of many random crossings is early: keep the estimate.
     low, high = float(min(low, crossing)), float(max(high, crossing))
@@ -226,12 +212,9 @@ def error_curve(
     metric: Metric,
     measured: MeasuredErrors,
     bits: Sequence[int],
-    confidence: float,
     key: Sequence[str | int],
 ) -> ErrorCurve:
-    """Return a curve of frames (rows, columns) and its thresholds.
-
-    `bits`: of the thresholds; `confidence`: level of their intervals.
+    """Return a curve of frames (rows, columns) and its thresholds of these bits.
 
     A key of a seed and names seeds the random numbers of the intervals, together with method,
     metric and bits.
@@ -240,7 +223,7 @@ def error_curve(
     thresholds = {}
     for n in bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, n)
-        thresholds[n] = threshold(measured, 2.0**-n, rng, confidence)
+        thresholds[n] = threshold(measured, 2.0**-n, rng)
     fluxes, errors, spreads = (tuple(np.asarray(values).tolist()) for values in measured[:3])
     freedom = measured.degrees_of_freedom
     return ErrorCurve(

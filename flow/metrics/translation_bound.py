@@ -6,29 +6,18 @@ order in the displacement):
 
     J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-Assumptions: unbiased estimates from the pixels of the block, and a known texture; below some
-hundred photons per block the bound is optimistic. A method that returns x and y must be compared
-with J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one direction. For
-an unknown texture only the power spectrum is known, and motion brings in no new texture. Both
+for unbiased estimates from the pixels of the block, and a known texture; below some hundred photons
+per block the bound is optimistic. For an unknown texture only the power spectrum is known. Both
 bounds: `docs/explanation/poisson-bound.md`.
 
-**Readings of a sensor**: a displacement d of the light changes the mean readings m. Estimates that
-know how mean and variance of a reading depend on the light (quasi-likelihood) have the information
-
-    J = Σ ∇m·∇mᵀ/v
-
-on d. With photons and dark counts alone it is the Fisher information, since then v = m. Otherwise
-the Fisher information is at least J, whatever the distribution of the readings (Cauchy and
-Schwarz). A saturated pixel has ∇m = 0 and tells nothing.
+**Readings of a sensor** of mean m and variance v, whose dependence on the light is known
+(quasi-likelihood), have the information J = Σ ∇m·∇mᵀ/v. With photons and dark counts alone v = m;
+otherwise the Fisher information is at least J (Cauchy and Schwarz).
 
 Crosstalk correlates neighbors. Where each avalanche fires p others, the total of the avalanches
 that one photon causes has the mean 1/(1 − p) and, with photons of Poisson number, the variance
 1/(1 − p)³ per photon: that of a sum over many pixels is 1/(1 − p)² times the sum of the variances
-(Borel's distribution). Variances are taken times this, which holds for textures coarser than the
-reach of crosstalk.
-
-Assumptions: those above, and a calibrated device, whose fixed pattern is known and
-at rest.
+(Borel's distribution). Variances are taken times this, for textures coarser than its reach.
 """
 
 import math

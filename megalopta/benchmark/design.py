@@ -2,18 +2,8 @@
 
 Light of a scene at an illuminance passes the lens and moves during the exposure, and the sensor
 reads it. Means and variances of the readings give the least error of any unbiased method
-(`flow.metrics.reading_bound`), at every exposure, for every pitch, aperture, efficiency and dark
-count rate asked for. No photons are drawn.
-
-**The scene** is a frame of a rendered dataset, or dead leaves of a mean reflectance under the
-spectrum of the light level, which have the edges and the power spectrum of natural scenes.
-
-**The view stays**: with another pitch, the lens grows with the pixels, so that the camera has the
-same pixels, field of view and f-number, and a pixel gathers light as its area.
-
-**Errors**: of flow, the standard error of a component in a block of pixels, px per frame, median
-over the blocks; of yaw, the standard error of the rate of a camera that only turns, from all of the
-view, degrees per second.
+(`flow.metrics.translation_bound`). With another pitch, the lens grows with the pixels, so that the
+camera has the same view and f-number, and a pixel gathers light as its area.
 """
 
 import math

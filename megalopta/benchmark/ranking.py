@@ -9,7 +9,6 @@ import pandas as pd
 from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_validator
 
 from megalopta.benchmark import table
-from megalopta.benchmark.sequence_errors import BOUND
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
 from megalopta.core import files
@@ -22,6 +21,14 @@ FEWEST_SEQUENCES = 5
 """Least number of sequences for sequences to be the units"""
 SEGMENTS = 10
 """Segments of successive pairs of frames per sequence, if sequences are fewer"""
+STILL = "zero motion"
+"""Baseline that a method must beat: no motion anywhere"""
+BOUND = "Poisson bound"
+RANGES = ("low", "medium", "high")
+SPEEDS_PX = (1.0, 3.0)
+PARALLAX_PX = (0.3, 1.0)
+DISTANCES_M = (5.0, 20.0)
+"""Limits between low, medium and high"""
 
 
 class RankingSettings(Record, frozen=True):
@@ -47,6 +54,11 @@ class RankingSettings(Record, frozen=True):
         if not self.fluxes and not self.light_levels:
             raise ValueError("give fluxes, or light_levels")
         return self
+
+
+def cell_name(speed: str, parallax: str) -> str:
+    """Name of the group of blocks of one cell of the atlas."""
+    return f"speed {speed}, parallax {parallax}"
 
 
 def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:

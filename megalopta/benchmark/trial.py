@@ -1,12 +1,7 @@
-"""Trials of the flow benchmark, and sweeps: stimulus, metrics and precision; and their run.
+"""Trials of the flow benchmark: stimulus, metrics and precision; sweeps of them; and their run.
 
-A trial is plain data that travels to any worker and comes back from YAML. Its template is the
-picture of its stimulus, a grating or a panorama: plain data, too, whose pixels are computed or come
-from the cache or the user's picture. A sweep is trials that differ in one parameter.
-
-Trials run on threads (the kernels release the GIL), each stored as soon as it is finished. A result
-is keyed by a hash of everything that it depends on: the trial, the pixels of its template and the
-code. So a killed run continues where it stopped, figures share trials, and no stale result is used.
+Trials run on threads (the kernels release the GIL), each stored as soon as it is finished under a
+hash of everything that it depends on: the trial, the pixels of its template and the code.
 """
 
 import json
@@ -227,9 +222,7 @@ class Trial(Record, frozen=True):
 def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
     """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
     smeared = motion_blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
-    stimulus = MovingTemplate(
-        smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
-    )
+    stimulus = MovingTemplate(smeared, trial.velocity_px, trial.size, trial.resize)
     return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)
 
 

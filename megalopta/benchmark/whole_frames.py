@@ -1,21 +1,14 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every method sees whole frames and gives one velocity per block of 24 × 24 px, which is compared
-with the mean true flow of the block. The outermost blocks are excluded. A block without velocity
-counts as zero motion.
-
-A method that is far off in a third of the blocks may have the least median and the largest mean. So
-next to the median there are the mean, the shares of blocks off by more than 1, 3 and 5 px, Fl and
-WAUC (`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion,
-with the processor time that the method took. A block is occluded where a tenth of it is hidden in
-the next frame. A method's value is the mean over draws and scenes, with its interval over scenes
-(`table`), if there is more than one.
+Every method gives one velocity per block of 24 × 24 px, which is compared with the mean true flow
+of the block. The outermost blocks are excluded. A block without velocity counts as zero motion.
+Next to the median there are the mean, shares of blocks that are far off, Fl and WAUC
+(`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion. A
+method's value is the mean over draws and scenes, with its interval over scenes (`table`).
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
-pictures without photon noise: the reference and similar methods repeat its errors on counts, so it
-favors them. The other favors no method: of three or more methods, the median of all others on the
-same photons. Methods that agree may share an error, and one that is right alone is far from the
-rest.
+pictures without photon noise, which favors it and similar methods. The other is the median of all
+other methods on the same photons, which may share an error.
 """
 
 import time
@@ -31,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from megalopta.benchmark import clips as sources, table
+from megalopta.benchmark import clips as pictures, table
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
@@ -189,7 +182,7 @@ def _samples(
 
 
 def errors_of_pairs(
-    pairs: Mapping[str, sources.Files],
+    pairs: Mapping[str, pictures.Files],
     fluxes: Sequence[float],
     methods: Sequence[Method] | None = None,
     draws: int = 1,
@@ -198,9 +191,9 @@ def errors_of_pairs(
 
     Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
-    clips = [sources.read_pair(name, files) for name, files in pairs.items()]
+    clips = [pictures.read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
-        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+        chosen = methods or methods_and_baselines()
         return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
 
 
@@ -231,7 +224,8 @@ def block_velocities(detector: BlockDetector, clip: FlowClip, counts: Frames) ->
     needed = detector.memory_frames + 1
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
-    return np.nan_to_num(detector.respond(sources.middle(counts, needed))[-1, 1:-1, 1:-1])
+    first = (len(counts) - needed) // 2
+    return np.nan_to_num(detector.respond(counts[first : first + needed])[-1, 1:-1, 1:-1])
 
 
 def _grid(clip: FlowClip) -> BlockGrid:
@@ -291,7 +285,7 @@ def pairs_without_truth(
     if len(opened) == 2:
         return {paths[0].stem: (frames[0], frames[1])}
     steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
-    return sources.evenly_spread(steps, most)
+    return pictures.evenly_spread(steps, most)
 
 
 def _luminance(footage: Footage, index: int) -> Floats:
@@ -311,7 +305,7 @@ def distances_of_pairs(
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
     with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
-        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+        chosen = methods or methods_and_baselines()
         detectors, standing_in = list(map(block_detector, chosen)), block_detector(reference)
 
         def clips() -> Iterator[FlowClip]:

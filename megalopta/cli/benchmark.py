@@ -275,19 +275,12 @@ def _sequence(options: Namespace) -> Path:
 def _submit(options: Namespace) -> Path:
     from rich.console import Console
 
-    from megalopta.benchmark.scores import Scores, score_submission, score_table
+    from megalopta.benchmark.scores import score_submissions, score_table
     from megalopta.core import files
 
     if options.program and len(options.flows) > 1:
         raise UserError("benchmark submit: --program names one flow; give one, or omit it")
-    entries = [
-        entry
-        for flow in options.flows
-        for entry in score_submission(
-            flow, options.truth, options.program, options.png_scale
-        ).entries
-    ]
-    scores = Scores(entries=tuple(entries))
+    scores = score_submissions(options.flows, options.truth, options.program, options.png_scale)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)

@@ -1,11 +1,9 @@
 """Figures of §2.4.8 from recordings: an edge crosses SPADCAM, with the responses of NDM and NDS.
 
-`megalopta spadcam figures` draws captured results with simulated ones; both pass through the same
-pooling, detectors and statistics. `motion_bench` documents the experiment, and
-`examples/dissertation` draws the simulation alone. The dissertation gives one signal-to-noise ratio
-of peak responses over the velocity of the edge per detector, without definition. Here it is
-20·log10 of the mean peak response of one detector over its standard deviation between crossings,
-averaged over all speeds except 0. `megalopta spadcam compare --scene plate` tests the differences.
+Captured and simulated frames pass through the same pooling, detectors and statistics
+(`motion_bench`). The dissertation gives one signal-to-noise ratio per detector, without definition.
+Here it is 20·log10 of the mean peak response of one detector over its standard deviation between
+crossings, averaged over all speeds except 0.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,12 +1,7 @@
 """Chapter 4 of the dissertation with the models of this package: its sweeps and Table 4.1.
 
-The sweeps are `sweeps/fig-4.5.yaml` to `fig-4.13.yaml`. Unless a sweep varies it, contrast is 90 %,
-spatial frequency 5 cycles per frame, velocity 5 px per frame, and there are 0.1 dark counts per
-pixel and frame. Pooling levels are those of text or captions.
-
-Each becomes a picture to look at (PNG), one to print (SVG) and its numbers (CSV). The bytes depend
-only on the versions of this package, of NumPy and of matplotlib. Figures of Chapters 2 and 3 are
-scripts in `examples/dissertation`.
+The sweeps are `sweeps/fig-4.5.yaml` to `fig-4.13.yaml`. Pooling levels are those of text or
+captions. Bytes depend only on the versions of this package, of NumPy and of matplotlib.
 """
 
 from collections.abc import Mapping, Sequence

@@ -135,7 +135,7 @@ def _sizes(sweep: Sweep) -> tuple[int, ...]:
 def _caption(sweep: Sweep, table: pd.DataFrame) -> str:
     search, templates = sweep.trial.search, sweep.templates
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
-    bars = f"{100 * search.confidence:g} % intervals"
+    bars = "95 % intervals"
     if len(templates) > 1:
         bars = f"the range over {len(templates)} templates"
     drawn = _first(sweep, table)

@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from megalopta.benchmark.ranking import Ranking, RankingFacts
+from megalopta.benchmark.ranking import BOUND, STILL, Ranking, RankingFacts
 from megalopta.benchmark.ranking_page import caution
-from megalopta.benchmark.ranking_run import run_ranking
-from megalopta.benchmark.sequence_errors import BOUND, STILL, in_segments, sequence_truth
+from megalopta.benchmark.ranking_run import in_segments, run_ranking, sequence_truth
 from megalopta.benchmark.table import MEAN
 from megalopta.cli import main as cli
 from megalopta.config.model import load
