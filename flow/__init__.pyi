@@ -51,7 +51,6 @@ from .metrics.endpoint_error import (
 )
 from .metrics.photon_threshold import (
     ErrorCurve as ErrorCurve,
-    MeasuredErrors as MeasuredErrors,
     Threshold as Threshold,
     threshold as threshold,
 )

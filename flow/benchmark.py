@@ -23,7 +23,7 @@ from pydantic import BaseModel, Field, PositiveInt, TypeAdapter, field_validator
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import METHODS, Method, method
-from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
 from megalopta.flow.stimuli import photons
 
@@ -262,12 +262,8 @@ def photon_benchmark(
             blocks = max(1, scored // (detector.memory_frames + 1))
             starts = [block * scored // blocks for block in range(blocks)]
             for metric in settings.metrics:
-                measured = measured_errors(metric, settings.fluxes, sums, starts)
-                curves.append(
-                    error_curve(
-                        detector, at_size.shape, metric, measured, settings.bits, at_size.key
-                    )
-                )
+                of_sums = settings.fluxes, sums, starts, settings.bits, at_size.key
+                curves.append(error_curve(detector, at_size.shape, metric, *of_sums))
     return BenchmarkResult(
         sequence=sequence,
         seed=seed,

@@ -22,7 +22,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark import SearchSettings
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import Metric, error_of, error_sums
 from megalopta.flow.stimuli.moving_template import MovingTemplate, sum_frames
 from megalopta.flow.stimuli.photons import draw_in_one, narrowest
@@ -62,7 +62,7 @@ def photon_search(
         Name of the stimulus; stimuli of different names are drawn independently.
     """
     detectors = [method(chosen) for chosen in methods]
-    sequences = ShortSequences(stimulus, settings, seed, name, detectors)
+    sequences = ShortSequences(stimulus, settings, (seed, name), detectors)
     # detectors of the most frames first: the others see a part of these
     order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
     curves = {detector.name: _Search(sequences, detector).curves() for detector in order}
@@ -76,20 +76,17 @@ class ShortSequences:
         self,
         stimulus: MovingTemplate,
         settings: SearchSettings,
-        seed: int,
-        name: str,
+        key: tuple[int, str],
         methods: Sequence[Detector],
     ) -> None:
         self.settings = settings
-        self.key = (seed, name, f"{stimulus.size}x{stimulus.size}")
+        self.key = *key, f"{stimulus.size}x{stimulus.size}"
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
         self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
         self._before = max(map(_warm_up_frames, methods), default=0)
-        after = (
-            max((detector.noise_memory_frames for detector in methods), default=0) + settings.frames
-        )
-        frames = self._before + after + settings.summed_frames - 1
+        after = max((detector.noise_memory_frames for detector in methods), default=0)
+        frames = self._before + after + settings.frames + settings.summed_frames - 1
         # evenly spread, but incommensurate with a grating: shares of a step between places by van
         # der Corput's sequence in base 2, 0, 1/2, 1/4, 3/4, …
         self._light = []
@@ -132,10 +129,9 @@ def next_index(
 
     None if the crossing is known well enough or lies outside the lattice.
 
-    `errors`: index of a flux to the error there; at least one; `last`: largest index, 1 or more;
-    `per_decade`: fluxes per factor of ten; `straight`: decades by which the errors around the
-    crossing may miss F^−½ and need no flux between them; `is_smooth`: whether to interpolate where
-    else the interval of the crossing is halved.
+    `errors`: by index of the flux, one or more; `last`: largest index; `per_decade`: fluxes per
+    factor of ten; `straight`: decades by which the errors around the crossing may miss F^−½ and
+    need no flux between them; `is_smooth`: whether to interpolate, not to halve its interval.
     """
     depths = {
         index: math.log10(max(error / level, _SMALLEST_ERROR)) for index, error in errors.items()
@@ -161,10 +157,7 @@ def next_index(
 
 
 def _stride(depth: float, per_decade: int) -> int:
-    """Return the expected distance of the crossing, in fluxes, from an error of 10^depth levels.
-
-    Errors fall as F^−½ above a detector's threshold and faster below it.
-    """
+    """Return the expected distance of the crossing from an error of 10^depth levels, in fluxes."""
     decades = min(1.5 * abs(depth), _LONGEST_STRIDE_DECADES)
     return max(1, math.ceil(decades * _STRIDES_PER_DECADE)) * _shortest_stride(per_decade)
 
@@ -259,9 +252,8 @@ class _Search:
         *axes, places, frames = sums.shape
         starts = range(0, places * frames, frames)
         fluxes = [self._fluxes[index] for index in indices]
-        measured = measured_errors(metric, fluxes, sums.reshape(*axes, -1), starts)
-        shape, key = self._sequences.shape, self._sequences.key
-        return error_curve(self._method, shape, metric, measured, bits, key)
+        of_sums = fluxes, sums.reshape(*axes, -1), starts, bits, self._sequences.key
+        return error_curve(self._method, self._sequences.shape, metric, *of_sums)
 
     def _measure(self, index: int) -> None:
         """Keep the sums for the error at a flux, (4, repeats, places, scored frames)."""

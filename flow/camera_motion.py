@@ -440,10 +440,7 @@ class _Search:
         return dense_flow.evidence(self.level, patterns, map(places, self.times, rotations))
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
-        """Return the penalty on the gradient of the inverse depth, and its quadratic form.
-
-        The form (nodes, nodes) has the weights of the links of nodes.
-        """
+        """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""
         first, second = dense_flow.links(inverse_depth.shape)
         change = scale_px * (inverse_depth.ravel()[second] - inverse_depth.ravel()[first])
         weights = dense_flow.link_weights(self.smoothness, change**2)

@@ -162,11 +162,8 @@ class CorrelationDetector(Detector, frozen=True):
 
 @cache
 def _settled(filter_step: float, output_step: float, power: int) -> int:
-    """Return the number of frames after which 1 % of the response to one bright frame remains.
-
-    Its longest path is high-pass, delay and low-pass at the output: three poles, two of them equal,
-    so that it decays more slowly than any one.
-    """
+    """Return the number of frames after which 1 % of the response to one bright frame remains."""
+    # high-pass, delay and low-pass at the output: three poles, two of them equal
     frames = math.ceil(_LONG / min(filter_step, output_step))
     delay, smoothing = (
         np.fft.rfft(step * (1 - step) ** np.arange(frames), 2 * frames)

@@ -134,10 +134,7 @@ class FunctionDetector(DenseDetector, frozen=True):
 
     @field_serializer("function")
     def _identity(self, function: DenseFlow) -> str:
-        """Return an identity of the function, for records and stored results.
-
-        Its source and the values that it encloses; functions that it calls are not inspected.
-        """
+        """Return an identity of the function, for stored results: its source and closure."""
         try:
             enclosed = sorted(inspect.getclosurevars(function).nonlocals.items())
             body = f"{inspect.getsource(function)}{enclosed}"

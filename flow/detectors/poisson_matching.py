@@ -395,10 +395,7 @@ def _align(
 def _sums_over_frames(
     splines: NDArray[np.float32], corner: Ints, size: int, vx: float, vy: float
 ) -> NDArray[np.float32]:
-    """Return sums for each pixel of a block over the aligned frames.
-
-    1, t, t², f, t·f and the gradient, over the frames in which it lies: (7, size, size).
-    """
+    """Return Σ over the frames of 1, t, t², f, t·f and the gradient at pixels, (7, size, size)."""
     frames, height, width = splines.shape
     sums = np.zeros((7, size, size), np.float32)
     lines = np.empty((2, size + 3, size), np.float32)

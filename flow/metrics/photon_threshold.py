@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,18 +38,6 @@ Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Validated when read from a file"""
 Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """Undefined errors are None in a file"""
-
-
-class MeasuredErrors(NamedTuple):
-    """Errors over the flux, (n,) each."""
-
-    fluxes: ArrayLike
-    """Photons per frame, increasing"""
-    errors: ArrayLike
-    """NaN where undefined"""
-    standard_errors: ArrayLike
-    degrees_of_freedom: int
-    """Degrees of freedom of the standard errors"""
 
 
 @dataclass(frozen=True)
@@ -85,13 +73,22 @@ class Threshold:
         return f"[{low}, {high}]"
 
 
-def threshold(measured: MeasuredErrors, level: float, rng: np.random.Generator) -> Threshold:
-    """Return the flux at which a measured error curve first falls below a level, 0.25 for N_2b.
+def threshold(
+    fluxes: ArrayLike,
+    errors: ArrayLike,
+    standard_errors: ArrayLike,
+    degrees_of_freedom: int,
+    level: float,
+    rng: np.random.Generator,
+) -> Threshold:
+    """Return the flux at which measured errors (n,) first fall below a level, 0.25 for N_2b.
 
-    Its interval, of 95 %, is drawn from the generator. Raises ValueError if there are fewer than
-    two fluxes or they do not increase.
+    Its interval, of 95 %, is drawn from the generator, given the standard errors and their degrees
+    of freedom. Raises ValueError if there are fewer than two fluxes or they do not increase.
     """
-    flux, error, spread = (np.asarray(values, np.float64) for values in measured[:3])
+    flux, error, spread = (
+        np.asarray(values, np.float64) for values in (fluxes, errors, standard_errors)
+    )
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
         raise ValueError(f"fluxes {flux.tolist()}: give two or more, in ascending order")
     bounds = (float(flux[0]), float(flux[-1]))
@@ -101,7 +98,7 @@ def threshold(measured: MeasuredErrors, level: float, rng: np.random.Generator) 
     if crossing in (0.0, np.inf):
         return Threshold("above" if crossing else "below", level, *bounds)
     relative = np.divide(spread, error, out=np.zeros_like(error), where=error > 0)
-    exponents = relative * rng.standard_t(measured.degrees_of_freedom, (_REPLICATES, error.size))
+    exponents = relative * rng.standard_t(degrees_of_freedom, (_REPLICATES, error.size))
     replicates = error * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
     low, high = np.quantile(
         first_crossing(flux, replicates, level), _INTERVAL, method="inverted_cdf"
@@ -186,46 +183,40 @@ def _reader() -> TypeAdapter[ErrorCurve]:
     return TypeAdapter(ErrorCurve)
 
 
-def measured_errors(
-    metric: Metric, fluxes: Sequence[float], sums: Floats, block_starts: Sequence[int]
-) -> MeasuredErrors:
-    """Return errors and their standard errors from sums (4, n, repeats, T).
-
-    `block_starts` are the first frames of independent blocks; the first is 0.
-    """
-    numerator, denominator = error_parts(sums, metric)
-    weight = denominator.sum(axis=(1, 2))
-    repeats = numerator.shape[1]
-    variances = np.add.reduceat(numerator, block_starts, axis=-1).var(axis=1, ddof=1)
-    spread = np.sqrt(repeats * variances.sum(axis=-1))
-    return MeasuredErrors(
-        fluxes,
-        quotient(numerator.sum(axis=(1, 2)), weight),
-        quotient(spread, weight),
-        (repeats - 1) * len(block_starts),
-    )
-
-
 def error_curve(
     method: Detector,
     shape: tuple[int, int],
     metric: Metric,
-    measured: MeasuredErrors,
+    fluxes: Sequence[float],
+    sums: Floats,
+    block_starts: Sequence[int],
     bits: Sequence[int],
     key: Sequence[str | int],
 ) -> ErrorCurve:
-    """Return a curve of frames (rows, columns) and its thresholds of these bits.
+    """Return the errors of frames (rows, columns) and their thresholds of these bits.
 
-    A key of a seed and names seeds the random numbers of the intervals, together with method,
-    metric and bits.
+    They are quotients of sums (4, n, repeats, T). `block_starts` are the first frames of
+    independent blocks, 0 and others. A key of a seed and names seeds the intervals.
     """
+    numerator, denominator = error_parts(sums, metric)
+    weight, repeats = denominator.sum(axis=(1, 2)), numerator.shape[1]
+    variances = np.add.reduceat(numerator, block_starts, axis=-1).var(axis=1, ddof=1)
+    errors = quotient(numerator.sum(axis=(1, 2)), weight)
+    spreads = quotient(np.sqrt(repeats * variances.sum(axis=-1)), weight)
+    freedom = (repeats - 1) * len(block_starts)
     seed, *names = key
     thresholds = {}
     for n in bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, n)
-        thresholds[n] = threshold(measured, 2.0**-n, rng)
-    fluxes, errors, spreads = (tuple(np.asarray(values).tolist()) for values in measured[:3])
-    freedom = measured.degrees_of_freedom
+        thresholds[n] = threshold(fluxes, errors, spreads, freedom, 2.0**-n, rng)
     return ErrorCurve(
-        method.name, method.label, shape, metric, fluxes, errors, spreads, freedom, thresholds
+        method=method.name,
+        label=method.label,
+        shape=shape,
+        metric=metric,
+        fluxes=tuple(fluxes),
+        errors=tuple(errors.tolist()),
+        standard_errors=tuple(spreads.tolist()),
+        degrees_of_freedom=freedom,
+        thresholds=thresholds,
     )

@@ -97,7 +97,13 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a
     dataset's files differ from its record.
     """
-    _compare_with_record(root)
+    for home in (root.resolve(), *root.resolve().parents):
+        if (home / "dataset.yaml").is_file():
+            tree = Tree(home)
+            tree.check()
+            read_lists(home, tree.names())  # refuses a name without a record
+            for name in tree.names():
+                tree.opened(name).compare_all("training/")
     truths: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
@@ -121,17 +127,6 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     return truths
 
 
-def _compare_with_record(root: Path) -> None:
-    """Compare the files below `training` of the dataset around a folder, if there is one."""
-    above = (root.resolve(), *root.resolve().parents)
-    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
-        tree = Tree(home)
-        tree.check()
-        read_lists(home, tree.names())  # refuses a name without a record
-        for name in tree.names():
-            tree.opened(name).compare_all("training/")
-
-
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
     """Pair the flow files below a folder with the truth, by pass; "" if there is no pass folder.
 
@@ -147,7 +142,17 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameNam
     if not passes:
         raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
     for name, flows in passes.items():
-        _check_pairs(root / name, flows, truths)
+        if unknown := sorted(flows.keys() - truths.keys()):
+            raise UserError(
+                f"{flows[unknown[0]]} matches no frame of the truth, whose sequences are"
+                f" {', '.join(sorted(sequences)[:3])}: remove it, or give the folder above the"
+                " sequences"
+            )
+        if missing := sorted(truths.keys() - flows.keys()):
+            raise UserError(
+                f"{root / name} lacks {len(missing)} of {len(truths)} frames, the first is"
+                f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
+            )
     return passes
 
 
@@ -196,7 +201,12 @@ def read_pair(name: str, files: Files) -> FlowClip:
     """
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
-    frames = [_light(path) for path in (first, second)]
+    frames = []
+    for path in (first, second):
+        with open_footage(path) as footage:
+            for note in footage.notes:
+                say(note)
+            frames.append(np.asarray(footage.frame(0) @ footage.luminance_shares))
     flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
@@ -292,20 +302,6 @@ def _pictures_in(folder: Path) -> list[Path]:
     )
 
 
-def _check_pairs(root: Path, flows: Mapping[FrameName, Path], truths: Truths) -> None:
-    if unknown := sorted(flows.keys() - truths.keys()):
-        sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
-        raise UserError(
-            f"{flows[unknown[0]]} matches no frame of the truth, whose sequences are"
-            f" {sequences}: remove it, or give the folder above the sequences"
-        )
-    if missing := sorted(truths.keys() - flows.keys()):
-        raise UserError(
-            f"{root} lacks {len(missing)} of {len(truths)} frames, the first is"
-            f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
-        )
-
-
 def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
     """Return the flow files below a folder; PNG beside another format may be pictures."""
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
@@ -325,11 +321,3 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
             raise UserError(f"{path} and {flows[frame]} are the same frame: give one")
         flows[frame] = path
     return flows
-
-
-def _light(path: Path) -> Floats:
-    """Return the luminance of a picture, (H, W)."""
-    with open_footage(path) as footage:
-        for note in footage.notes:
-            say(note)
-        return np.asarray(footage.frame(0) @ footage.luminance_shares)

@@ -27,7 +27,6 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
-from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import block_grid
@@ -229,7 +228,11 @@ def designed(
                     for time_s in work.times
                 ]
                 points += of_case
-                rows.append(work.row(of_case, device))
+                errors = np.array([getattr(point, chosen.measure) for point in of_case])
+                exposure_s = first_reached(work.times, errors, chosen.target)
+                best, limit = int(errors.argmin()), "" if exposure_s else work.limit(device, level)
+                least = work.times[best], float(errors[best])
+                rows.append(DesignRow(case, level, exposure_s, *least, limit))
                 advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
     return Design(sensor, chosen, described, tuple(points), tuple(rows))
@@ -252,12 +255,7 @@ def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
         sensor = without(sensor, "dark_counts")
         area_um2 = case.get("pitch_m", sensor.pitch_m) ** 2 * sensor.fill_factor * 1e12
         changes["dark_counts"] = {"bulk_mean_hz_um2": case["dark_counts_hz"] / area_um2}
-    return _with(sensor, changes)
-
-
-def _with(sensor: Sensor, changes: Mapping[str, Any]) -> Sensor:
-    """Return a changed sensor. Raises ValueError, one sentence."""
-    return checked(Sensor, merged(sensor.model_dump(), changes))
+    return changed(sensor, **changes)
 
 
 class _Work:
@@ -278,7 +276,7 @@ class _Work:
         if blurs:
             path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
             light = translation_bound.blurred_by_motion(light, path_px)
-        slopes = translation_bound.reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
+        slopes = translation_bound.reading_slopes(light, changed(sensor, exposure_s=exposure_s))
         blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
         least = translation_bound.cramer_rao_covariance(blocks, settings.frames)
         flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
@@ -287,15 +285,7 @@ class _Work:
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
 
-    def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
-        """Return the row of one sensor and level, from its points by exposure."""
-        errors = np.array([getattr(point, self._settings.measure) for point in points])
-        best, (case, level, *_) = points[int(errors.argmin())], points[0]
-        exposure_s = first_reached(self.times, errors, self._settings.target)
-        limit = "" if exposure_s else self._limit(sensor, level)
-        return DesignRow(case, level, exposure_s, best.exposure_s, float(errors.min()), limit)
-
-    def _limit(self, sensor: Sensor, level: LightLevel) -> str:
+    def limit(self, sensor: Sensor, level: LightLevel) -> str:
         """Return the causes without which the error would be reached, the largest first."""
         measure = MEASURES.index(self._settings.measure)
         removed: tuple[str, ...] = ()
@@ -305,7 +295,7 @@ class _Work:
             for cause in left:
                 better = sensor
                 for name in (*removed, cause):
-                    better = _CAUSES[name](better)
+                    better = _without_cause(better, name)
                 blurs = _BLUR not in (*removed, cause)
                 errors = (self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
                 least.append((min(errors), cause))
@@ -330,26 +320,23 @@ def first_reached(times: Sequence[float], errors: Floats, target: float) -> floa
 
 
 _BLUR = "motion blur"
-_CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
-    "saturation": lambda sensor: without(_unlimited(sensor), "dead_time"),
-    _BLUR: lambda sensor: sensor,
-    "dark counts": lambda sensor: without(sensor, "dark_counts"),
-    "read noise": lambda sensor: (
-        sensor
-        if sensor.counter.kind == "digital"
-        else changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
-    ),
-}
-"""Causes that keep an error from being reached, and the sensor without each"""
+_CAUSES = "saturation", _BLUR, "dark counts", "read noise"
 
 
-def _unlimited(sensor: Sensor) -> Sensor:
-    if sensor.counter.kind == "analog":
-        counter, wider = sensor.counter, 2**_MORE_BITS
-        bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
-        volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
-        return changed(sensor, counter={**volts, "adc_bits": bits})
-    return without(sensor, "counter")
+def _without_cause(sensor: Sensor, cause: str) -> Sensor:
+    """Return the sensor without what keeps an error from being reached."""
+    counter, wider = sensor.counter, 2**_MORE_BITS
+    if cause == "dark counts":
+        return without(sensor, "dark_counts")
+    if cause == "read noise" and counter.kind != "digital":
+        return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+    if cause != "saturation":
+        return sensor
+    if counter.kind != "analog":
+        return without(without(sensor, "counter"), "dead_time")
+    bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
+    volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
+    return without(changed(sensor, counter={**volts, "adc_bits": bits}), "dead_time")
 
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:

@@ -27,7 +27,6 @@ BOUND = "Poisson bound"
 RANGES = ("low", "medium", "high")
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
-DISTANCES_M = (5.0, 20.0)
 """Limits between low, medium and high"""
 
 

@@ -165,7 +165,6 @@ def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
     kinds = (
         ("speed", speed, ranked.SPEEDS_PX),
         ("parallax", means["parallax"], ranked.PARALLAX_PX),
-        ("distance", means["distance"], ranked.DISTANCES_M),
     )
     for kind, values, bounds in kinds:
         place = np.digitize(values, bounds)
@@ -180,10 +179,7 @@ def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
 
 
 def _block_means(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
-    """Means over the blocks (rows, columns) of one pair of frames.
-
-    `truth` is a `render.Truth`; `turned` the flow by the camera's rotation alone.
-    """
+    """Means over the blocks (rows, columns) of a pair; `turned`: flow by the camera's rotation."""
     flow, hidden, depth = truth.flow_forward[None], truth.occluded_forward[None], truth.depth
     velocity = endpoint_error.block_flow(flow, grid, hidden)[0]
     rotation = endpoint_error.block_flow(turned[None], grid, hidden)[0]
@@ -194,17 +190,11 @@ def _block_means(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Float
     edges[:, :-1] |= np.abs(np.diff(log, axis=1)) > np.log(_EDGE_RATIO)
     edges[:-1] |= np.abs(np.diff(log, axis=0)) > np.log(_EDGE_RATIO)
 
-    # distance: the inverse of the mean inverse depth
-    inverse = np.where(depth > 0, 1 / depth.astype(np.float64), 0)
-    nearness = endpoint_error.block_flow(np.dstack([inverse, inverse])[None], grid)[0, ..., 0]
-    with np.errstate(divide="ignore"):
-        distance = np.asarray(1 / nearness)
     return {
         "velocity": velocity,
         "parallax": np.linalg.norm(velocity - rotation, axis=-1),
         "hidden": endpoint_error.block_share(hidden, grid)[0],
         "edges": endpoint_error.block_share(edges[None], grid)[0],
-        "distance": distance,
     }
 
 

@@ -115,10 +115,7 @@ def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
 
 
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
-    """Return standard error and degrees of freedom of a logarithm.
-
-    Computed from its values without each unit; None if units are too few.
-    """
+    """Return standard error and degrees of freedom of a logarithm, from it without each unit."""
     count = len(left_out)
     if count < 2 or not np.isfinite(left_out).all():
         return None

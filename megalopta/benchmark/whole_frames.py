@@ -122,7 +122,6 @@ def frame_errors(
     methods: Sequence[Method],
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
-    after_scene: Callable[[], object] = lambda: None,
 ) -> Board:
     """Return the errors of methods on the same photons of all clips.
 
@@ -130,10 +129,9 @@ def frame_errors(
     velocity of blocks or needs more frames than a clip has, or a clip is too small.
     """
     detectors = [block_detector(method) for method in methods]
-    first, *others = clips
-    key = ("whole frames",)
+    scenes, key = list(clips), ("whole frames",)
     for detector in detectors:  # compiled before time is measured
-        block_velocities(detector, first, first.counts(fluxes[0], 0, key))
+        block_velocities(detector, scenes[0], scenes[0].counts(fluxes[0], 0, key))
 
     def measure(clip: FlowClip, counts: Frames) -> Measures:
         truth = true_velocities(clip)
@@ -157,26 +155,27 @@ def frame_errors(
                 scale = 100 if field.endswith("percent") else 1
                 yield metric, detector.name, np.nan if unknown else value / scale
 
-    return Board(detectors, _samples([first, *others], fluxes, draws, key, measure, after_scene))
+    return Board(detectors, _samples(scenes, len(scenes), fluxes, draws, key, measure))
 
 
 def _samples(
     clips: Iterable[FlowClip],
+    count: int,
     fluxes: Sequence[float],
     draws: int,
     key: tuple[str, ...],
     measure: Callable[[FlowClip, Frames], Measures],
-    after_scene: Callable[[], object],
 ) -> pd.DataFrame:
     """Return what is measured on the counts of every clip, draw and flux, summed over draws."""
     rows = []
-    for clip in clips:
-        for draw, flux in product(range(draws), fluxes):
-            for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
-                known = np.isfinite(value)
-                case = metric, name, flux, "all", clip.name
-                rows.append((*case, value if known else 0.0, float(known)))
-        after_scene()
+    with progress("Drawing photons", count, "pair") as advance:
+        for clip in clips:
+            for draw, flux in product(range(draws), fluxes):
+                for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
+                    known = np.isfinite(value)
+                    case = metric, name, flux, "all", clip.name
+                    rows.append((*case, value if known else 0.0, float(known)))
+            advance(1)
     draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
     return draws_of_all.sum().reset_index()
 
@@ -192,9 +191,8 @@ def errors_of_pairs(
     Raises UserError if a file cannot be used, or a method does not run on two frames.
     """
     clips = [pictures.read_pair(name, files) for name, files in pairs.items()]
-    with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
-        chosen = methods or methods_and_baselines()
-        return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
+    with refused_as():
+        return frame_errors(clips, methods or methods_and_baselines(), fluxes, draws)
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
@@ -304,7 +302,7 @@ def distances_of_pairs(
     Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
-    with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
+    with refused_as():
         chosen = methods or methods_and_baselines()
         detectors, standing_in = list(map(block_detector, chosen)), block_detector(reference)
 
@@ -313,7 +311,6 @@ def distances_of_pairs(
                 light = np.stack([first(), second()])
                 if light.min() == light.max():
                     say(f"{name}: both pictures are uniform; skipping the pair")
-                    advance(1)
                     continue
                 light /= light.mean()
                 yield FlowClip(name, light, standing_in.dense(*light * _CLEAN_PHOTONS))
@@ -334,7 +331,7 @@ def distances_of_pairs(
                         yield names[metric], name, value
 
         key = ("pairs without truth",)
-        samples = _samples(clips(), fluxes, draws, key, measure, lambda: advance(1))
+        samples = _samples(clips(), len(pairs), fluxes, draws, key, measure)
     if samples.empty:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
     return Board(detectors, samples)

@@ -22,7 +22,6 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
-from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 from megalopta.report import style
 from megalopta.reproduction.picture import Figure, write_figure
 from megalopta.sensor import Sensor, changed, load_sensor
@@ -30,10 +29,8 @@ from megalopta.sensor.calibrate.level import Level
 
 _SHOWN = 4
 """Detector whose responses are drawn over time"""
-_THEORY_CYCLES = 0.5
-"""Cycles of the theoretical sinusoid along the row; the dissertation states only: below 1."""
+_METHODS = ("NDM", "NDS")
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
-_MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 
 
 def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> Iterator[Figure]:
@@ -57,7 +54,7 @@ def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> 
     yield _passage({name: bench.pooled(frames)[:, 0] for name, frames in counts.items()}, caption)
     direct = [bench.peaks(speed, sensor) for speed in speeds]
     peaks: dict[tuple[str, str], list[Peaks]] = {}
-    for method in _MEANS:
+    for method in _METHODS:
         ours = peaks["simulated", method] = [by_method[method] for by_method in direct]
         peaks["captured", method] = [
             Peaks(
@@ -74,7 +71,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
     maps: dict[tuple[str, str], Floats] = {}
     for name, frames in rows.items():
         maps[name, "counts"] = frames
-        for method in _MEANS:
+        for method in _METHODS:
             responses = bench.detector(method).respond(frames[:, np.newaxis])
             maps[name, method] = responses[:, 0, 1:-1]
 
@@ -82,7 +79,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
         panels = canvas.subplots(len(rows), 4)
         for (name, content), frames in maps.items():
             row = list(rows).index(name)
-            axes = panels[row, ["counts", *_MEANS].index(content)]
+            axes = panels[row, ["counts", *_METHODS].index(content)]
             look: dict[str, Any] = {"aspect": "auto", "interpolation": "nearest"}
             canvas.colorbar(axes.imshow(frames[: bench.FRAMES], **look), ax=axes)
             axes.grid(visible=False)
@@ -116,7 +113,6 @@ def _over_speeds(
 ) -> Figure:
     """Draw peak responses over the speed of the plate (mm/s), by recording and method."""
     velocity = np.array([bench.pixels_per_frame(speed) for speed in speeds])
-    phase = 2 * np.pi * _THEORY_CYCLES / bench.PIXELS
     columns = {
         f"{name}_{method}_{statistic}": np.array([getattr(result, field) for result in over])
         for (name, method), over in peaks.items()
@@ -129,11 +125,8 @@ def _over_speeds(
     ]
 
     def draw(canvas: Canvas) -> None:
-        fine = np.linspace(0, velocity[-1], 201)
-        for axes, (method, mean) in zip(canvas.subplots(1, 2), _MEANS.items(), strict=True):
+        for axes, method in zip(canvas.subplots(1, 2), _METHODS, strict=True):
             ideal = np.array([result.ideal.mean() for result in peaks["simulated", method]])
-            theory = mean(bench.filter_step(method), phase * fine, phase, 1.0)
-            axes.plot(fine, ideal.max() * theory / theory.max(), "--", color=style.BLACK)
             axes.plot(velocity, ideal, "-" if velocity.size > 1 else "_", color=style.GREEN, ms=24)
             looks = (("simulated", "o", style.BLUE), ("captured", "s", style.ORANGE))
             for shift, (name, marker, color) in zip((-0.1, 0.1), looks, strict=True):
@@ -152,9 +145,7 @@ def _over_speeds(
             "Points are the mean and σ of the largest response of one detector while an edge "
             f"crosses, over {crossings} crossings of {detectors} detectors in each of {rows} rows. "
             "The SNR is 20·log10(mean/σ), averaged over the speeds but 0; the dissertation does "
-            f"not define its own: {', '.join(snr)}. Green: without noise. "
-            f"Dashed: the mean response to a sinusoid of {_THEORY_CYCLES:g} cycles along the row, "
-            "scaled to the same height."
+            f"not define its own: {', '.join(snr)}. Green: without noise."
         ),
         draw=draw,
         numbers=pd.DataFrame(

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
@@ -201,10 +200,8 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
     axes.label_outer()
     picture.log_decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
-    bottom, top = axes.get_ylim()
-    if top < 30 * bottom:  # labels at decades alone would be too few
-        steps = (2.0, 5.0) if top > 4 * bottom else tuple(np.arange(2.0, 10.0))
-        axes.yaxis.set_minor_locator(LogLocator(subs=steps))
+    if axes.get_ylim()[1] < 30 * axes.get_ylim()[0]:  # labels at decades alone would be too few
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.yaxis.set_minor_formatter(EngFormatter(sep=""))
     if is_text:
         axes.set_xticks(range(len(values)), [str(value) for value in values])
