@@ -236,10 +236,8 @@ def photon_benchmark(
         like one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    seed : int
-        Any integer.
-    sequence : str
-        Name of the sequence; sequences of different names are drawn independently.
+    seed, sequence
+        Sequences of different names are drawn independently.
     advance
         Called with the work done since the last call, `work_units` in all.
     cached

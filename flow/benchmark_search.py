@@ -50,16 +50,8 @@ def photon_search(
 ) -> tuple[ErrorCurve, ...]:
     """Return a curve per method and metric, measured where the thresholds need it.
 
-    Raises ValueError if the frames are black or too small for a detector.
-
-    Parameters
-    ----------
-    methods
-        Detectors, their names, or functions (`detector_from`); of different names.
-    seed : int
-        Any integer.
-    name : str
-        Name of the stimulus; stimuli of different names are drawn independently.
+    Methods are detectors, their names, or functions (`detector_from`). Stimuli of different names
+    and seeds are drawn independently. Raises ValueError if the frames are black or too small.
     """
     detectors = [method(chosen) for chosen in methods]
     sequences = ShortSequences(stimulus, settings, (seed, name), detectors)

@@ -42,9 +42,10 @@ def optical_flow(
 ) -> Floats | tuple[Floats, Floats]:
     """Return the flow from one image to the next, (H, W, 2) in px: x to the right, then y down.
 
-    Raises ValueError if the method gives no velocity or no covariance that is asked for, a setting
-    is unknown or wrong, or the images differ in size, are too small, or are not counts if the
-    method needs them.
+    With `return_covariance`, its covariances (H, W, 2, 2), px², too. The flow is NaN where
+    undefined. That of a method of one velocity per block is interpolated linearly between block
+    centers, and constant beyond the outermost. Raises ValueError if method, setting or images
+    cannot be used.
 
     Parameters
     ----------
@@ -57,14 +58,6 @@ def optical_flow(
         True to get the covariance of the flow at each pixel, too; PF and PPF have one.
     **settings
         Settings of the method, such as `smoothness` of PF; its class lists them.
-
-    Returns
-    -------
-    Floats
-        Flow at each pixel of the first image, NaN where undefined. For a method of one velocity
-        per block, interpolated linearly between block centers, and constant beyond the outermost.
-    Floats
-        With `return_covariance`: its covariances (H, W, 2, 2), px².
     """
     detector = _changed(velocity_method(method), settings)
     frames = [np.asarray(image) for image in (first, second)]

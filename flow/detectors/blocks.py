@@ -152,15 +152,12 @@ class BlockDetector(Detector, frozen=True):
         return self.memory_frames + 1
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) of frames of one steady motion, px per frame, x then y.
+        """Return the flow (H, W, 2) of frames (H, W) of one steady motion, px per frame, x then y.
 
-        Velocities of blocks are interpolated linearly between block centers, and constant beyond
-        the outermost; NaN at the pixels of blocks without velocity.
-
-        Raises ValueError if frames are too many or too small, differ in shape, or are not light.
-
-        `*frames` (H, W): two successive ones, or as many more as the method uses together; counts
-        if the method needs them (`takes_counts`).
+        Two successive frames, or as many more as the method uses together. Velocities of blocks are
+        interpolated linearly between block centers, and constant beyond the outermost; NaN at the
+        pixels of blocks without velocity. Raises ValueError if frames are too many or too small,
+        differ in shape, or are not light, or counts if the method needs them.
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

@@ -160,13 +160,8 @@ def detector_from(
 ) -> FunctionDetector:
     """Return a detector that calls a function for the flow between neighboring frames.
 
-    Parameters
-    ----------
-    function
-        Maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
-        before y; NaN where undefined.
-    name, label : str, optional
-        Short name, and full name; default: the function's.
+    It maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
+    before y; NaN where undefined. Default names are the function's.
     """
     short = name or getattr(function, "__name__", type(function).__name__)
     return FunctionDetector(name=short, label=label or short, function=function)

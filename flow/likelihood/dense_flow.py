@@ -46,18 +46,16 @@ _STEADY, _LARGE = 0.003, 1.0
 it grows as a logarithm"""
 _FEW_PHOTONS, _SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
-`PoissonFlow`: with fewer, full smoothness loses small moving objects. With more, interpolation,
-edges and changes of motion leave more error than photons do, and the likelihood is too sure: at the
-finest scale the prior grows on, as fitted to the tuning scenes of the benchmark. At coarser
-ones, which keep parts that move differently apart, it does not"""
+`PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
+grows on with more, fitted to the tuning scenes of the benchmark: the likelihood is too sure, as
+interpolation and edges leave more error than photons do. Coarser scales keep moving parts apart."""
 _MANY_PHOTONS = 20_000.0
 """Photons per pixel in all frames above which the prior stays as it is: what frames differ by is no
 longer shot noise, so the evidence does not grow"""
 _NARROWER, _DIM_PHOTONS = 12.0, 60.0
-"""Factor of the prior in the covariance in bright light: most motions are smoother than the prior
-allows; and photons per pixel in all frames below which it falls, as the flow is then smoother than
-motions are. Between the factors for slow and fast tuning scenes of the benchmark; in dim light
-larger, for smooth motion"""
+"""Factor of the prior in the covariance in bright light, as most motions are smoother than the
+prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
+and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
 
 _MOST_BINS = 4
 """Pixels along a side of the coarsest bins at which large motion is sought"""

@@ -83,18 +83,10 @@ def block_flow(
 ) -> Floats:
     """Return the true velocity of each block, (T − 1, rows, columns, 2), px of the resized image.
 
-    NaN where less than half of a block's pixels are usable. Raises ValueError if shapes differ.
-
-    Parameters
-    ----------
-    true_flow : (T − 1, H, W, 2)
-        Forward flow, px of the full image, +x right, +y down; NaN where undefined.
-    grid
-        Blocks of the method, in the resized image.
-    occluded : (T − 1, H, W), optional
-        Pixels hidden in the next frame.
-    weights : (T − 1, H, W), optional
-        Weight of each pixel, 0 to 1, such as the share that its flow is true for.
+    NaN where less than half of a block's pixels are usable. `true_flow` (T − 1, H, W, 2): forward,
+    px of the full image, NaN where undefined; `grid`: blocks in the resized image; `occluded`
+    (T − 1, H, W): pixels hidden in the next frame; `weights`, alike: of pixels, 0 to 1, such as the
+    share that their flow is true for. Raises ValueError if shapes differ.
     """
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:

@@ -132,13 +132,9 @@ def unknown_texture_information(
 ) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
-    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9).
-
-    `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
-    `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;
-    `pixels`: pixels that are used; `frames`: frames of one velocity, all noisy.
-
-    Raises ValueError when the noise is not above 0.
+    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9), from
+    the texture's power `spectrum` (H, W), counts² per pixel, in the order of `numpy.fft.fft2`, and
+    the `noise`, the variance of a pixel: with photons alone the mean count. ValueError if it is 0.
     """
     if not noise > 0:
         raise ValueError(f"noise {noise:g}: give the variance of a pixel's counts, above 0")

@@ -114,22 +114,10 @@ def not_black(light: Floats) -> Floats:
 
 
 def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0) -> Counts:
-    """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
+    """Return Poisson counts of means (n, H, W), as uint16, uint32 or uint64, whichever suffices.
 
-    Every frame has its own random stream.
-
-    Raises ValueError if a mean is negative, NaN or above 9e18.
-
-    Parameters
-    ----------
-    means : (n, H, W)
-        Mean counts of consecutive frames.
-    seed : int
-        Any integer.
-    *key : str or int
-        Further key of this draw, such as the name of the sequence.
-    first_frame : int
-        Number of the first of these frames in its sequence.
+    Every frame has its own random stream, of seed, key (such as the name of the sequence) and its
+    number, from `first_frame` on. Raises ValueError if a mean is negative, NaN or above 9e18.
     """
     largest = means.max(initial=0)
     if not (means.min(initial=0) >= 0 and largest <= _LARGEST_MEAN):

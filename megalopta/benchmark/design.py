@@ -184,19 +184,9 @@ def design(
 ) -> Design:
     """Return the exposures at which a sensor can measure motion to a stated error.
 
-    Parameters
-    ----------
-    sensor
-        Counting sensor: a preset's name, the path of a YAML file, or the sensor.
-    dataset
-        Rendered dataset of one sequence, whose first frame is the scene; by default dead leaves.
-    **settings
-        Fields of `DesignSettings`: error, light_levels, exposure_s, pitch_m, f_number, pde, ...
-
-    Raises
-    ------
-    UserError
-        If a setting or the sensor cannot be used.
+    `sensor`: a counting sensor, the name of a preset, or a YAML file; `dataset`: of one rendered
+    sequence, whose first frame is the scene, by default dead leaves; `settings`: fields of
+    `DesignSettings`, such as error and light_levels. Raises UserError if one cannot be used.
     """
     return designed(sensor, dataset, validated(DesignSettings, settings, "design"))
 

@@ -72,7 +72,7 @@ def score_submissions(
     program: str | None = None,
     png_scale: float = KITTI_SCALE,
 ) -> Scores:
-    """Score flow against the true flow of a dataset.
+    """Score flow against the true flow of a dataset, or of Sintel, KITTI, Spring and others.
 
     Raises UserError if frames have no file or files no frame, a file is damaged or of another
     size, or a method gives no dense flow.
@@ -80,12 +80,11 @@ def score_submissions(
     Parameters
     ----------
     flows
-        Folders of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), in the
-        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or
-        methods to run on the truth's own frames: a name, `module:function`, ONNX file, or a
-        function from Python.
+        Folders of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), laid out as
+        the truth. Or methods to run on the truth's own frames: a name, `module:function`, ONNX
+        file, or a function from Python.
     truth
-        Folder of a dataset of megalopta, of Sintel, KITTI, Middlebury, Spring or FlyingChairs.
+        Folder of the true flow.
     program
         Name of the program that wrote the flow; default: that of its folder, or of the method.
     png_scale

@@ -36,13 +36,8 @@ _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
 def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> Iterator[Figure]:
     """Yield the figures: 2.14 to 2.17 in one, and 2.18 and 2.19 in one.
 
-    Parameters
-    ----------
-    captured : mapping
-        Frames (passages · 2·FRAMES, 16, 16), as `cut_passages` cuts them, by the
-        plate's speed (mm/s).
-    sensor : Sensor
-        Sensor of the simulation, with the same exposure.
+    `captured`: frames (passages · 2·FRAMES, 16, 16) of `cut_passages` by the plate's speed (mm/s);
+    `sensor`: of the simulation, with the same exposure.
     """
     speeds = sorted(captured)
     slowest = speeds[0]

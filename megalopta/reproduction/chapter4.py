@@ -64,16 +64,14 @@ _QUICK = " Quick form: fewer values, sizes and forests than in the dissertation.
 _DIFFERENT = {
     "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
     "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
-    "choices were made afterwards, from about fifteen variants; where numbers agree, they are "
-    "consistent with the dissertation, not those of its program.",
+    "choices were made afterwards, from about fifteen variants.",
     "The natural column": "The photographs came from the web and are not published. Forests "
     "rendered by this project replace them, with the same fields of view; the rows “photo” use "
-    "their gray values. Thresholds depend on the information on motion per photon.",
+    "their gray values.",
     "Single velocities of IIA": "Interpolation between whole pixels is nearly exact only where the "
     "shift is nearly one pixel of the resized frames.",
     "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every pixel, and "
-    "EMD's passes through zero: the mean has no limit. The quotient of means in the last column "
-    "does not divide by zero.",
+    "EMD's passes through zero: the mean has no limit.",
     "Points of BM without N_2b": "At low velocities BM gives zero in most blocks of the clean "
     "frames, and its error is 0/0.",
 }

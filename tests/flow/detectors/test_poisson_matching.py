@@ -7,11 +7,9 @@ from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.burst_alignment import BurstAlignment
 from megalopta.flow.detectors.poisson_matching import (
-    Patches,
     PoissonMatching,
     PooledMatching,
     SmoothedFrame,
-    agreed_velocities,
     aligned,
 )
 
@@ -55,31 +53,12 @@ def test_pooling_starts_with_the_frames_there_are(leaves):
     assert PooledMatching().respond(counts).shape == PoissonMatching().respond(counts).shape
 
 
-PATCHES = block_grid((76, 76), 24)
-MARGIN_PX = 7
-
-
-def patches(frames, grid=PATCHES):
-    return [Patches(each, grid, MARGIN_PX) for each in frames]
-
-
-@pytest.mark.parametrize("velocity", [(2.3, -1.6), (-4.0, 0.0), (0.4, 5.2)])
-@pytest.mark.parametrize("count", [2, 3, 8])
-def test_bright_texture_tells_its_velocity(velocity, count):
-    texture = drifting_texture(velocity, count, (76, 76), blur_px=1.0)
-    frames = 1e4 * (3 + texture / texture.std() / 3)
-    found = agreed_velocities(patches(frames), 7)[4]  # of the block in the middle
-    # Correlations interpolated linearly peak where a displacement is whole: half a pixel over the
-    # longest baseline, and a tenth for what enters and leaves the patch (its largest of 12: .09).
-    np.testing.assert_allclose(found, velocity, atol=0.5 / (count - 1) + 0.1)
-
-
 @pytest.mark.parametrize("seen_in", [0, 1])
 def test_what_fewer_than_two_frames_show_has_no_velocity(seen_in):
     frames = np.zeros((8, 76, 76))
     frames[8 - seen_in :] = np.random.default_rng(0).poisson(3.0, (76, 76))
-    assert np.isnan(agreed_velocities(patches(frames), 7)).all()
-    assert np.isnan(agreed_velocities(patches(np.ones((8, 76, 76))), 7)).all()
+    assert np.isnan(PooledMatching(block_px=24).respond(frames)).all()
+    assert np.isnan(PooledMatching(block_px=24).respond(np.ones((8, 76, 76)))).all()
 
 
 SIDE = 72
