@@ -61,7 +61,7 @@ class TunedMethod(BlockDetector, frozen=True):
 
     def _at(self, photons: float) -> GrayDetector:
         rows = TUNED[self.method.name]
-        nearest = min(rows, key=lambda each: abs(np.log(max(photons, 1e-9) / each)))
+        nearest = min(rows, key=lambda tried: abs(np.log(max(photons, 1e-9) / tried)))
         settings = {name: value for name, value in rows[nearest].items() if name != "error_px"}
         blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
         return self.method.model_copy(update={**settings, **blocks})

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
@@ -11,7 +10,6 @@ from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_vali
 from megalopta.benchmark import table
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
-from megalopta.core import files
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
@@ -101,9 +99,3 @@ class Ranking:
         errors = self.rows_of(table.MEAN, group)
         errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
         return None if errors.empty else errors.iloc[int(errors["value"].argmin())]
-
-
-def write_tables(folder: Path, ranking: Ranking) -> None:
-    """Write ranking.csv, the long table, and ranking.json, the facts."""
-    files.write_text(folder / "ranking.csv", ranking.rows.to_csv(index=False, float_format="%.9g"))
-    files.write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")

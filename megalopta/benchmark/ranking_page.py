@@ -13,6 +13,7 @@ from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, table
 from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
+from megalopta.core.files import write_text
 from megalopta.report import sections, style, text
 from megalopta.report.sections import Section
 
@@ -45,7 +46,9 @@ _ATLAS = (
 
 def write_ranking(folder: Path, ranking: Ranking) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    ranked.write_tables(folder, ranking)
+    long_table = ranking.rows.to_csv(index=False, float_format="%.9g")
+    write_text(folder / "ranking.csv", long_table)
+    write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
     over_photons = [
         error_curves(ranking, table.MEAN, "mean endpoint error (px per frame)"),
         error_curves(ranking, table.FAR, "share of blocks beyond 3 px"),

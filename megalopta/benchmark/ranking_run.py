@@ -78,9 +78,25 @@ def _ranked(
     folder: Path,
 ) -> ranked.Ranking:
     """Measure every metric on every sequence; computed velocities are kept in a folder."""
-    for dataset in datasets:
-        _check(dataset, methods)
-    per_lux_s = float(np.mean([_photons_per_lux_s(dataset) for dataset in datasets]))
+    for dataset in datasets:  # refused before the work
+        dataset.require_truth()
+        name, frames = dataset.sequence, dataset.configuration.trajectory.frames
+        if frames < _FEWEST_FRAMES:
+            raise ValueError(f"{name} has {frames} frames; give {_FEWEST_FRAMES} or more")
+        for method in methods.values():
+            try:
+                method.grid(dataset.configuration.camera.shape)
+            except ValueError as problem:
+                raise ValueError(f"{name} for {method.name}: {problem}") from None
+    per_lux_s = float(
+        np.mean(
+            [
+                perfect_light(dataset).sum(axis=(1, 2)).mean()
+                / dataset.configuration.light.resolved().illuminance_lux
+                for dataset in datasets
+            ]
+        )
+    )
     levels = (
         ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
     )
@@ -115,25 +131,6 @@ def _ranked(
         blocks={str(group): int(count) for group, count in blocks.items()},
     )
     return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
-
-
-def _check(dataset: Dataset, methods: benchmarked.Methods) -> None:
-    """Refuse, before the work, a sequence that is too short or too small."""
-    dataset.require_truth()
-    frames, shape = dataset.configuration.trajectory.frames, dataset.configuration.camera.shape
-    if frames < _FEWEST_FRAMES:
-        raise ValueError(f"{dataset.sequence} has {frames} frames; give {_FEWEST_FRAMES} or more")
-    for name, method in methods.items():
-        try:
-            method.grid(shape)
-        except ValueError as problem:
-            raise ValueError(f"{dataset.sequence} for {name}: {problem}") from None
-
-
-def _photons_per_lux_s(dataset: Dataset) -> float:
-    """Photons of a mean frame on perfect pixels, for each lux and second."""
-    photons = perfect_light(dataset).sum(axis=(1, 2)).mean()
-    return float(photons) / dataset.configuration.light.resolved().illuminance_lux
 
 
 class BlockTruth(NamedTuple):

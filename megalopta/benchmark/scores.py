@@ -60,11 +60,6 @@ class Scores(Record, frozen=True):
     """Format of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
 
-    @property
-    def overall(self) -> tuple[Entry, ...]:
-        """Entries over all sequences, by pass."""
-        return tuple(entry for entry in self.entries if entry.sequence is None)
-
 
 def score_submissions(
     flows: Sequence[str | Path | Method],

@@ -128,7 +128,7 @@ def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
             pixels[template] = template.pixels()
             continue
         if template.name in panoramas.NATURAL_PANORAMAS:
-            light = panoramas.natural_templates([template.name])[template.name]
+            light = panoramas.natural_template(template.name)
         elif Path(template.name).suffix or Path(template.name).exists():
             light = panoramas.template_from_file(Path(template.name))
         else:

@@ -180,21 +180,6 @@ def _samples(
     return draws_of_all.sum().reset_index()
 
 
-def errors_of_pairs(
-    pairs: Mapping[str, pictures.Files],
-    fluxes: Sequence[float],
-    methods: Sequence[Method] | None = None,
-    draws: int = 1,
-) -> Board:
-    """Return the errors of methods, by default all two-frame methods, on pairs of files.
-
-    Raises UserError if a file cannot be used, or a method does not run on two frames.
-    """
-    clips = [pictures.read_pair(name, files) for name, files in pairs.items()]
-    with refused_as():
-        return frame_errors(clips, methods or methods_and_baselines(), fluxes, draws)
-
-
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
     """Write a row per pair, method and flux, as CSV: means over the draws of the pair.
 

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, LogLocator
+from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.trial import (
@@ -23,7 +24,6 @@ from megalopta.benchmark.trial import (
 )
 from megalopta.core.folders import ensure_directory
 from megalopta.report import style
-from megalopta.reproduction import picture
 from megalopta.reproduction.picture import Figure, write_figure
 
 _LABELS = {
@@ -193,12 +193,13 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
         x = range(len(values)) if is_text else ordered["value"].astype(float)
         look = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
         look |= style.method_style(str(method))
-        ends = low.to_numpy(), high.to_numpy()
-        picture.draw_interval(axes, x, flux.to_numpy(), ends, **look)
+        axes.errorbar(x, flux, np.stack((flux - low, high - flux)), **look)
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
     axes.set_ylabel(f"$N_{{{search.bits[0]}b}}$ (photons per frame)")
     axes.label_outer()
-    picture.log_decades(axes, "y")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     if axes.get_ylim()[1] < 30 * axes.get_ylim()[0]:  # labels at decades alone would be too few
         axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))

@@ -9,7 +9,7 @@ import pytest
 from megalopta.benchmark.panoramas import (
     NATURAL_PANORAMAS,
     SHIPPED,
-    natural_templates,
+    natural_template,
     template_from_file,
 )
 from megalopta.core.errors import UserError
@@ -20,8 +20,8 @@ SHIPPING = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks/ship_panor
 
 
 def test_templates_are_251_rows_of_mean_1_with_the_fields_of_view_of_the_dissertation():
-    for name, template in natural_templates().items():
-        fov_deg = NATURAL_PANORAMAS[name]
+    for name, fov_deg in NATURAL_PANORAMAS.items():
+        template = natural_template(name)
         assert SHIPPING["RECIPES"][name].frame_fov_deg == fov_deg
         rows, columns = template.shape
         # Columns are whole: the field of view is met to half a column.

@@ -106,14 +106,14 @@ def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, cap
     out = tmp_path / "scores.json"
     submit(capsys, truth, "dis", "--out", out)
     *_, entry = json.loads(out.read_text())["entries"]
-    (files,) = score_submissions([submitted], truth).overall
+    *_, files = score_submissions([submitted], truth).entries
     assert (entry["program"], entry["pass_name"]) == ("DIS", "clean")
     assert entry["truth_hash"] == files.truth_hash
     for group in ("all", "visible", "occluded"):
         assert entry["errors"][group]["epe_px"] == pytest.approx(
             files.errors[group]["epe_px"], rel=1e-6
         )
-    (still,) = score_submissions([lambda a, b: np.zeros((*a.shape, 2))], truth).overall
+    *_, still = score_submissions([lambda a, b: np.zeros((*a.shape, 2))], truth).entries
     speeds = [np.hypot(*motion) for motion in MOTIONS]
     assert still.errors["all"]["epe_px"] == pytest.approx(np.mean(speeds))
 
