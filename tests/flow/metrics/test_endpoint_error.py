@@ -10,7 +10,6 @@ from megalopta.flow.metrics.endpoint_error import (
     GROUPS,
     DenseErrors,
     block_flow,
-    block_share,
     truth_error,
     truth_splits,
 )
@@ -81,15 +80,6 @@ def test_groups_share_all_blocks_and_all_errors():
         assert sum(group.blocks for group in groups) == whole.blocks == 4 * 8 * 10 - 1
         total = sum(group.blocks * group.endpoint_error_px for group in groups)
         assert total == pytest.approx(whole.blocks * whole.endpoint_error_px)
-
-
-def test_share_of_a_block_is_the_mean_of_the_mask_over_it():
-    mask = np.random.default_rng(3).random((2, 40, 60)) < 0.3
-    grid = block_grid((20, 30), 4)
-    shares = block_share(mask, grid)
-    # Blocks of 4 px in the half-sized image are 8 px here; 30 columns leave a margin of 1, so 2.
-    blocks = mask[:, :, 2:58].reshape(2, 5, 8, 7, 8)
-    np.testing.assert_allclose(shares, blocks.mean(axis=(2, 4)), rtol=1e-12)
 
 
 RNG = np.random.default_rng(0)

@@ -6,7 +6,7 @@ import pytest
 
 from megalopta.benchmark.ranking import BOUND, STILL, Ranking, RankingFacts
 from megalopta.benchmark.ranking_page import caution
-from megalopta.benchmark.ranking_run import in_segments, run_ranking, sequence_truth
+from megalopta.benchmark.ranking_run import run_ranking, sequence_truth
 from megalopta.benchmark.table import MEAN
 from megalopta.cli import main as cli
 from megalopta.config.model import load
@@ -74,13 +74,6 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     run_ranking(grating, tmp_path, few)
     assert {each: each.read_bytes() for each in tmp_path.glob("ranking.*")} == before
     assert len(written) == 2
-
-
-def test_a_segment_is_some_successive_pairs():
-    totals, blocks = np.arange(21.0), np.ones(21)
-    rows = list(in_segments("error", "all", totals, blocks, 10))
-    assert [row[3] for row in rows[:3]] == [0 + 1 + 2, 3 + 4, 5 + 6]
-    assert [sum(values) for values in zip(*(row[3:] for row in rows), strict=True)] == [210, 21]
 
 
 def test_a_board_that_is_flown_past_has_parallax_and_a_camera_that_turns_has_none(
