@@ -21,13 +21,14 @@ import numpy as np
 from pydantic import BaseModel, Field, PositiveInt, TypeAdapter, field_validator, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, Frames, Responder
+from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
 from megalopta.flow.stimuli import photons
 
 _THESIS_WARM_UP = 30
+_CHUNK_FRAMES = 16
 
 
 class CurveSettings(
@@ -85,8 +86,6 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     """"nearest" subsamples frames as in the dissertation, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; default: 30 if there are 60, else a detector's memory"""
-    chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
-    """Frames processed together; changes memory and speed, never a result"""
 
 
 class SearchSettings(CurveSettings, frozen=True):
@@ -179,11 +178,9 @@ class BenchmarkResult:
         for curve in self.curves:
             if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):
                 return curve
-        raise ValueError(
-            f"no {metric} curve of {method!r} at {size} px: choose from"
-            f" {', '.join(detector.name for detector in self.methods)} at {self.settings.sizes} px,"
-            f" {', '.join(self.settings.metrics)}"
-        )
+        names = ", ".join(detector.name for detector in self.methods)
+        sizes = f"{names} at {self.settings.sizes} px"
+        raise ValueError(f"no {metric} curve of {method!r} at {size} px: choose from {sizes}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, ready for JSON."""
@@ -288,7 +285,7 @@ class _AtSize:
         self.key = seed, sequence, f"{self.shape[0]}x{self.shape[1]}"
         """Names the sequence at this size in random streams"""
         self._of_means: dict[tuple[str, float, int], Floats] = {}
-        """Velocities in mean counts by method, scale and first frame: the same in every repeat"""
+        """Velocities in mean counts by method, flux and first frame: the same in every repeat"""
         chunks = [photons.frame_light(chunk) for _, chunk in self._resized()]
         self._light = photons.not_black(np.concatenate(chunks))
 
@@ -318,7 +315,11 @@ class _AtSize:
                 ):
                     reference = ideal
                     if not detector.ignores_offset:
-                        reference = self._mean_response(detector, to_means, means, scale, first)
+                        case = detector.name, flux, first
+                        kept = self._of_means.get(case)
+                        reference = to_means(means, scale) if kept is None else kept
+                        if detector.gives == "velocity":  # a few numbers; responses are frames
+                            self._of_means[case] = reference
                     errors = error_sums(detector, reference, respond(counts, scale))
                     sums[detector.name, flux].append(errors)
                 advance(counts.size)
@@ -327,18 +328,8 @@ class _AtSize:
             for detector in detectors
         ]
 
-    def _mean_response(
-        self, detector: Detector, respond: Responder, means: Floats, scale: float, first: int
-    ) -> Floats:
-        kept = self._of_means.get((detector.name, scale, first))
-        response = respond(means, scale) if kept is None else kept
-        if detector.gives == "velocity":  # a few numbers a block; responses are frames
-            self._of_means[detector.name, scale, first] = response
-        return response
-
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         """Yield the numbers of first frames of chunks, and the chunks."""
-        length = self._settings.chunk_frames
-        for first in range(0, self._frames.shape[0], length):
-            chunk = np.asarray(self._frames[first : first + length])
+        for first in range(0, self._frames.shape[0], _CHUNK_FRAMES):
+            chunk = np.asarray(self._frames[first : first + _CHUNK_FRAMES])
             yield first, photons.resize(chunk, self.shape, self._settings.resize)

@@ -167,10 +167,8 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading of maximum likelihood, given counts.
 
     Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): two or
-    more frames of one steady motion; `camera`: that saw them.
-
-    Raises ValueError if frames have another size than the camera, or fewer than 12 pixels along a
-    side, there is only one, or they hold no counts, or all the same.
+    more frames of one steady motion. Raises ValueError if they have another size than the camera,
+    fewer than 12 pixels along a side, or no contrast.
     """
     return _Search.of(counts, camera).best().camera_motion
 
@@ -180,11 +178,10 @@ def camera_motion_with_error(
 ) -> tuple[CameraMotion, CameraMotionError]:
     """Return the motion as `likely_camera_motion`, and its standard errors, from counts (T, H, W).
 
-    What moves by itself may look like a near part of a scene at rest, which no misfit tells. So the
-    motion is also found without each of eleven parts of the view: eight strips of 40 % of its width
-    or height, the nearest and the farthest 40 % of its pixels, and the nearer of two groups of
-    distances. The largest change is part of the error, with the inverse of the information. Takes
-    some eleven times as long. Raises as `likely_camera_motion`.
+    What moves by itself may look like a near part of a scene at rest. So the motion is also found
+    without each of eleven parts of the view: eight strips of 40 % of its width or height, the
+    nearest and the farthest 40 % of its pixels, and the nearer of two groups of distances. The
+    largest change is part of the error, with the inverse of the information.
     """
     search = _Search.of(counts, camera)
     best = search.best()

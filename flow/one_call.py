@@ -1,6 +1,5 @@
 """The flow between two images in one call, by any method that gives velocities."""
 
-from collections.abc import Mapping
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -9,7 +8,6 @@ from pydantic import ValidationError
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, velocity_method
 
@@ -59,7 +57,23 @@ def optical_flow(
     **settings
         Settings of the method, such as `smoothness` of PF; its class lists them.
     """
-    detector = _changed(velocity_method(method), settings)
+    detector = velocity_method(method)
+    known = [name for name in type(detector).model_fields if name not in ("name", "label")]
+    for name, value in settings.items():
+        if name not in known:
+            raise ValueError(
+                f"{detector.name} has no setting {name} (value {quoted(value)}): choose from"
+                f" {', '.join(known)}"
+            )
+    try:
+        detector = type(detector).model_validate({**dict(detector), **settings})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        name, message = ".".join(map(str, problem["loc"])), problem["msg"]
+        remedy = message.replace("Input should", "it should").removeprefix("Value error, ")
+        raise ValueError(
+            f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
+        ) from None
     frames = [np.asarray(image) for image in (first, second)]
     for image in frames:
         if image.dtype.kind not in "buif":
@@ -79,23 +93,3 @@ def optical_flow(
     if not isinstance(detector, PoissonFlow):
         raise ValueError(f"return_covariance: {detector.name} has none; choose PF or PPF")
     return detector.dense_with_covariance(*frames)
-
-
-def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetector:
-    fields = type(detector).model_fields
-    known = [name for name in fields if name not in ("name", "label")]
-    for name, value in settings.items():
-        if name not in known:
-            raise ValueError(
-                f"{detector.name} has no setting {name} (value {quoted(value)}): choose from"
-                f" {', '.join(known)}"
-            )
-    try:
-        return type(detector).model_validate({**dict(detector), **settings})
-    except ValidationError as error:
-        problem = error.errors()[0]
-        name, message = ".".join(map(str, problem["loc"])), problem["msg"]
-        remedy = message.replace("Input should", "it should").removeprefix("Value error, ")
-        raise ValueError(
-            f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
-        ) from None

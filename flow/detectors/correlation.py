@@ -183,7 +183,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     name: str = "EMD"
     label: str = "Elementary motion detector"
     filter_step: FilterStep = 0.30
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
 class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
@@ -194,7 +193,6 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     name: str = "NDM"
     label: str = "Non-directional multiplication"
     filter_step: FilterStep = 0.625
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
     rectified: bool = True
     """True if the output is the absolute value of the product"""
 
@@ -212,7 +210,6 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
     name: str = "NDS"
     label: str = "Non-directional summation"
     filter_step: FilterStep = 0.714
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
 def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:

@@ -161,14 +161,13 @@ def add_costs(
     size: int,
     costs: Floats,
 ) -> None:
-    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
+    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` to costs.
 
-    `first`, `second` (H, W): roots of smoothed counts. `weights` (H, W): of the pixels of `second`.
-    `places` (n, 4): row and column in `first` of the part that the middle of `costs` compares with,
-    and of each block in `second`, which must lie inside. `size`: side of a block (px). `costs` (n,
-    2·radius + 1, 2·radius + 1): changed in place. Entry [radius + dy, radius + dx] compares with
-    the part dx to the *left* and dy *above* the origin: content that moved by (+dx, +dy). Parts
-    that leave the frame cost infinity.
+    `first`, `second`, `weights` (H, W): roots of smoothed counts, and weights of those of `second`.
+    `places` (n, 4): row and column in `first` of the origin, and of each block in `second`. Entry
+    [radius + dy, radius + dx] of `costs` (n, 2·radius + 1, 2·radius + 1) compares with the part dx
+    to the *left* and dy *above* the origin: content that moved by (+dx, +dy). Parts that leave the
+    frame cost infinity.
     """
     height, width = first.shape
     radius = costs.shape[1] // 2

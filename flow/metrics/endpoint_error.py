@@ -158,12 +158,10 @@ def truth_error(
 def truth_splits(
     velocities: Floats, true_velocities: Floats, hidden: Floats
 ) -> Mapping[str, TruthError]:
-    """Return the errors of groups of blocks, by speed and by occlusion, by name.
+    """Return the errors of groups of blocks, by name: by speed, and by occlusion.
 
-    A method may be right on average and wrong where it matters: at slow motion, at motion beyond
-    its reach, at occlusions. "slow", "medium" and "fast" partition the blocks, and so do "clear"
-    and "occlusion". Velocities as for `truth_error`; `hidden`, (T − 1, rows, columns), is the share
-    of each block that is hidden in the next frame.
+    "slow", "medium" and "fast" partition the blocks, and so do "clear" and "occlusion". Velocities
+    as for `truth_error`; `hidden` (T − 1, rows, columns): share that is hidden in the next frame.
     """
     speed = np.hypot(true_velocities[..., 0], true_velocities[..., 1])
     groups = {
@@ -238,10 +236,8 @@ class DenseErrors:
     ) -> None:
         """Score one image.
 
-        Raises ValueError if shapes differ, or no pixel has a flow.
-
         `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
-        visible in the next frame; without it none counts as occluded.
+        visible in the next frame. Raises ValueError if shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(

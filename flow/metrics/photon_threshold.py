@@ -13,7 +13,6 @@ interpolation between two fluxes.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -171,16 +170,13 @@ class ErrorCurve:
         the wrong kind.
         """
         thresholds = {name[2:-1]: flux for name, flux in fields["thresholds"].items()}
-        curve = _reader().validate_python({**fields, "thresholds": thresholds})
+        curve = _READER.validate_python({**fields, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
         return curve
 
 
-@cache
-def _reader() -> TypeAdapter[ErrorCurve]:
-    """Return the validator; made once, as that takes as long as reading many curves."""
-    return TypeAdapter(ErrorCurve)
+_READER = TypeAdapter(ErrorCurve)
 
 
 def error_curve(

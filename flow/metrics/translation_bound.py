@@ -41,11 +41,10 @@ _LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
 
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
-    """Return the Fisher information J of one frame on the displacement of each block.
+    """Return the Fisher information J of one frame on each block's displacement, px⁻².
 
-    `means` (H, W): mean counts λ, whose gradients are those of the cubic spline through them.
-    Returns (rows, columns, 2, 2) in px⁻², components x, y. Raises ValueError when a mean is
-    negative or not finite.
+    (rows, columns, 2, 2), components x, y, from mean counts λ (H, W), whose gradients are those of
+    the cubic spline through them. Raises ValueError when one is negative or not finite.
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
@@ -90,13 +89,11 @@ def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
 
 
 def median_endpoint_error(covariances: Floats) -> float:
-    """Return the median length of normal errors of these covariances, pooled over the blocks.
+    """Return the median length of normal errors of these covariances (..., 2, 2), pooled, px/frame.
 
     The length of A·z has the distribution 1 − exp(−ρ²/2σ²(φ)), averaged over the directions φ of z,
-    with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance.
-
-    `covariances` (..., 2, 2): infinite ones count as errors beyond all measure. Returns px/frame;
-    infinite when half of the covariances are.
+    with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance. Infinite covariances are
+    errors beyond all measure; when half of them are, so is the median.
     """
     matrices = covariances.reshape(-1, 2, 2)
     finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
@@ -150,9 +147,8 @@ def unknown_texture_photons(
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    `spectrum` (H, W) and `noise` are those of one photon per frame, and grow as the square of the
-    flux and as the flux; `pixels`, `frames`: as for `unknown_texture_information`; `speed`: px per
-    frame. Infinite where the spectrum has waves of one direction only.
+    As `unknown_texture_information`, but `spectrum` (H, W) and `noise` are those of one photon per
+    frame; `speed`: px per frame. Infinite where waves have one direction only.
     """
 
     def excess(log_flux: float) -> float:

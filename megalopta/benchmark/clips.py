@@ -94,8 +94,7 @@ Pair = TypeVar("Pair")
 def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     """Find the true flow below a folder, in one of `LAYOUTS`, or a folder of flow files.
 
-    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a
-    dataset's files differ from its record.
+    Raises UserError if there is none, or a dataset's files differ from its record.
     """
     for home in (root.resolve(), *root.resolve().parents):
         if (home / "dataset.yaml").is_file():

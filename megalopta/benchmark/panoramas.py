@@ -41,10 +41,8 @@ def natural_template(name: str) -> Floats:
 def template_from_file(path: Path) -> Floats:
     """Template (251, m) of a panorama of the full circle: HDR or EXR, or PNG, read as sRGB.
 
-    Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical): in
-    either a turn about the vertical is a shift of columns. Light is binned by area, colors are
-    converted to luminance. Raises UserError if the file cannot be read, is not 2:1 to 4:1, is too
-    small, or holds invalid values.
+    Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical). Raises
+    UserError if the file cannot be read, is not 2:1 to 4:1, is too small, or black.
     """
     from megalopta.render import activate, choose_variant, read_picture  # Mitsuba reads it
 

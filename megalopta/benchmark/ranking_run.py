@@ -50,11 +50,9 @@ def run_ranking(
 ) -> Path:
     """Rank flow methods on a rendered dataset, of one sequence or many; return the page.
 
-    Settings are values of `RankingSettings` by name, as YAML. `methods` replaces their methods:
-    names, detectors, or functions of two frames (see `megalopta.flow.detector_from`). Velocities
-    are kept in OUT/velocities, so that an interrupted run, or one with an additional method,
-    continues from there. Raises UserError if frames are missing, too few or too small, or a setting
-    is wrong.
+    Settings are values of `RankingSettings` by name, as YAML. `methods`, also detectors or
+    functions of two frames, replace theirs. Velocities are kept in OUT/velocities for the next run.
+    Raises UserError if frames are missing, too few or too small, or a setting is wrong.
     """
     root, out = Path(root), Path(out)
     chosen = validated(ranked.RankingSettings, {}, "settings", dict(settings or {}))
@@ -84,19 +82,12 @@ def _ranked(
         if frames < _FEWEST_FRAMES:
             raise ValueError(f"{name} has {frames} frames; give {_FEWEST_FRAMES} or more")
         for method in methods.values():
-            try:
-                method.grid(dataset.configuration.camera.shape)
-            except ValueError as problem:
-                raise ValueError(f"{name} for {method.name}: {problem}") from None
-    per_lux_s = float(
-        np.mean(
-            [
-                perfect_light(dataset).sum(axis=(1, 2)).mean()
-                / dataset.configuration.light.resolved().illuminance_lux
-                for dataset in datasets
-            ]
-        )
-    )
+            method.grid(dataset.configuration.camera.shape)
+    rates = []
+    for dataset in datasets:
+        photons_s = perfect_light(dataset).sum(axis=(1, 2)).mean()
+        rates.append(photons_s / dataset.configuration.light.resolved().illuminance_lux)
+    per_lux_s = float(np.mean(rates))
     levels = (
         ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
     )

@@ -123,10 +123,10 @@ def frame_errors(
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
 ) -> Board:
-    """Return the errors of methods on the same photons of all clips.
+    """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
-    Fluxes are mean photons per pixel and frame of a clip. Raises ValueError if a method gives no
-    velocity of blocks or needs more frames than a clip has, or a clip is too small.
+    Raises ValueError if a method gives no velocity of blocks or needs more frames than a clip has,
+    or a clip is too small.
     """
     detectors = [block_detector(method) for method in methods]
     scenes, key = list(clips), ("whole frames",)

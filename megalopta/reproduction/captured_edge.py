@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from megalopta.camera import comparison, motion_bench as bench
 from megalopta.camera.motion_bench import Peaks
-from megalopta.camera.sources import RecordingFrames, Source, read_recorded
+from megalopta.camera.sources import Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
@@ -166,44 +166,34 @@ def reproduce_captured(
     """
     if not all(source.light > 0 for source in sources):
         raise UserError("figures: no speed of the plate; give it with each recording, such as a@5")
-    recorded = [_recorded(source) for source in sources]
-    sensor = _sensor(sources, recorded, device)
+    recorded = [read_recorded(source) for source in sources]
+    first, frame_s = recorded[0], 1 / bench.FRAME_RATE_HZ
+    for source, frames in zip(sources, recorded, strict=True):
+        period_s = np.median(np.diff(frames.times_s)) if len(frames.times_s) > 1 else frame_s
+        if not np.allclose((frames.exposure_s, period_s), frame_s, rtol=0.01):
+            raise UserError(
+                f"{source.path}: frames of {frames.exposure_s:g} s every {period_s:g} s; capture"
+                f" with --rate {bench.FRAME_RATE_HZ:g} --exposure {frame_s:g}"
+            )
+        if device is None and (frames.sensor is None or frames.sensor != first.sensor):
+            raise UserError(
+                f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
+                "with the same settings, or --device"
+            )
+    if device is not None:
+        with refused_as("--device", OSError):
+            sensor = changed(load_sensor(device), exposure_s=first.exposure_s)
+    else:
+        assert first.sensor is not None
+        sensor = changed(first.sensor, counter={"calibrated": False})
     cut: dict[float, list[NDArray[Any]]] = {}
     for source, recording in zip(sources, recorded, strict=True):
-        frames = Level(recording.counts, recording.exposure_s, 0.0, times_s=recording.times_s)
-        counts = comparison.captured_frames(recording, sensor, 0.0) if device else frames
+        counts = Level(recording.counts, recording.exposure_s, 0.0, times_s=recording.times_s)
+        if device:
+            counts = comparison.captured_frames(recording, sensor, 0.0)
         cut.setdefault(source.light, []).append(comparison.passages_at(source.light, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
     ensure_directory(out)
     with working("figures"):
         for figure in captured_figures(captured, sensor):
             yield from write_figure(figure, out)
-
-
-def _recorded(source: Source) -> RecordingFrames:
-    recorded = read_recorded(source)
-    frame_s = float(np.median(np.diff(recorded.times_s))) if len(recorded.times_s) > 1 else 0.1
-    if not np.allclose((recorded.exposure_s, frame_s), 1 / bench.FRAME_RATE_HZ, rtol=0.01):
-        raise UserError(
-            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; capture with "
-            f"--rate {bench.FRAME_RATE_HZ:g} --exposure {1 / bench.FRAME_RATE_HZ:g}"
-        )
-    return recorded
-
-
-def _sensor(
-    sources: Sequence[Source], recorded: Sequence[RecordingFrames], device: Path | None
-) -> Sensor:
-    """Return the sensor of the simulation: a device file, or the nominal one of all recordings."""
-    first = recorded[0]
-    if device is not None:
-        with refused_as("--device", OSError):
-            return changed(load_sensor(device), exposure_s=first.exposure_s)
-    for source, recording in zip(sources, recorded, strict=True):
-        if recording.sensor is None or recording.sensor != first.sensor:
-            raise UserError(
-                f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
-                "with the same settings, or --device"
-            )
-    assert first.sensor is not None
-    return changed(first.sensor, counter={"calibrated": False})

@@ -92,10 +92,11 @@ def test_what_cannot_be_measured_is_refused_before_the_work(frames, methods, cha
         measured(frames, methods, settings(**changes))
 
 
-def test_neither_chunks_nor_the_place_of_frames_change_a_number(tmp_path):
+def test_neither_chunks_nor_the_place_of_frames_change_a_number(tmp_path, monkeypatch):
     frames = grating(frames=20, size=60)
     clip = zarr.create_array(tmp_path / "clip.zarr", data=frames, chunks=(4, 60, 60))
     base = {"warm_up": 5, "fluxes_per_decade": 1}
     expected = measured(frames, ALL, settings(**base))
-    found = measured(clip, ALL, settings(**base, chunk_frames=7))
+    monkeypatch.setattr("megalopta.flow.benchmark._CHUNK_FRAMES", 7)
+    found = measured(clip, ALL, settings(**base))
     assert found.curves == expected.curves
