@@ -68,13 +68,6 @@ def test_what_is_no_panorama_is_refused_in_one_sentence(picture, values, sentenc
     assert "\n" not in str(refusal.value)
 
 
-def test_what_cannot_be_read_is_refused(tmp_path):
-    (tmp_path / "text.png").write_text("no picture")
-    for name in ("missing.exr", "text.png"):
-        with pytest.raises(UserError, match=f"{name} cannot be read"):
-            template_from_file(tmp_path / name)
-
-
 def test_the_package_ships_all_forests_of_today_in_2_mb():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 2e6
     for name, recipe in SHIPPING["RECIPES"].items():

@@ -99,7 +99,6 @@ def test_a_board_that_is_flown_past_has_parallax_and_a_camera_that_turns_has_non
     [
         (["--methods", "EMD"], "EMD measures no velocity: choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
-        (["--light-levels", "noon"], "light level 'noon' is unknown"),
         (["--fluxes", "[]"], "give fluxes, or light_levels"),
     ],
 )

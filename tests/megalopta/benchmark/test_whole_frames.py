@@ -4,7 +4,6 @@ import csv
 from contextlib import ExitStack
 from dataclasses import replace
 
-import av
 import numpy as np
 import pandas as pd
 import pytest
@@ -208,20 +207,6 @@ def folder(tmp_path):
     return tmp_path / "walk"
 
 
-@pytest.fixture
-def film(tmp_path):
-    with av.open(tmp_path / "walk.mp4", "w") as container:
-        stream = container.add_stream("libx264", rate=25, options={"qp": "0"})
-        stream.width, stream.height, stream.pix_fmt = 120, 96, "yuv420p"
-        for codes in frames(6):
-            frame = av.VideoFrame.from_ndarray(
-                np.vstack([codes, np.full((48, 120), 128, np.uint8)]), "yuv420p"
-            )
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    return tmp_path / "walk.mp4"
-
-
 def moves(first, second):
     return np.broadcast_to(np.float64(MOTION), (*first.shape, 2))
 
@@ -250,10 +235,10 @@ def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
             np.testing.assert_allclose(found, [[distance, distance, 0]] * 3, atol=1e-12)
 
 
-def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
-    words = (film, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
+def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys):
+    words = (folder, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
     rows = measured(tmp_path, *words)
-    assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 4"]
+    assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 2"]
     assert list(rows[0])[4:] == [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
     assert all(
         row["stand_in"] == "not the truth but DIS on the pictures without noise, which favors DIS"
@@ -265,11 +250,9 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     dark, bright = table[1.0], table[1000.0]
     assert (bright < 0.3).all()
     assert (dark > 3 * bright)[["DIS", "LK"]].all()
-    said = capsys.readouterr()
-    assert "NO TRUE FLOW: these are distances, not errors" in said.out
-    assert "mean over 2 pairs, 95 % CI over pairs" in said.out
-    assert "which favors DIS" in said.out and "may share an error" in said.out
-    assert "that of BT.709 is used" in said.err
+    said = capsys.readouterr().out
+    assert "NO TRUE FLOW: these are distances, not errors" in said
+    assert "mean over 2 pairs, 95 % CI over pairs" in said
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):
