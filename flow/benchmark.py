@@ -205,22 +205,14 @@ class BenchmarkResult:
         )
 
 
-def _unseen(work: int) -> None:
-    """Show no progress."""
-
-
-def _computed(_: str, work: Callable[[], list[Floats]]) -> list[Floats]:
-    return work()
-
-
 def photon_benchmark(
     frames: Frames,
     methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
-    advance: Callable[[int], object] = _unseen,
-    cached: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = _computed,
+    advance: Callable[[int], object] | None = None,
+    cached: Callable[[str, Callable[[], list[Floats]]], list[Floats]] | None = None,
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes that it needs.
 
@@ -246,10 +238,10 @@ def photon_benchmark(
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
-        repeats = [
-            cached(f"{at_size.key[-1]}-{n}", partial(at_size.sums, n, detectors, advance))
-            for n in range(settings.repeats)
-        ]
+        repeats = []
+        for n in range(settings.repeats):
+            work = partial(at_size.sums, n, detectors, advance)
+            repeats.append(cached(f"{at_size.key[-1]}-{n}", work) if cached else work())
         for detector, repeated in zip(detectors, zip(*repeats, strict=True), strict=True):
             sums = np.stack(repeated, axis=2)[..., warm_up:]
             # independent blocks of frames are longer than the detector's memory
@@ -290,7 +282,7 @@ class _AtSize:
         self._light = photons.not_black(np.concatenate(chunks))
 
     def sums(
-        self, repeat: int, detectors: Sequence[Detector], advance: Callable[[int], object]
+        self, repeat: int, detectors: Sequence[Detector], advance: Callable[[int], object] | None
     ) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, T), over one draw of the sequence."""
         fluxes = self._settings.fluxes
@@ -322,7 +314,8 @@ class _AtSize:
                             self._of_means[case] = reference
                     errors = error_sums(detector, reference, respond(counts, scale))
                     sums[detector.name, flux].append(errors)
-                advance(counts.size)
+                if advance:
+                    advance(counts.size)
         return [
             np.stack([np.concatenate(sums[detector.name, flux], axis=1) for flux in fluxes], axis=1)
             for detector in detectors

@@ -290,7 +290,7 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
         spectrum = excess * shape * size**2 / (2 * shape.sum())
         weight = np.asarray(spectrum / (noise * (noise + count * spectrum)), np.float32)
         seen = np.stack([frame.spectra[patch] for frame in frames])
-        crosses = [np.sum(seen[:-apart].conj() * seen[apart:], axis=0) for apart in range(1, count)]
+        crosses = [np.sum(seen[:-lag].conj() * seen[lag:], axis=0) for lag in range(1, count)]
         correlations = irfft2(np.stack(crosses) * weight, (size, size))
         add_up_pairs(correlations, frames[0].side, scores)
         if np.ptp(scores) > 0:

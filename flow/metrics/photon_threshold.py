@@ -143,7 +143,6 @@ class ErrorCurve:
     """Error of one detector over the flux, at one frame size and in one metric."""
 
     method: str
-    label: str
     shape: tuple[PositiveInt, PositiveInt]
     """Rows and columns of the resized frames"""
     metric: Metric
@@ -207,7 +206,6 @@ def error_curve(
         thresholds[n] = threshold(fluxes, errors, spreads, freedom, 2.0**-n, rng)
     return ErrorCurve(
         method=method.name,
-        label=method.label,
         shape=shape,
         metric=metric,
         fluxes=tuple(fluxes),

@@ -304,9 +304,8 @@ def first_reached(times: Sequence[float], errors: Floats, target: float) -> floa
     place = int(reached[0])
     if place == 0 or not np.isfinite(errors[place - 1]):
         return float(times[place])
-    above, below = np.log(errors[place - 1 : place + 1])
-    share = (above - math.log(target)) / (above - below)
-    return float(times[place - 1] * (times[place] / times[place - 1]) ** share)
+    around = slice(place - 1, place + 1)
+    return math.exp(np.interp(-math.log(target), -np.log(errors[around]), np.log(times[around])))
 
 
 _BLUR = "motion blur"
