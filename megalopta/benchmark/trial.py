@@ -7,7 +7,7 @@ hash of everything that it depends on: the trial, the pixels of its template and
 import json
 import operator
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from functools import cached_property
 from itertools import product
@@ -169,8 +169,9 @@ class Trial(Record, frozen=True):
     @classmethod
     def _known_once(cls, methods: Any, validation: ValidationInfo) -> Any:
         """Find each method; a name in a file runs no code unless that is allowed."""
-        kinds = str, Detector, Callable
-        if not isinstance(methods, list | tuple) or not all(isinstance(m, kinds) for m in methods):
+        if not isinstance(methods, list | tuple) or not all(
+            isinstance(name, str | Detector) or callable(name) for name in methods
+        ):
             return methods
         allows_code = (validation.context or {}).get("allows_code", True)
         detectors = [method(name, allows_code or isinstance(name, Typed)) for name in methods]
