@@ -115,12 +115,10 @@ class CorrelationDetector(Detector, frozen=True):
         return self._from(np.zeros((3, *shape)), is_new=True)
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
-        """Return a function that starts with the filters' states; see `Detector.after`.
-
-        The states are computed once: an offset passes through the first low-pass only.
-        """
+        """Return a function that starts with the filters' states; see `Detector.after`."""
         if not len(frames):
             return super().after(frames, scale)
+        # computed once: an offset passes through the first low-pass only
         state = np.zeros((3, *frames.shape[1:]))
         state[0] = frames[0] * np.float64(scale)
         self._pass(frames, scale, state)

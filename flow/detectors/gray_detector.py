@@ -101,10 +101,7 @@ class DenseDetector(GrayDetector, frozen=True):
     """
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) from one frame to the next, NaN without contrast.
-
-        Raises as `BlockDetector.dense`.
-        """
+        """Return the flow (H, W, 2) from one frame to the next, NaN without contrast."""
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
         pair = gray_levels(self._stretched(sequence))

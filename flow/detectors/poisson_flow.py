@@ -40,8 +40,7 @@ class PoissonFlow(BlockDetector, frozen=True):
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
 
-        From counts (H, W), two or more frames of one steady motion; NaN if one has no photon.
-        Raises ValueError if frames differ in shape, or are not counts.
+        NaN if a frame has no photon. Raises ValueError if they differ in shape, or are not counts.
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
 
@@ -91,10 +90,7 @@ class FastPoissonFlow(BlockDetector, frozen=True):
         return super().grid(shape)
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon.
-
-        Raises as `BlockDetector.dense`.
-        """
+        """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon."""
         pair = self.checked(frames)
         self.grid((pair.shape[1], pair.shape[2]))
         start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast
