@@ -28,7 +28,7 @@ from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
 from megalopta.flow.stimuli import photons
 
 _THESIS_WARM_UP = 30
-_CHUNK_FRAMES = 16
+CHUNK_FRAMES = 16
 
 
 class CurveSettings(
@@ -323,6 +323,6 @@ class _AtSize:
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         """Yield the numbers of first frames of chunks, and the chunks."""
-        for first in range(0, self._frames.shape[0], _CHUNK_FRAMES):
-            chunk = np.asarray(self._frames[first : first + _CHUNK_FRAMES])
+        for first in range(0, self._frames.shape[0], CHUNK_FRAMES):
+            chunk = np.asarray(self._frames[first : first + CHUNK_FRAMES])
             yield first, photons.resize(chunk, self.shape, self._settings.resize)

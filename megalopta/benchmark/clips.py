@@ -101,8 +101,8 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
             tree = Tree(home)
             tree.check()
             read_lists(home, tree.names())  # refuses a name without a record
-            for name in tree.names():
-                tree.opened(name).compare_all("training/")
+            for sequence in tree.names():
+                tree.opened(sequence).compare_all("training/")
     truths: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():

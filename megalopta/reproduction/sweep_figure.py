@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -191,7 +192,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
         low = ordered["low"].fillna(search.flux_min).where(known)
         high = ordered["high"].fillna(search.flux_max).where(known)
         x = range(len(values)) if is_text else ordered["value"].astype(float)
-        look = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
+        look: dict[str, Any] = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
         look |= style.method_style(str(method))
         axes.errorbar(x, flux, np.stack((flux - low, high - flux)), **look)
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))

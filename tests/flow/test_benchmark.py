@@ -97,6 +97,6 @@ def test_neither_chunks_nor_the_place_of_frames_change_a_number(tmp_path, monkey
     clip = zarr.create_array(tmp_path / "clip.zarr", data=frames, chunks=(4, 60, 60))
     base = {"warm_up": 5, "fluxes_per_decade": 1}
     expected = measured(frames, ALL, settings(**base))
-    monkeypatch.setattr("megalopta.flow.benchmark._CHUNK_FRAMES", 7)
+    monkeypatch.setattr("megalopta.flow.benchmark.CHUNK_FRAMES", 7)
     found = measured(clip, ALL, settings(**base))
     assert found.curves == expected.curves
