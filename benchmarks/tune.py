@@ -7,6 +7,7 @@ settings for the next brighter light. The scenes: dead leaves and pictures of sc
 layers, whose disks move by up to 4 px in half of them and by up to 12 px in the others.
 """
 
+import math
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -17,13 +18,16 @@ import yaml
 from skimage import data
 
 from megalopta.assets_gen import generator
-from megalopta.benchmark.clips import FlowClip, layers_clip, leaves_clip
+from megalopta.assets_gen.surface_textures import dead_leaves
+from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.table import MEAN
 from megalopta.benchmark.whole_frames import PHOTONS_PER_PX, frame_errors
 from megalopta.flow import METHODS
+from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
 
 SHAPE, FASTEST_PX = (168, 168), (4.0, 12.0)
+STEEPEST = 0.008  # largest change of velocity between neighboring pixels, px per frame
 BLURS_PX = (0.0, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 WINDOWS = (0.25, 0.35, 0.5, 0.75, 1.0, 1.5)
 PARAMETERS = {
@@ -38,14 +42,36 @@ PARAMETERS = {
 def tuning_clips() -> Iterator[FlowClip]:
     """Yield the tuning scenes; those at odd places have large motion."""
     for number, seed in enumerate((1000, 1001, 1002, 1003)):
-        yield leaves_clip(seed, SHAPE, FASTEST_PX[number % 2])
+        rng = generator(seed, "whole frames, leaves")
+        texture = dead_leaves((640, 640), rng, (6.0, 160.0))
+        yield in_layers(f"leaves {seed}", rng, texture, FASTEST_PX[number % 2])
     for number, name in enumerate(("grass", "hubble_deep_field", "coins", "retina")):
         light = decode_srgb(getattr(data, name)() / 255)
         gray = light if light.ndim == 2 else light @ LUMINANCE_SHARES
         sides = [(0, side) for side in gray.shape]
         texture = np.pad(gray, sides, mode="symmetric")  # tiles the plane without a seam
         rng = generator(number, "tuning", name)
-        yield layers_clip(f"tuning {name}", rng, texture, SHAPE, FASTEST_PX[number % 2])
+        yield in_layers(f"tuning {name}", rng, texture, FASTEST_PX[number % 2])
+
+
+def in_layers(
+    name: str, rng: np.random.Generator, texture: np.ndarray, fastest_px: float
+) -> FlowClip:
+    """Return eight frames of a texture in an affine motion, and three disks of it in others."""
+
+    def layer(disk: tuple[float, float, float] | None, fastest_px: float) -> Layer:
+        elsewhere = np.roll(texture, rng.integers(texture.shape), axis=(0, 1))
+        speed, angle = rng.uniform(0.5, fastest_px), rng.uniform(0, 2 * math.pi)
+        velocity = speed * math.cos(angle), speed * math.sin(angle)
+        return Layer(elsewhere, velocity, rng.uniform(-STEEPEST, STEEPEST, (2, 2)), disk)
+
+    layers = [layer(None, FASTEST_PX[0])]
+    for _ in range(3):
+        x, y = ((rng.random() - 0.5) * 0.8 * side for side in SHAPE[::-1])
+        layers.append(layer((x, y, rng.uniform(30, 55)), fastest_px))
+    scene = MovingLayers(layers)
+    light = scene.light(SHAPE, range(-3, 5))  # the flow is that from 0 to 1
+    return FlowClip(name, light / light.mean(), scene.flow(SHAPE, 0), scene.hidden(SHAPE, 0))
 
 
 def main(name: str) -> None:

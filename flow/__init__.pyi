@@ -1,8 +1,6 @@
 from .benchmark import (
     BenchmarkResult as BenchmarkResult,
     BenchmarkSettings as BenchmarkSettings,
-    Bookkeeping as Bookkeeping,
-    Clip as Clip,
     SearchSettings as SearchSettings,
     photon_benchmark as photon_benchmark,
 )
@@ -53,7 +51,6 @@ from .metrics.endpoint_error import (
 )
 from .metrics.photon_threshold import (
     ErrorCurve as ErrorCurve,
-    MeasuredErrors as MeasuredErrors,
     Threshold as Threshold,
     threshold as threshold,
 )
@@ -68,7 +65,6 @@ from .one_call import optical_flow as optical_flow
 from .stimuli.known_flow import Layer as Layer, MovingLayers as MovingLayers
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
 from .stimuli.photons import (
-    Normalization as Normalization,
     ResizeKind as ResizeKind,
     draw_counts as draw_counts,
     resize as resize,

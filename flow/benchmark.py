@@ -3,16 +3,10 @@
 A clean sequence is resized, scaled to a photon flux, and drawn. Each detector runs on the counts
 and on the clean sequence, and the error between both responses is measured over the flux. Counts
 are multiplied by pixels/flux first, so that the response to the clean sequence does not depend on
-the flux (dark counts are the same everywhere; detectors that respond to such an offset get the
-clean sequence with it). All detectors see the same draws.
+the flux. Detectors that respond to an offset get the clean sequence with dark counts.
 
-The sequence is processed in chunks of frames, all fluxes of a chunk at a time, so memory does not
-grow with its length. Every draw has its own random stream, so neither chunks nor the choice of
-fluxes, sizes or detectors changes a number. Standard errors (`error_curve`) are estimated in blocks
-of frames longer than the memory of the detector.
-
-For a template that turns past a window, `photon_search` finds the thresholds alone with a fraction
-of the draws.
+All fluxes of a few frames are measured at a time. Every draw has its own random stream, so neither
+chunks nor the choice of fluxes, sizes or detectors changes a number.
 """
 
 import math
@@ -21,19 +15,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Annotated, Any, Literal, Protocol, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BaseModel, Field, PositiveInt, TypeAdapter, field_validator, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, Frames, Responder
+from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.registry import METHODS, Method, method
-from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import METRICS, Metric, error_sums
 from megalopta.flow.stimuli import photons
 
 _THESIS_WARM_UP = 30
+CHUNK_FRAMES = 16
 
 
 class CurveSettings(
@@ -51,22 +46,10 @@ class CurveSettings(
     """Independent draws of the whole sequence at each flux; they give the confidence intervals"""
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
-    normalization: photons.Normalization = "per_frame"
-    """per_frame scales every frame to the flux, as in the dissertation. per_sequence scales the
-    mean frame, so that frames keep their differences in brightness"""
-    reference: Literal["self", "perfect"] = "self"
-    """Reference of the responses to counts: those to the mean counts, dark counts included (self),
-    or to the light alone (perfect). It matters to IM and PM, which respond to an offset"""
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is reported; n bits are an error of 2⁻ⁿ"""
-    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
-    """Confidence level of intervals"""
-
-    def compares_with_means(self, detector: Detector) -> bool:
-        """True if the reference of a detector's responses includes mean dark counts."""
-        return self.reference == "self" and not detector.ignores_offset
 
     @field_validator("metrics", "bits", "sizes", check_fields=False)
     @classmethod
@@ -103,8 +86,6 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     """"nearest" subsamples frames as in the dissertation, "area" pools the light"""
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; default: 30 if there are 60, else a detector's memory"""
-    chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
-    """Frames processed together; changes memory and speed, never a result"""
 
 
 class SearchSettings(CurveSettings, frozen=True):
@@ -176,28 +157,6 @@ def checked_warm_up(
 
 
 @dataclass(frozen=True)
-class Bookkeeping:
-    """Progress of a run, and cache of its parts, so that an interrupted run can continue."""
-
-    on_progress: Callable[[int], object] = lambda work: None
-    """Called with the work done since the last call, in the units of `work_units`."""
-    part: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = lambda _, work: work()
-    """Returns a part by name, one per size and repeat: the cached one, or else the result of the
-    callable, sums (4, fluxes, T) of each method."""
-
-
-class Clip(Protocol):
-    """A sequence of frames, of which some are read at a time: an array, in memory or on disk."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Frames, rows and columns."""
-
-    def __getitem__(self, frames: slice, /) -> Any:
-        """Return successive frames (n, H, W)."""
-
-
-@dataclass(frozen=True)
 class BenchmarkResult:
     """All curves of one sequence, with everything needed to reproduce them."""
 
@@ -219,11 +178,9 @@ class BenchmarkResult:
         for curve in self.curves:
             if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):
                 return curve
-        raise ValueError(
-            f"no {metric} curve of {method!r} at {size} px: choose from"
-            f" {', '.join(detector.name for detector in self.methods)} at {self.settings.sizes} px,"
-            f" {', '.join(self.settings.metrics)}"
-        )
+        names = ", ".join(detector.name for detector in self.methods)
+        sizes = f"{names} at {self.settings.sizes} px"
+        raise ValueError(f"no {metric} curve of {method!r} at {size} px: choose from {sizes}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, ready for JSON."""
@@ -249,12 +206,13 @@ class BenchmarkResult:
 
 
 def photon_benchmark(
-    frames: Clip,
+    frames: Frames,
     methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
-    books: Bookkeeping = Bookkeeping(),
+    advance: Callable[[int], object] | None = None,
+    cached: Callable[[str, Callable[[], list[Floats]]], list[Floats]] | None = None,
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes that it needs.
 
@@ -267,22 +225,23 @@ def photon_benchmark(
         like one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
-    seed : int
-        Any integer.
-    sequence : str
-        Name of the sequence; sequences of different names are drawn independently.
-    books
-        Gets the work done, `work_units` in all, and caches its parts.
+    seed, sequence
+        Sequences of different names are drawn independently.
+    advance
+        Called with the work done since the last call, `work_units` in all.
+    cached
+        Returns a part of the work by name, one per size and repeat: a stored one, or else the
+        result of the callable, sums (4, fluxes, T) of each method.
     """
     detectors = [method(chosen) for chosen in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
-        repeats = [
-            books.part(f"{at_size.key[-1]}-{n}", partial(at_size.sums, n, detectors, books))
-            for n in range(settings.repeats)
-        ]
+        repeats = []
+        for n in range(settings.repeats):
+            work = partial(at_size.sums, n, detectors, advance)
+            repeats.append(cached(f"{at_size.key[-1]}-{n}", work) if cached else work())
         for detector, repeated in zip(detectors, zip(*repeats, strict=True), strict=True):
             sums = np.stack(repeated, axis=2)[..., warm_up:]
             # independent blocks of frames are longer than the detector's memory
@@ -290,11 +249,8 @@ def photon_benchmark(
             blocks = max(1, scored // (detector.memory_frames + 1))
             starts = [block * scored // blocks for block in range(blocks)]
             for metric in settings.metrics:
-                measured = measured_errors(metric, settings.fluxes, sums, starts)
-                levels = settings.bits, settings.confidence
-                curves.append(
-                    error_curve(detector, at_size.shape, metric, measured, *levels, at_size.key)
-                )
+                of_sums = settings.fluxes, sums, starts, settings.bits, at_size.key
+                curves.append(error_curve(detector, at_size.shape, metric, *of_sums))
     return BenchmarkResult(
         sequence=sequence,
         seed=seed,
@@ -310,7 +266,7 @@ class _AtSize:
     """A resized clean sequence, and the errors of methods on its photons."""
 
     def __init__(
-        self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
+        self, frames: Frames, size: int, settings: BenchmarkSettings, seed: int, sequence: str
     ) -> None:
         self._frames, self._settings = frames, settings
         rows, columns = frames.shape[1], frames.shape[2]
@@ -321,11 +277,13 @@ class _AtSize:
         self.key = seed, sequence, f"{self.shape[0]}x{self.shape[1]}"
         """Names the sequence at this size in random streams"""
         self._of_means: dict[tuple[str, float, int], Floats] = {}
-        """Velocities in mean counts by method, scale and first frame: the same in every repeat"""
-        light = np.concatenate([photons.frame_light(chunk) for _, chunk in self._resized()])
-        self._divisors = photons.divisors(light, settings.normalization)
+        """Velocities in mean counts by method, flux and first frame: the same in every repeat"""
+        chunks = [photons.frame_light(chunk) for _, chunk in self._resized()]
+        self._light = photons.not_black(np.concatenate(chunks))
 
-    def sums(self, repeat: int, detectors: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
+    def sums(
+        self, repeat: int, detectors: Sequence[Detector], advance: Callable[[int], object] | None
+    ) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, T), over one draw of the sequence."""
         fluxes = self._settings.fluxes
         to_light = [detector.start(self.shape) for detector in detectors]
@@ -336,7 +294,7 @@ class _AtSize:
         ]
         sums: defaultdict[tuple[str, float], list[Floats]] = defaultdict(list)
         for first, frames in self._resized():
-            light = frames / self._divisors[first : first + len(frames), None, None]
+            light = frames / self._light[first : first + len(frames), None, None]
             ideals = [respond(light, self._pixels) for respond in to_light]
             # bright light first, which takes longest: the time left then only falls
             for flux, at_flux in zip(reversed(fluxes), reversed(started), strict=True):
@@ -348,28 +306,23 @@ class _AtSize:
                     detectors, ideals, at_flux, strict=True
                 ):
                     reference = ideal
-                    if self._settings.compares_with_means(detector):
-                        reference = self._mean_response(detector, to_means, means, scale, first)
+                    if not detector.ignores_offset:
+                        case = detector.name, flux, first
+                        kept = self._of_means.get(case)
+                        reference = to_means(means, scale) if kept is None else kept
+                        if detector.gives == "velocity":  # a few numbers; responses are frames
+                            self._of_means[case] = reference
                     errors = error_sums(detector, reference, respond(counts, scale))
                     sums[detector.name, flux].append(errors)
-                books.on_progress(counts.size)
+                if advance:
+                    advance(counts.size)
         return [
             np.stack([np.concatenate(sums[detector.name, flux], axis=1) for flux in fluxes], axis=1)
             for detector in detectors
         ]
 
-    def _mean_response(
-        self, detector: Detector, respond: Responder, means: Floats, scale: float, first: int
-    ) -> Floats:
-        kept = self._of_means.get((detector.name, scale, first))
-        response = respond(means, scale) if kept is None else kept
-        if detector.gives == "velocity":  # a few numbers a block; responses are frames
-            self._of_means[detector.name, scale, first] = response
-        return response
-
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         """Yield the numbers of first frames of chunks, and the chunks."""
-        length = self._settings.chunk_frames
-        for first in range(0, self._frames.shape[0], length):
-            chunk = np.asarray(self._frames[first : first + length])
+        for first in range(0, self._frames.shape[0], CHUNK_FRAMES):
+            chunk = np.asarray(self._frames[first : first + CHUNK_FRAMES])
             yield first, photons.resize(chunk, self.shape, self._settings.resize)

@@ -1,22 +1,15 @@
 """Search for the photons that detectors need on a moving template, with few draws.
 
-**Short sequences.** The dissertation's sequence of 400 frames is represented by a few short ones
-that start at places spread around the template. Detectors with memory see clean frames first, so
-that their filters have the right state, and only the noise has yet to reach its strength; frames
-until then are drawn but not scored. Draws are keyed by seed, stimulus, flux, place and repeat, and
-a detector that needs few frames sees the first of those that another one sees.
+**Short sequences** that start at places spread around the template represent the dissertation's
+sequence of 400 frames. Detectors with memory see clean frames first, so that only the noise has yet
+to reach its strength; frames until then are drawn but not scored.
 
 **Search.** Errors are measured only at the fluxes of a fixed lattice that a search needs. It starts
 where a single pixel is precise enough, strides up or down by half decades as far as the error
 suggests, and bisects the half decade in which the error crosses its level until its ends are
 neighbors, or the curve between them is straight; it strides on while the interval of the crossing
-is open. An error at a flux does not depend on the path of the search, so no result depends on the
-other methods of a search, nor on their order. For one method, metrics and bits share their fluxes,
-so further ones may refine an interval.
-
-The crossing is the dissertation's first downward one, unless the error falls below its level and
-rises again at a smaller flux, between lattice neighbors that the search has not measured; then
-another crossing may be found.
+is open. If the error falls below its level and rises again between fluxes that are not measured,
+another crossing than the dissertation's first may be found.
 """
 
 import math
@@ -29,7 +22,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark import SearchSettings
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import Metric, error_of, error_sums
 from megalopta.flow.stimuli.moving_template import MovingTemplate, sum_frames
 from megalopta.flow.stimuli.photons import draw_in_one, narrowest
@@ -57,19 +50,11 @@ def photon_search(
 ) -> tuple[ErrorCurve, ...]:
     """Return a curve per method and metric, measured where the thresholds need it.
 
-    Raises ValueError if the frames are black or too small for a detector.
-
-    Parameters
-    ----------
-    methods
-        Detectors, their names, or functions (`detector_from`); of different names.
-    seed : int
-        Any integer.
-    name : str
-        Name of the stimulus; stimuli of different names are drawn independently.
+    Methods are detectors, their names, or functions (`detector_from`). Stimuli of different names
+    and seeds are drawn independently. Raises ValueError if the frames are black or too small.
     """
     detectors = [method(chosen) for chosen in methods]
-    sequences = ShortSequences(stimulus, settings, seed, name, detectors)
+    sequences = ShortSequences(stimulus, settings, (seed, name), detectors)
     # detectors of the most frames first: the others see a part of these
     order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
     curves = {detector.name: _Search(sequences, detector).curves() for detector in order}
@@ -83,24 +68,25 @@ class ShortSequences:
         self,
         stimulus: MovingTemplate,
         settings: SearchSettings,
-        seed: int,
-        name: str,
+        key: tuple[int, str],
         methods: Sequence[Detector],
     ) -> None:
         self.settings = settings
-        self.key = (seed, name, f"{stimulus.size}x{stimulus.size}")
+        self.key = *key, f"{stimulus.size}x{stimulus.size}"
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
         self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
         self._before = max(map(_warm_up_frames, methods), default=0)
-        after = (
-            max((detector.noise_memory_frames for detector in methods), default=0) + settings.frames
-        )
-        frames = self._before + after + settings.summed_frames - 1
-        self._light = [
-            stimulus.light(shift - self._before * stimulus.velocity_px, frames)
-            for shift in phase_shifts(stimulus.template.shape[1], settings.phases)
-        ]
+        after = max((detector.noise_memory_frames for detector in methods), default=0)
+        frames = self._before + after + settings.frames + settings.summed_frames - 1
+        # evenly spread, but incommensurate with a grating: shares of a step between places by van
+        # der Corput's sequence in base 2, 0, 1/2, 1/4, 3/4, …
+        self._light = []
+        for n in range(settings.phases):
+            share = int(f"{n:b}"[::-1], 2) / (1 << n.bit_length())
+            shift = int((n + share) / settings.phases * stimulus.template.shape[1])
+            shift -= self._before * stimulus.velocity_px
+            self._light.append(stimulus.light(shift, frames))
         self._brightest = max(float(light.max()) for light in self._light)
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
@@ -123,13 +109,6 @@ class ShortSequences:
         return self._counts[name][:frames]
 
 
-def phase_shifts(columns: int, phases: int) -> list[int]:
-    """Return places around a template (px), evenly spread but incommensurate with a grating."""
-    # van der Corput's sequence in base 2: 0, 1/2, 1/4, 3/4, …
-    shares = [int(f"{n:b}"[::-1], 2) / (1 << n.bit_length()) for n in range(phases)]
-    return [int((phase + share) / phases * columns) for phase, share in enumerate(shares)]
-
-
 def next_index(
     errors: Mapping[int, float],
     level: float,
@@ -142,10 +121,9 @@ def next_index(
 
     None if the crossing is known well enough or lies outside the lattice.
 
-    `errors`: index of a flux to the error there; at least one; `last`: largest index, 1 or more;
-    `per_decade`: fluxes per factor of ten; `straight`: decades by which the errors around the
-    crossing may miss F^−½ and need no flux between them; `is_smooth`: whether to interpolate where
-    else the interval of the crossing is halved.
+    `errors`: by index of the flux, one or more; `last`: largest index; `per_decade`: fluxes per
+    factor of ten; `straight`: decades by which the errors around the crossing may miss F^−½ and
+    need no flux between them; `is_smooth`: whether to interpolate, not to halve its interval.
     """
     depths = {
         index: math.log10(max(error / level, _SMALLEST_ERROR)) for index, error in errors.items()
@@ -171,10 +149,7 @@ def next_index(
 
 
 def _stride(depth: float, per_decade: int) -> int:
-    """Return the expected distance of the crossing, in fluxes, from an error of 10^depth levels.
-
-    Errors fall as F^−½ above a detector's threshold and faster below it.
-    """
+    """Return the expected distance of the crossing from an error of 10^depth levels, in fluxes."""
     decades = min(1.5 * abs(depth), _LONGEST_STRIDE_DECADES)
     return max(1, math.ceil(decades * _STRIDES_PER_DECADE)) * _shortest_stride(per_decade)
 
@@ -269,9 +244,8 @@ class _Search:
         *axes, places, frames = sums.shape
         starts = range(0, places * frames, frames)
         fluxes = [self._fluxes[index] for index in indices]
-        measured = measured_errors(metric, fluxes, sums.reshape(*axes, -1), starts)
-        levels, sequences = (bits, self._settings.confidence), self._sequences
-        return error_curve(self._method, sequences.shape, metric, measured, *levels, sequences.key)
+        of_sums = fluxes, sums.reshape(*axes, -1), starts, bits, self._sequences.key
+        return error_curve(self._method, self._sequences.shape, metric, *of_sums)
 
     def _measure(self, index: int) -> None:
         """Keep the sums for the error at a flux, (4, repeats, places, scored frames)."""
@@ -285,7 +259,7 @@ class _Search:
         """Return sums of errors, (4, repeats, scored frames)."""
         method, repeats = self._method, self._settings.repeats
         ideal = self._ideal[phase]
-        if self._settings.compares_with_means(method):
+        if not method.ignores_offset:
             ideal = self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
         # if frames are independent, one represents those of a place
         means = self._clean[phase][:1] * flux + dark

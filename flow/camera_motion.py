@@ -1,16 +1,10 @@
 """The camera's rotation and its direction of translation, of maximum likelihood, from counts.
 
 The likelihood of the counts of several frames (`flow.likelihood`), in terms of the rotation ω, its
-change α, the heading, and the inverse depth ρ|t| at nodes 4 px apart. Neighbors pay for flow that
-differs through ρ as in Poisson flow, though less, so that a place without texture takes its
-distance from its neighbors. There are several maxima: translation to the left resembles rotation to
-the left. So the search starts from the heading that fits Poisson flow best (`motion_of_flow`), from
-its opposite, and from both directions along each axis of the camera, each with the rotation and
-distances that fit Poisson flow; the two most likely after three steps continue.
-
-The scene is assumed static. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading is meaningless. Equations, errors and limits:
-`docs/theory/camera-motion.md`.
+change α, the heading, and the inverse depth ρ|t| at nodes 4 px apart. There are several maxima:
+translation to the left resembles rotation to the left. So the search starts from the heading that
+fits Poisson flow best (`motion_of_flow`), from its opposite, and from both directions along each
+axis of the camera; the two most likely after three steps continue.
 
 **From the flow of a whole frame**: a point seen in direction d (unit vector) is seen in direction e
 by a camera that translated by t and rotated by R. At any distance,
@@ -19,8 +13,9 @@ by a camera that translated by t and rotated by R. At any distance,
 
 which is the motion across the plane of d and t, in radians, so noise of the flow has equal weight
 everywhere. Headings all over the sphere are tried in a linearization in the rotation (Bruss and
-Horn 1983); the best are refined without it and with Cauchy's loss. The sign of t is the one that
-puts more points in front.
+Horn 1983); the best are refined without it and with Cauchy's loss.
+
+Equations, errors and limits: `docs/theory/camera-motion.md`.
 """
 
 from collections.abc import Iterator
@@ -172,10 +167,8 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     """Return the camera's rotation and heading of maximum likelihood, given counts.
 
     Per frame, in the axes of the camera at the frame before the middle. `counts` (T, H, W): two or
-    more frames of one steady motion; `camera`: that saw them.
-
-    Raises ValueError if frames have another size than the camera, or fewer than 12 pixels along a
-    side, there is only one, or they hold no counts, or all the same.
+    more frames of one steady motion. Raises ValueError if they have another size than the camera,
+    fewer than 12 pixels along a side, or no contrast.
     """
     return _Search.of(counts, camera).best().camera_motion
 
@@ -185,11 +178,10 @@ def camera_motion_with_error(
 ) -> tuple[CameraMotion, CameraMotionError]:
     """Return the motion as `likely_camera_motion`, and its standard errors, from counts (T, H, W).
 
-    What moves by itself may look like a near part of a scene at rest, which no misfit tells. So the
-    motion is also found without each of eleven parts of the view: eight strips of 40 % of its width
-    or height, the nearest and the farthest 40 % of its pixels, and the nearer of two groups of
-    distances. The largest change is part of the error, with the inverse of the information. Takes
-    some eleven times as long. Raises as `likely_camera_motion`.
+    What moves by itself may look like a near part of a scene at rest. So the motion is also found
+    without each of eleven parts of the view: eight strips of 40 % of its width or height, the
+    nearest and the farthest 40 % of its pixels, and the nearer of two groups of distances. The
+    largest change is part of the error, with the inverse of the information.
     """
     search = _Search.of(counts, camera)
     best = search.best()
@@ -445,10 +437,7 @@ class _Search:
         return dense_flow.evidence(self.level, patterns, map(places, self.times, rotations))
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
-        """Return the penalty on the gradient of the inverse depth, and its quadratic form.
-
-        The form (nodes, nodes) has the weights of the links of nodes.
-        """
+        """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""
         first, second = dense_flow.links(inverse_depth.shape)
         change = scale_px * (inverse_depth.ravel()[second] - inverse_depth.ravel()[first])
         weights = dense_flow.link_weights(self.smoothness, change**2)

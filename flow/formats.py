@@ -1,19 +1,17 @@
 """Flow files: `.flo`, `.flo5`, KITTI's PNG, `.pfm`, `.npy`.
 
 All hold (H, W, 2) float32 in px, +x right, +y down, NaN where undefined. Every length is checked
-before memory is allocated, and nothing is unpickled. Files are written atomically.
+before memory is allocated, and nothing is unpickled.
 
 - `.flo`, Middlebury's: the tag "PIEH", width and height as int32, then (u, v) float32 by rows, all
   little-endian. An undefined flow is stored as 1e10 in both components; a value above 1e9 in
   either is read as NaN in both (Baker et al., IJCV 92, 2011, flowIO of the evaluation).
 - `.flo5`, Spring's: HDF5 with one dataset, "flow" (H, W, 2) float32 (Mehl et al., CVPR 2023).
 - KITTI's PNG of 16 bits: u·64 + 2¹⁵, v·64 + 2¹⁵ and whether the flow is known, as red, green and
-  blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as unknown (Menze
-  and Geiger, CVPR 2015, the benchmark's development kit).
+  blue; a flow beyond ±512 px is stored as unknown (Menze and Geiger, CVPR 2015).
 - `.pfm`, a portable float map of three channels, the third of which is ignored; rows from the
-bottom, values times its scale, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
-- `.npy`, (H, W, 2) of floating point, which can mark unknown flow: whole numbers may be KITTI's
-codes as well as pixels.
+  bottom, values times its scale, as in FlyingThings3D and Monkaa (Mayer et al. 2016).
+- `.npy`, of floating point, which can mark unknown flow.
 """
 
 import struct

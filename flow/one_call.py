@@ -1,6 +1,5 @@
 """The flow between two images in one call, by any method that gives velocities."""
 
-from collections.abc import Mapping
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -9,7 +8,6 @@ from pydantic import ValidationError
 
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
-from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, velocity_method
 
@@ -42,9 +40,10 @@ def optical_flow(
 ) -> Floats | tuple[Floats, Floats]:
     """Return the flow from one image to the next, (H, W, 2) in px: x to the right, then y down.
 
-    Raises ValueError if the method gives no velocity or no covariance that is asked for, a setting
-    is unknown or wrong, or the images differ in size, are too small, or are not counts if the
-    method needs them.
+    With `return_covariance`, its covariances (H, W, 2, 2), px², too. The flow is NaN where
+    undefined. That of a method of one velocity per block is interpolated linearly between block
+    centers, and constant beyond the outermost. Raises ValueError if method, setting or images
+    cannot be used.
 
     Parameters
     ----------
@@ -57,16 +56,24 @@ def optical_flow(
         True to get the covariance of the flow at each pixel, too; PF and PPF have one.
     **settings
         Settings of the method, such as `smoothness` of PF; its class lists them.
-
-    Returns
-    -------
-    Floats
-        Flow at each pixel of the first image, NaN where undefined. For a method of one velocity
-        per block, interpolated linearly between block centers, and constant beyond the outermost.
-    Floats
-        With `return_covariance`: its covariances (H, W, 2, 2), px².
     """
-    detector = _changed(velocity_method(method), settings)
+    detector = velocity_method(method)
+    known = [name for name in type(detector).model_fields if name not in ("name", "label")]
+    for name, value in settings.items():
+        if name not in known:
+            raise ValueError(
+                f"{detector.name} has no setting {name} (value {quoted(value)}): choose from"
+                f" {', '.join(known)}"
+            )
+    try:
+        detector = type(detector).model_validate({**dict(detector), **settings})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        name, message = ".".join(map(str, problem["loc"])), problem["msg"]
+        remedy = message.replace("Input should", "it should").removeprefix("Value error, ")
+        raise ValueError(
+            f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
+        ) from None
     frames = [np.asarray(image) for image in (first, second)]
     for image in frames:
         if image.dtype.kind not in "buif":
@@ -86,23 +93,3 @@ def optical_flow(
     if not isinstance(detector, PoissonFlow):
         raise ValueError(f"return_covariance: {detector.name} has none; choose PF or PPF")
     return detector.dense_with_covariance(*frames)
-
-
-def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetector:
-    fields = type(detector).model_fields
-    known = [name for name in fields if name not in ("name", "label")]
-    for name, value in settings.items():
-        if name not in known:
-            raise ValueError(
-                f"{detector.name} has no setting {name} (value {quoted(value)}): choose from"
-                f" {', '.join(known)}"
-            )
-    try:
-        return type(detector).model_validate({**dict(detector), **settings})
-    except ValidationError as error:
-        problem = error.errors()[0]
-        name, message = ".".join(map(str, problem["loc"])), problem["msg"]
-        remedy = message.replace("Input should", "it should").removeprefix("Value error, ")
-        raise ValueError(
-            f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
-        ) from None

@@ -12,12 +12,12 @@ import numpy as np
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.surface_textures import dead_leaves
-from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, ROWS, natural_templates
+from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, ROWS, natural_template
 from megalopta.flow.stimuli.statistics import fitted_slope, power_spectrum
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb
 
-forests = natural_templates()
+forests = {name: natural_template(name) for name in NATURAL_PANORAMAS}
 figure = plt.figure(figsize=(9, 14), layout="constrained")
 *pictures, (spectra, gradients) = [
     *([figure.add_subplot(6, 1, row + 1)] for row in range(4)),

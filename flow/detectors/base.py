@@ -1,9 +1,5 @@
 """Common interface of all motion detectors.
 
-A detector is a frozen parameter object. `respond` takes a whole sequence; `start` returns the same
-detector as a function of successive chunks of a sequence, so that a long one need not be in
-memory. Both give the same numbers, for any chunks.
-
 To add a detector: derive from `Detector` in a new file of this folder, with a default for each
 parameter, and write a test; `megalopta.flow.detectors.registry` finds it.
 """
@@ -90,13 +86,11 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         return None
 
     def respond(self, frames: Frames, scale: float = 1.0) -> Floats:
-        """Return the responses to the sequence `scale` · `frames`.
+        """Return the responses to the sequence `scale` · `frames` (T, H, W).
 
-        Raises ValueError if the frames are not a sequence, too few or too small.
-
-        `frames` (T, H, W), counts or intensities. `scale`: brings counts to common brightness, for
-        instance pixels per frame / photons per frame. Velocities do not depend on it. Returns (T,
-        H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
+        They are (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined. The
+        scale brings counts to common brightness, such as pixels / photons per frame; velocities do
+        not depend on it. Raises ValueError if frames are too few or too small.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(

@@ -1,17 +1,12 @@
 """Block matching (BM): exhaustive search for the shift with the least mean absolute difference.
 
 Thesis §4.3.1, after Barjatya's ES. Each block of frame t + 1 is compared with all equally large
-parts of frame t up to `radius_px` away in x and y; parts that leave the frame are skipped. The
-candidates are tried row by row from the upper left, and only a strictly smaller difference
-replaces the best, so of equal ones the first wins (in the dark, where all blocks are empty, that
-is the velocity (+radius, +radius)). Velocities are whole pixels: motion below half a pixel per
-frame gives 0, motion beyond the radius a wrong velocity.
+parts of frame t up to `radius_px` away in x and y; parts that leave the frame are skipped. Of equal
+candidates the first, row by row from the upper left, wins: in the dark that is (+radius, +radius).
 
-The candidates have equal areas, so sums stand for means. For each shift in x both frames are laid
-out in strips as wide as a block, so that a block and each of its candidates up and down is one run
-of pixels. Counts are compared as bytes or as 16-bit numbers where they fit: processors have
-instructions that add up |a − b| of 16 to 64 bytes at once. All others are compared as float64,
-without rounding up to 2⁵³ in a block.
+For each shift in x both frames are laid out in strips as wide as a block, so that a block and each
+of its candidates up and down is one run of pixels. Counts are compared as bytes or as 16-bit
+numbers where they fit: processors add up |a − b| of 16 to 64 bytes at once.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,7 @@
 """Square blocks of block methods, which give one velocity each, and their common parts.
 
-The dissertation cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square
-blocks of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of
-the motion (the match may have left the frame), so errors are scored on inner blocks.
+The dissertation cuts an N × N frame into 10 × 10 blocks. Blocks at the border see less of the
+motion (the match may have left the frame), so errors are scored on inner blocks.
 """
 
 from collections.abc import Sequence
@@ -153,15 +152,12 @@ class BlockDetector(Detector, frozen=True):
         return self.memory_frames + 1
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) of frames of one steady motion, px per frame, x then y.
+        """Return the flow (H, W, 2) of frames (H, W) of one steady motion, px per frame, x then y.
 
-        Velocities of blocks are interpolated linearly between block centers, and constant beyond
-        the outermost; NaN at the pixels of blocks without velocity.
-
-        Raises ValueError if frames are too many or too small, differ in shape, or are not light.
-
-        `*frames` (H, W): two successive ones, or as many more as the method uses together; counts
-        if the method needs them (`takes_counts`).
+        Two successive frames, or as many more as the method uses together. Velocities of blocks are
+        interpolated linearly between block centers, and constant beyond the outermost; NaN at the
+        pixels of blocks without velocity. Raises ValueError if frames are too many or too small,
+        differ in shape, or are not light, or counts if the method needs them.
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

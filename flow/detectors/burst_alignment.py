@@ -1,12 +1,10 @@
 """Burst alignment (BA): patches of sums of frames, aligned from coarse to fine.
 
 Bursts of photographs, and of binary frames of SPADs, are aligned this way before they are merged
-(Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Eight frames are
-added to four sums of two; fewer than eight are used one by one. Each patch of one in the middle is
-searched in the others by the least absolute difference: in frames binned by 8 × 8 px
-first, then in finer ones around twice the shift that it, or one of its four neighbors, had before.
-A parabola through the differences refines the last. The velocity is the slope of the shifts over
-time. Smoothing of the field of shifts, and merging, which follow in Ma et al., are not done.
+(Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Each patch of one of
+four sums in the middle is searched in the others by the least absolute difference, coarse to fine,
+around the shifts of it and its neighbors; a parabola refines the last. The velocity is the slope of
+the shifts over time. The field of shifts is not smoothed, unlike in Ma et al.
 """
 
 from typing import ClassVar

@@ -115,12 +115,10 @@ class CorrelationDetector(Detector, frozen=True):
         return self._from(np.zeros((3, *shape)), is_new=True)
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
-        """Return a function that starts with the filters' states; see `Detector.after`.
-
-        The states are computed once: an offset passes through the first low-pass only.
-        """
+        """Return a function that starts with the filters' states; see `Detector.after`."""
         if not len(frames):
             return super().after(frames, scale)
+        # computed once: an offset passes through the first low-pass only
         state = np.zeros((3, *frames.shape[1:]))
         state[0] = frames[0] * np.float64(scale)
         self._pass(frames, scale, state)
@@ -162,11 +160,8 @@ class CorrelationDetector(Detector, frozen=True):
 
 @cache
 def _settled(filter_step: float, output_step: float, power: int) -> int:
-    """Return the number of frames after which 1 % of the response to one bright frame remains.
-
-    Its longest path is high-pass, delay and low-pass at the output: three poles, two of them equal,
-    so that it decays more slowly than any one.
-    """
+    """Return the number of frames after which 1 % of the response to one bright frame remains."""
+    # high-pass, delay and low-pass at the output: three poles, two of them equal
     frames = math.ceil(_LONG / min(filter_step, output_step))
     delay, smoothing = (
         np.fft.rfft(step * (1 - step) ** np.arange(frames), 2 * frames)
@@ -186,7 +181,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     name: str = "EMD"
     label: str = "Elementary motion detector"
     filter_step: FilterStep = 0.30
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
 class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
@@ -197,7 +191,6 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     name: str = "NDM"
     label: str = "Non-directional multiplication"
     filter_step: FilterStep = 0.625
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
     rectified: bool = True
     """True if the output is the absolute value of the product"""
 
@@ -215,7 +208,6 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
     name: str = "NDS"
     label: str = "Non-directional summation"
     filter_step: FilterStep = 0.714
-    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
 def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:

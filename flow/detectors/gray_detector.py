@@ -1,25 +1,15 @@
 """Common parts of the estimators of OpenCV and scikit-image: gray levels in, blocks out.
 
-They expect gray levels of a fixed range, as in pictures. Photon counts are mapped to it pair by
-pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the brightest 1, and
-neither gain nor offset of the counts changes a velocity. Hot pixels would leave few levels to all
-others, so values beyond the middle 98 % of the pixels by more than three times the spread of these
-are clipped there; pictures without such pixels are not clipped.
-Estimators of 8 bits round to 256 levels, which loses nothing if the counts of a pair span less than
-256, and is below the photon noise wherever a pixel holds more than (span/255)²/12 photons.
+Photon counts are mapped to gray levels pair by pair, by one linear map of both frames: the darkest
+pixel of the two becomes 0, the brightest 1, and neither gain nor offset of the counts changes a
+velocity. Values beyond the middle 98 % of the pixels by more than three times the spread of these,
+such as hot pixels, are clipped. 256 levels of 8 bits are finer than the photon noise wherever a
+pixel holds more than (span/255)²/12 photons.
 
-Photon noise grows with the light, which these estimators ignore. With `stretch`, the counts n are
-first transformed to 2·√(n + 3/8), whose noise is the same in the dark and in the light
-(Anscombe 1948), and smoothed slightly, `blur_px`, or denoised.
+Photon noise grows with the light. With `stretch`, the counts n are first transformed to
+2·√(n + 3/8), whose noise is the same in the dark and in the light (Anscombe 1948).
 
-A pair without contrast has no velocity (NaN); estimators state further cases.
-Velocities belong to the blocks of the first frame of a pair.
-
-A plain function that returns the flow between two frames becomes such a detector, too:
-
-    photon_benchmark(frames, ["LK", detector_from(my_flow)], settings, seed=0, sequence="mine")
-
-A method that needs the counts themselves derives from `BlockDetector` instead.
+A pair without contrast has no velocity (NaN). Velocities belong to the first frame of a pair.
 """
 
 import hashlib
@@ -111,10 +101,7 @@ class DenseDetector(GrayDetector, frozen=True):
     """
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) from one frame to the next, NaN without contrast.
-
-        Raises as `BlockDetector.dense`.
-        """
+        """Return the flow (H, W, 2) from one frame to the next, NaN without contrast."""
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
         pair = gray_levels(self._stretched(sequence))
@@ -144,10 +131,7 @@ class FunctionDetector(DenseDetector, frozen=True):
 
     @field_serializer("function")
     def _identity(self, function: DenseFlow) -> str:
-        """Return an identity of the function, for records and stored results.
-
-        Its source and the values that it encloses; functions that it calls are not inspected.
-        """
+        """Return an identity of the function, for stored results: its source and closure."""
         try:
             enclosed = sorted(inspect.getclosurevars(function).nonlocals.items())
             body = f"{inspect.getsource(function)}{enclosed}"
@@ -173,13 +157,8 @@ def detector_from(
 ) -> FunctionDetector:
     """Return a detector that calls a function for the flow between neighboring frames.
 
-    Parameters
-    ----------
-    function
-        Maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
-        before y; NaN where undefined.
-    name, label : str, optional
-        Short name, and full name; default: the function's.
+    It maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
+    before y; NaN where undefined. Default names are the function's.
     """
     short = name or getattr(function, "__name__", type(function).__name__)
     return FunctionDetector(name=short, label=label or short, function=function)

@@ -1,18 +1,12 @@
-"""Estimators of OpenCV and scikit-image.
+"""Estimators of OpenCV and scikit-image, and of OpenCV's contributed modules where installed.
 
-OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS); scikit-image: total
-variation (TV-L1), Lucas–Kanade at each pixel (ILK) and phase correlation (PC).
+OpenCV runs on one thread: its parallel loops cut a frame by the number of threads, and some
+estimators propagate results within such a part, so only one thread gives the same numbers on every
+machine.
 
-OpenCV is imported on first use, and runs on one thread: its parallel loops cut a frame by the
-number of threads, and some estimators propagate results within such a part, so only one thread
-gives the same numbers on every machine. Sequences are spread over processes anyway.
-
-**OpenCV's contributed modules**, where these are installed. RLOF: robust local optical flow, dense
-by interpolation (Senst et al. 2012, Geistert et al. 2016). PCAFlow: sparse matches in a basis of
-learned flow fields (Wulff and Black 2015). DeepFlow: the variational part of DeepFlow, coarse to
-fine, without its matches (Weinzaepfel et al. 2013). They are in `opencv-contrib-python-headless`,
-which replaces `opencv-python-headless`, and in no default list: an environment without them gives
-the same tables.
+RLOF: Senst et al. 2012, Geistert et al. 2016. PCAFlow: Wulff and Black 2015. DeepFlow: the
+variational part, coarse to fine, without its matches (Weinzaepfel et al. 2013). They are in no
+default list: an environment without them gives the same tables.
 """
 
 from collections.abc import Iterator
@@ -45,15 +39,12 @@ _FADING = 0.5
 class LucasKanade(GrayDetector, frozen=True):
     """Newton search for the shift of a window around the center of each block, coarse to fine.
 
-    Bouguet's iterative form: the shift that minimizes the squared difference between a window of
-    frame t and frame t + 1, found by Newton steps from the coarsest level of a pyramid down to the
-    frames themselves. The finest level alone decides within a pixel. The coarser levels see 2, 4, …
-    times as far; if the texture repeats after a few pixels, they may start the finest level in the
-    wrong period. With `pyramid_levels` 1 an estimate uses the photons of its window alone.
+    Bouguet's iterative form, by Newton steps from the coarsest level of a pyramid down. Levels see
+    2, 4, … times as far; if the texture repeats after a few pixels, they may start the finest in
+    the wrong period. With `pyramid_levels` 1 an estimate uses the photons of its window alone.
 
-    A window whose gradients have one direction only, or none, has no velocity (NaN): the smaller
-    eigenvalue of its structure tensor is below OpenCV's threshold, about a tenth of a squared gray
-    level per pixel. Nor has a window that was tracked out of the frame.
+    A window whose gradients have one direction only, or none, or that was tracked out of the frame,
+    has no velocity (NaN).
     """
 
     place: ClassVar[float] = 7
@@ -83,10 +74,8 @@ class Farneback(DenseDetector, frozen=True):
     """Dense flow from local quadratic polynomials (Farnebäck 2003), averaged over blocks.
 
     Around each pixel both frames are approximated by quadratic polynomials; how their linear terms
-    differ gives the shift, by least squares over a window. It takes the gray levels unrounded.
-    Without texture the flow tends to 0, which is indistinguishable from rest. Right and
-    lower neighbors beyond the frame count as unmatched texture: two equal frames give a flow of
-    exactly 0 only away from the border.
+    differ gives the shift, by least squares over a window. Without texture the flow tends to 0.
+    Right and lower neighbors beyond the frame count as unmatched texture.
     """
 
     place: ClassVar[float] = 8
@@ -110,9 +99,8 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     """Dense flow from overlapping tracked patches (Kroeger et al. 2016), averaged over blocks.
 
     Patches of 8 × 8 px are tracked by the inverse Lucas–Kanade search, coarse to fine; each pixel
-    averages the patches that cover it, and a variational refinement smooths the result. The preset
-    sets how many patches, steps and levels; all of them stop one or two levels above the frames. It
-    fills gaps in the texture from around them, so no block lacks a velocity.
+    averages the patches that cover it, and a variational refinement smooths the result and fills
+    gaps in the texture from around them.
     """
 
     place: ClassVar[float] = 9
@@ -172,8 +160,7 @@ class TotalVariation(DenseDetector, frozen=True):
 
     The flow that minimizes the absolute difference of the frames plus the total variation of the
     flow itself, coarse to fine (Zach, Pock and Bischof 2007). The second term carries the flow over
-    places without texture, so no block lacks a velocity; it also lets neighboring blocks share
-    their photons.
+    places without texture, and lets neighboring blocks share their photons.
     """
 
     place: ClassVar[float] = 10
@@ -215,14 +202,10 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     """The one shift of the whole frame, given to every block.
 
     The cross-power spectrum of two frames, whitened so that all spatial frequencies weigh the same,
-    is the phase ramp of their shift; its transform peaks there (Kuglin and Hines 1975). The peak is
-    refined by a transform on a finer grid around it (Guizar-Sicairos et al. 2008). Frames lose
-    their mean and fade to zero at the edges, since the transform assumes that they are periodic.
-
-    Whitening makes the peak sharp. It also gives full weight to frequencies that contain only
-    photon noise or, where the texture is smooth, leakage from the fading.
-
-    The method uses all photons of a frame, but cannot see parallax.
+    is the phase ramp of their shift; its transform peaks there (Kuglin and Hines 1975), refined on
+    a finer grid around the peak (Guizar-Sicairos et al. 2008). Frames lose their mean and fade to
+    zero at the edges, since the transform assumes that they are periodic. Whitening gives full
+    weight to frequencies that contain only photon noise.
     """
 
     place: ClassVar[float] = 11

@@ -1,10 +1,8 @@
 """A network in an ONNX file for the flow between two pictures, run by onnxruntime.
 
-The file should have the interface of RAFT and similar networks: two pictures (1, 3, H, W), RGB from
-0 to 255, as inputs, and the flow (1, 2, H, W), px, x before y, as output. One input for both, (1,
-6, H, W), and pictures of one channel also work. Of several outputs with two channels the largest is
-the flow, of equals the last. Pictures are resized to the size that the file needs; if it accepts
-any, they are padded at their borders to multiples of 8, as RAFT does.
+Inputs are as RAFT's two pictures (1, 3, H, W), RGB from 0 to 255, of one channel, or joined in one
+input; the output is (1, 2, H, W), px, x before y, the last of the largest ones. Pictures are
+resized to the size that the file needs; if it accepts any, padded to multiples of 8, as RAFT does.
 """
 
 import hashlib
@@ -80,7 +78,16 @@ def onnx_detector(path: Path) -> OnnxDetector:
     try:
         content = hashlib.sha256(read_bytes(path, ARRAY_BYTES)).hexdigest()
         detector = OnnxDetector(name=path.name, label=path.stem, path=path, content=content)
-        problem = _problem(detector)
+        session = _session(path, content)
+        inputs, outputs = session.get_inputs(), session.get_outputs()
+        channels = [entry.shape[1] for entry in inputs if len(entry.shape) == 4]
+        problem = ""
+        if len(channels) < len(inputs) or any(entry.type not in _TYPES for entry in inputs):
+            problem = "its inputs are not pictures (1, channels, H, W) of numbers"
+        elif channels not in ([1, 1], [3, 3], [2], [6]):
+            problem = f"its inputs have {channels} channels, not 3 and 3, 1 and 1, 6 or 2"
+        elif not any(len(entry.shape) == 4 and entry.shape[1] == 2 for entry in outputs):
+            problem = "it has no output (1, 2, H, W)"
     except Exception as failure:  # onnxruntime's errors have no common class
         problem = " ".join(str(failure).split())
     if problem:
@@ -96,20 +103,6 @@ def _session(path: Path, content: str) -> "InferenceSession":
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
     return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-
-
-def _problem(detector: OnnxDetector) -> str | None:
-    """Reason why a file cannot be used."""
-    session = _session(detector.path, detector.content)
-    inputs = session.get_inputs()
-    if any(len(entry.shape) != 4 or entry.type not in _TYPES for entry in inputs):
-        return "its inputs are not pictures (1, channels, H, W) of numbers"
-    channels = [entry.shape[1] for entry in inputs]
-    if channels not in ([1, 1], [3, 3], [2], [6]):
-        return f"its inputs have {channels} channels, not 3 and 3, 1 and 1, 6 or 2"
-    if not any(len(output.shape) == 4 and output.shape[1] == 2 for output in session.get_outputs()):
-        return "it has no output (1, 2, H, W)"
-    return None
 
 
 def _resized(picture: Floats, shape: tuple[int, ...]) -> NDArray[Any]:

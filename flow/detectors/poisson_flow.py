@@ -40,8 +40,7 @@ class PoissonFlow(BlockDetector, frozen=True):
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
 
-        From counts (H, W), two or more frames of one steady motion; NaN if one has no photon.
-        Raises ValueError if frames differ in shape, or are not counts.
+        NaN if a frame has no photon. Raises ValueError if they differ in shape, or are not counts.
         """
         return likelihood_flow(self.checked(frames), self.smoothness)
 
@@ -57,10 +56,9 @@ class PoissonFlow(BlockDetector, frozen=True):
 class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
     """Dense flow by the likelihood of counts in several frames, averaged over blocks.
 
-    All pairs of the frames count at once: aligned by a flow, their roots differ from their mean by
-    noise, and the sum of these squares is, up to a factor, that over all pairs. The flow is that of
-    the middle of the frames, assuming no acceleration between the oldest and the newest; at the
-    start of a sequence there are fewer frames.
+    All pairs of the frames count at once: the sum of the squares of aligned roots from their mean
+    is, up to a factor, that over all pairs. The flow is that of the middle of the frames, assuming
+    no acceleration; at the start of a sequence there are fewer frames.
     """
 
     place: ClassVar[float] = 15
@@ -72,9 +70,7 @@ class FastPoissonFlow(BlockDetector, frozen=True):
     """Dense flow by DIS and one step of the likelihood of counts, averaged over blocks.
 
     DIS finds the flow on Anscombe's root of the counts, blurred slightly. One Newton step of
-    Poisson flow, with its prior, refines it on frames binned by 2 × 2 px. It sees no motion that
-    DIS misses, finds no hot pixels, and states no uncertainty. Measured in
-    `docs/theory/whole-frame-flow.md`.
+    Poisson flow refines it on frames binned by 2 × 2 px. It sees no motion that DIS misses.
     """
 
     place: ClassVar[float] = 14.5
@@ -94,10 +90,7 @@ class FastPoissonFlow(BlockDetector, frozen=True):
         return super().grid(shape)
 
     def dense(self, *frames: Frames) -> Floats:
-        """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon.
-
-        Raises as `BlockDetector.dense`.
-        """
+        """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon."""
         pair = self.checked(frames)
         self.grid((pair.shape[1], pair.shape[2]))
         start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast

@@ -1,21 +1,13 @@
 """Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
-As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Costs are squared differences of the roots of counts. Each block is smoothed according
-to its counts (`likelihood.suited_blur_px`), and each pixel weighted by the variance of the smoothed
-roots around it: texture over texture plus noise, at least 0.2.
-
-The best shift is interpolated by the parabola through 3 × 3 costs, for frames smoothed by at least
-0.7 px. A neighborhood in which only one frame's part moves sees another strip
-of texture on either side, which tilts the parabola: the costs around the minimum are those of both
-frames' parts. A block uses its own pixels, those that the search compares them with, and what the
-smoothing mixes into both, 6 px at most; the weights look a little further. One without photons, or
-whose costs are all equal, has no velocity (NaN).
+Costs are squared differences of the roots of counts. Each block is smoothed according to its counts
+(`roots.suited_blur_px`), and each pixel weighted by the variance of the smoothed roots around it:
+texture over texture plus noise, at least 0.2. The best shift is interpolated by the parabola
+through 3 × 3 costs, of both frames' parts: where only one's moves, another strip of texture on
+either side tilts it. One without photons, or whose costs are all equal, has no velocity (NaN).
 
 PPM first finds the velocity common to all pairs of frames, by a sum of their filtered correlations,
-then refines the alignment of the frames by Gauss–Newton steps. Between pixels frames are cubic
-splines, with an error below 0.01 px for frames blurred by 0.7 px, where parabolas through costs
-have 0.1 px.
+then refines the alignment of the frames by Gauss–Newton steps on cubic splines.
 
 Equations, sources and errors: `docs/theory/matching.md`.
 """
@@ -169,14 +161,13 @@ def add_costs(
     size: int,
     costs: Floats,
 ) -> None:
-    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
+    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` to costs.
 
-    `first`, `second` (H, W): roots of smoothed counts. `weights` (H, W): of the pixels of `second`.
-    `places` (n, 4): row and column in `first` of the part that the middle of `costs` compares with,
-    and of each block in `second`, which must lie inside. `size`: side of a block (px). `costs` (n,
-    2·radius + 1, 2·radius + 1): changed in place. Entry [radius + dy, radius + dx] compares with
-    the part dx to the *left* and dy *above* the origin: content that moved by (+dx, +dy). Parts
-    that leave the frame cost infinity.
+    `first`, `second`, `weights` (H, W): roots of smoothed counts, and weights of those of `second`.
+    `places` (n, 4): row and column in `first` of the origin, and of each block in `second`. Entry
+    [radius + dy, radius + dx] of `costs` (n, 2·radius + 1, 2·radius + 1) compares with the part dx
+    to the *left* and dy *above* the origin: content that moved by (+dx, +dy). Parts that leave the
+    frame cost infinity.
     """
     height, width = first.shape
     radius = costs.shape[1] // 2
@@ -299,7 +290,7 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
         spectrum = excess * shape * size**2 / (2 * shape.sum())
         weight = np.asarray(spectrum / (noise * (noise + count * spectrum)), np.float32)
         seen = np.stack([frame.spectra[patch] for frame in frames])
-        crosses = [np.sum(seen[:-apart].conj() * seen[apart:], axis=0) for apart in range(1, count)]
+        crosses = [np.sum(seen[:-lag].conj() * seen[lag:], axis=0) for lag in range(1, count)]
         correlations = irfft2(np.stack(crosses) * weight, (size, size))
         add_up_pairs(correlations, frames[0].side, scores)
         if np.ptp(scores) > 0:
@@ -403,10 +394,7 @@ def _align(
 def _sums_over_frames(
     splines: NDArray[np.float32], corner: Ints, size: int, vx: float, vy: float
 ) -> NDArray[np.float32]:
-    """Return sums for each pixel of a block over the aligned frames.
-
-    1, t, t², f, t·f and the gradient, over the frames in which it lies: (7, size, size).
-    """
+    """Return Σ over the frames of 1, t, t², f, t·f and the gradient at pixels, (7, size, size)."""
     frames, height, width = splines.shape
     sums = np.zeros((7, size, size), np.float32)
     lines = np.empty((2, size + 3, size), np.float32)

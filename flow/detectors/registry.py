@@ -1,9 +1,6 @@
-"""Detectors by name: those of the files of this folder, then those of other packages.
+"""Detectors by name: those of this folder, in the order of `Detector.place`, then other packages'.
 
-Detector classes of this folder with a default for each parameter are listed here, in the order of
-`Detector.place`. Other packages register theirs, classes or instances, in the entry points
-`megalopta.detectors` (`megalopta.core.plug_ins`). A Python function can replace a name without any
-of this, see `detector_from`; so can the place of one, see `detector_at`.
+These register classes or instances in the entry points `megalopta.detectors`.
 """
 
 import inspect
@@ -112,7 +109,17 @@ def detector_at(reference: str) -> Detector | None:
     module, _, name = reference.partition(":")
     if not (module and name):
         return None
-    function = _attribute(reference, module, name)
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)  # last: it replaces nothing that is installed
+    try:
+        function = getattr(import_module(module), name)
+    except (Exception, SystemExit) as problem:  # foreign code can raise any exception
+        reason = " ".join(str(problem).split()) or type(problem).__name__
+        raise ValueError(
+            f"method {reference!r}: {reason}; give the name of a module, a colon and the name of "
+            "a function in it"
+        ) from None
     if isinstance(function, Detector):
         return function
     if not callable(function):
@@ -126,17 +133,3 @@ def detector_at(reference: str) -> Detector | None:
     except ValueError:
         pass  # built in: unknown
     return detector_from(function, reference)
-
-
-def _attribute(reference: str, module: str, name: str) -> Any:
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)  # last: it replaces nothing that is installed
-    try:
-        return getattr(import_module(module), name)
-    except (Exception, SystemExit) as problem:  # foreign code can raise any exception
-        reason = " ".join(str(problem).split()) or type(problem).__name__
-        raise ValueError(
-            f"method {reference!r}: {reason}; give the name of a module, a colon and the name of "
-            "a function in it"
-        ) from None

@@ -2,28 +2,23 @@
 
 **Cost.** Roots of the counts, smoothed and aligned by a motion, differ from their mean by noise
 alone: the sum of squares is the log-likelihood of that motion. The gradient is that of the mean of
-the aligned frames: noise in it is then independent of noise in their differences, and biases no
-velocity toward 0. Where aligned frames differ by more, something is occluded or not modeled;
-evidence there has proportionally less weight.
+the aligned frames: its noise is independent of noise in their differences, and biases no velocity
+toward 0. Where aligned frames differ by more, evidence has proportionally less weight.
 
-**Prior.** The flow is known at nodes 4 px apart. Links between neighbors penalize its change with
-heavy tails: proportional to the change when small, to its logarithm when large.
+**Prior.** Links between nodes 4 px apart penalize the change of flow: proportional to the change
+when small, to its logarithm when large.
 
 **Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide, against its surroundings, lies beyond their reach: at the
-finest scales, whole displacements that are likelier replace the flow first. Each place of the
-second frame belongs to one place of the first: displacements to where the flow so far explains what
-is seen cost more. Where a displacement leaves the frame, it is no better than the flow so far.
+moves by more than its texture is wide lies beyond their reach: at the finest scales, whole
+displacements that are likelier replace the flow first. Those to where the flow so far explains the
+second frame cost more.
 
 **Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
-factorization, or by conjugate gradients from the factors of a similar one, so that evidence reaches
-any distance in one step.
+factorization, or by conjugate gradients from the factors of a similar one.
 
-**Covariance.** At the most likely flow, evidence and prior are a quadratic form with the matrix
-A + P: A has a block of 2 × 2 per node, the information, P links neighbors. The blocks on the
-diagonal of the inverse are the covariances of nodes (Laplace's approximation). A row of nodes is
-linked to the rows beside it alone, so the matrix is block tridiagonal, and these blocks of its
-inverse follow exactly from two passes, one down and one up (Takahashi's equations).
+**Covariance.** The blocks on the diagonal of the inverse of information plus prior (Laplace's
+approximation). A row of nodes is linked to the rows beside it alone, so these follow exactly from
+two passes, one down and one up (Takahashi's equations).
 
 Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
@@ -51,18 +46,16 @@ _STEADY, _LARGE = 0.003, 1.0
 it grows as a logarithm"""
 _FEW_PHOTONS, _SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
-`PoissonFlow`: with fewer, full smoothness loses small moving objects. With more, interpolation,
-edges and changes of motion leave more error than photons do, and the likelihood is too sure: at the
-finest scale the prior grows on, as fitted to the tuning scenes of the benchmark. At coarser
-ones, which keep parts that move differently apart, it does not"""
+`PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
+grows on with more, fitted to the tuning scenes of the benchmark: the likelihood is too sure, as
+interpolation and edges leave more error than photons do. Coarser scales keep moving parts apart."""
 _MANY_PHOTONS = 20_000.0
 """Photons per pixel in all frames above which the prior stays as it is: what frames differ by is no
 longer shot noise, so the evidence does not grow"""
 _NARROWER, _DIM_PHOTONS = 12.0, 60.0
-"""Factor of the prior in the covariance in bright light: most motions are smoother than the prior
-allows; and photons per pixel in all frames below which it falls, as the flow is then smoother than
-motions are. Between the factors for slow and fast tuning scenes of the benchmark; in dim light
-larger, for smooth motion"""
+"""Factor of the prior in the covariance in bright light, as most motions are smoother than the
+prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
+and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
 
 _MOST_BINS = 4
 """Pixels along a side of the coarsest bins at which large motion is sought"""

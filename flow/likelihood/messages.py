@@ -1,9 +1,8 @@
 """Kernels of the search for whole displacements: costs at nodes, and messages between nodes.
 
 Semi-global matching (Hirschmüller 2008): a label per node minimizes the costs of displacements, as
-negative log-likelihoods, and of changes between neighbors, by messages along eight directions. A
-change to any displacement costs at most `_JUMP`: the prior has heavy tails. The last label is the
-flow so far.
+negative log-likelihoods, and of changes between neighbors, by messages along eight directions. The
+last label is the flow so far.
 """
 
 import numpy as np

@@ -1,14 +1,13 @@
 """Roots of smoothed counts, on a pyramid of scales: what the likelihood compares.
 
-**Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
-the most likely shift of n frames that agree is that of greatest correlation after a filter
-S/(S + N/n). Natural textures have edges, so S/N goes as q·f⁻³ with q = (variance − mean)/mean, the
-index of dispersion less 1, and the filter's width in pixels as (n·q)^(−1/3). Its shape hardly
-matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one photographed forest
-at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes errors by a few percent.
+Where a texture of power spectrum S meets shot noise of variance N (the mean count), the most likely
+shift of n frames is that of greatest correlation after a filter S/(S + N/n). Natural textures have
+edges, so S/N goes as q·f⁻³ with q = (variance − mean)/mean, the index of dispersion less 1, and the
+filter's width in pixels as (n·q)^(−1/3). It is a Gaussian, whose constant was fitted on dead leaves
+and one photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px.
 
-**Scales.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. The
-roots of the counts have the same noise at any brightness (Anscombe 1948).
+Binned by 2 × 2 px, counts remain Poisson; their roots have the same noise at any brightness
+(Anscombe 1948).
 """
 
 from collections.abc import Callable, Iterator

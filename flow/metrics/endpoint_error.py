@@ -1,28 +1,19 @@
 """Errors of velocities of blocks, and of dense flow, against the true flow.
 
-The error rate of the dissertation (`error`) compares a method with itself; this compares it with
-ground truth.
+A block's true velocity is the mean over its pixels that are known and visible in the next frame.
+The outermost blocks (of dense flow, pixels) are skipped. Forward flow is on the pixels of frame t,
+block matching on the blocks of frame t + 1: they differ by the motion itself.
 
-**Blocks.** The true flow is averaged over the blocks of the method, without pixels where it is
-undefined or that are occluded in the next frame, and converted from pixels of the full image to
-pixels of the resized one. Blocks with too few such pixels are skipped, and so is the outermost
-block on every side, as in the error of the dissertation: of a dense flow field, whose blocks are
-pixels, that is a border of 1 px. Forward flow is on the pixels of frame t, block matching on the
-blocks of frame t + 1: they differ by the motion itself, which matters where the flow changes much
-over a few pixels.
-
-**Pixels**, in the measures of the public benchmarks. EPE is the length of the difference. A pixel
-counts for the 1, 3 and 5 px rates when its EPE is larger, and for Fl when its EPE is larger than
-3 px and 5 % of the true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the
-share of pixels within i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is
-that between (u, v, 1) of flow and truth. Pixels whose truth is undefined are not scored. A pixel
-without estimated flow exceeds every limit, its EPE and angle are those of zero motion, and the
-share of such pixels is reported.
+Of pixels, EPE is the length of the difference. Fl counts those off by more than 3 px and 5 % of the
+true motion (KITTI 2015). WAUC (Richter, Hayder and Koltun 2017) weighs the share of pixels within
+i/20 px by 1 − (i − 1)/100, i = 1 … 100: 100 is perfect. The angular error is that between (u, v, 1)
+of flow and truth. A pixel without estimated flow exceeds every limit, and its EPE and angle are
+those of zero motion.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -50,7 +41,6 @@ _LEAST_SHARE = 0.5
 _THRESHOLDS_PX = (1.0, 3.0, 5.0)
 _RELATIVE = 0.05
 _STEPS = 100
-_MEASURES = 9
 
 
 @dataclass(frozen=True)
@@ -91,24 +81,12 @@ def block_flow(
     occluded: Mask | None = None,
     weights: NDArray[np.floating] | None = None,
 ) -> Floats:
-    """Return the true velocity of each block, px of the resized image per frame.
+    """Return the true velocity of each block, (T − 1, rows, columns, 2), px of the resized image.
 
-    Raises ValueError if the shapes do not match.
-
-    Parameters
-    ----------
-    true_flow : (T − 1, H, W, 2)
-        Forward flow, px of the full image, +x right, +y down; NaN where undefined.
-    grid
-        Blocks of the method, in the resized image.
-    occluded : (T − 1, H, W), optional
-        Pixels hidden in the next frame.
-    weights : (T − 1, H, W), optional
-        Weight of each pixel, 0 to 1, such as the share that its flow is true for.
-
-    Returns
-    -------
-    (T − 1, rows, columns, 2), NaN where less than half of a block's pixels are usable.
+    NaN where less than half of a block's pixels are usable. `true_flow` (T − 1, H, W, 2): forward,
+    px of the full image, NaN where undefined; `grid`: blocks in the resized image; `occluded`
+    (T − 1, H, W): pixels hidden in the next frame; `weights`, alike: of pixels, 0 to 1, such as the
+    share that their flow is true for. Raises ValueError if shapes differ.
     """
     shape = true_flow.shape[:3]
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
@@ -143,18 +121,10 @@ def block_share(mask: Mask, grid: BlockGrid) -> Floats:
 def truth_error(
     velocities: Floats, true_velocities: Floats, among: Mask | None = None
 ) -> TruthError:
-    """Return the error of velocities against the truth, without the outermost blocks.
+    """Return the error of velocities against those of `block_flow`, without the outermost blocks.
 
-    Raises ValueError if the shapes differ.
-
-    Parameters
-    ----------
-    velocities : (T − 1, rows, columns, 2)
-        Velocities of a detector, px per frame.
-    true_velocities : (T − 1, rows, columns, 2)
-        From `block_flow` on the detector's blocks.
-    among : (T − 1, rows, columns), optional
-        Only these blocks count.
+    All arrays (T − 1, rows, columns, 2), px per frame; only the blocks `among` (T − 1, rows,
+    columns) count, by default all. Raises ValueError if the shapes differ.
     """
     if velocities.shape != true_velocities.shape:
         raise ValueError(
@@ -188,12 +158,10 @@ def truth_error(
 def truth_splits(
     velocities: Floats, true_velocities: Floats, hidden: Floats
 ) -> Mapping[str, TruthError]:
-    """Return the errors of groups of blocks, by speed and by occlusion, by name.
+    """Return the errors of groups of blocks, by name: by speed, and by occlusion.
 
-    A method may be right on average and wrong where it matters: at slow motion, at motion beyond
-    its reach, at occlusions. "slow", "medium" and "fast" partition the blocks, and so do "clear"
-    and "occlusion". Velocities as for `truth_error`; `hidden`, (T − 1, rows, columns), is the share
-    of each block that is hidden in the next frame.
+    "slow", "medium" and "fast" partition the blocks, and so do "clear" and "occlusion". Velocities
+    as for `truth_error`; `hidden` (T − 1, rows, columns): share that is hidden in the next frame.
     """
     speed = np.hypot(true_velocities[..., 0], true_velocities[..., 1])
     groups = {
@@ -207,10 +175,7 @@ def truth_splits(
 
 
 def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Floats]:
-    """Return 1 where rows and columns of a full image (H, W) have their center in a block.
-
-    (rows of blocks, H) and (columns of blocks, W).
-    """
+    """Return 1 where rows of an image (blocks, H), and columns, have their center in a block."""
     memberships = []
     starts, blocks = (grid.top, grid.left), (grid.rows, grid.columns)
     for full, resized, start, number in zip(shape, grid.shape, starts, blocks, strict=True):
@@ -228,9 +193,8 @@ def angles_deg(first: Floats, second: Floats) -> Floats:
 
 def _angles_deg(first: Floats, second: Floats) -> Floats:
     """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
-    return angles_deg(
-        *(np.column_stack((velocities, np.ones(len(velocities)))) for velocities in (first, second))
-    )
+    ones = np.ones(len(first))
+    return angles_deg(np.column_stack((first, ones)), np.column_stack((second, ones)))
 
 
 def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:
@@ -244,11 +208,7 @@ class DenseError:
     pixels: int
     """Number of pixels with known truth"""
     epe_px: float
-    """Mean endpoint error over all pixels"""
-    epe_of_images_px: float
-    """Mean over images of their mean endpoint error"""
-    epe_rms_px: float
-    """Root of the mean squared endpoint error over all pixels"""
+    """Mean endpoint error"""
     over_1px_percent: float
     over_3px_percent: float
     over_5px_percent: float
@@ -268,18 +228,16 @@ class DenseErrors:
     """Sums of errors by group of pixels; images are added one at a time."""
 
     def __init__(self) -> None:
-        # pixels, images, sum of the images' mean EPE, sums over pixels of every measure
-        self._sums = {name: np.zeros(3 + _MEASURES) for name in GROUPS}
+        # number of pixels, and sums over them of the other fields of `DenseError`
+        self._sums = {name: np.zeros(len(fields(DenseError))) for name in GROUPS}
 
     def add(
         self, flow: NDArray[np.floating], truth: NDArray[np.floating], occluded: Mask | None = None
     ) -> None:
         """Score one image.
 
-        Raises ValueError if shapes differ, or no pixel has a flow.
-
         `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
-        visible in the next frame; without it none counts as occluded.
+        visible in the next frame. Raises ValueError if shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(
@@ -295,7 +253,6 @@ class DenseErrors:
             raise ValueError(
                 "no flow where the truth is known, so nothing to score; give flow there"
             )
-        sums = {name: np.zeros_like(total) for name, total in self._sums.items()}
         for at in range(0, len(true), _AT_ONCE):
             part = slice(at, at + _AT_ONCE)
             true_px, flow_px = true[part].astype(np.float64), answer[part].astype(np.float64)
@@ -309,17 +266,14 @@ class DenseErrors:
             within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
             wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
             angles = _angles_deg(flow_px, true_px)
-            measures = np.array([epe, epe**2, *over, fl, wauc, missing, angles])
+            percents = 100.0 * np.array([*over, fl, wauc, missing])
+            counted = np.ones_like(epe)
+            values = np.stack((counted, epe, *percents[:-1], angles, percents[-1]))
             slow, fast = SPEEDS_PX
-            by_sight = np.ones_like(missing), ~hidden[part], hidden[part]
+            by_sight = counted > 0, ~hidden[part], hidden[part]
             by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
             for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
-                sums[name][0] += among.sum()
-                sums[name][3:] += measures[:, among].sum(axis=1)
-        for name, total in sums.items():
-            if total[0]:
-                total[1:3] = 1.0, total[3] / total[0]
-                self._sums[name] += total
+                self._sums[name] += values[:, among].sum(axis=1)
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
@@ -332,10 +286,6 @@ class DenseErrors:
 
     def of(self, group: str) -> DenseError:
         """Return the errors of one of `GROUPS`."""
-        pixels, images, image_epe, *sums = self._sums[group].tolist()
-        if not pixels:
-            return DenseError(0, *(math.nan,) * 10)
-        epe, square, *shares, angle = (total / pixels for total in sums)
-        *percents, missing = (100 * share for share in shares)
-        values = [epe, image_epe / images, math.sqrt(square), *percents, angle, missing]
-        return DenseError(int(pixels), *values)
+        pixels, *sums = self._sums[group].tolist()
+        means = (total / pixels if pixels else math.nan for total in sums)
+        return DenseError(int(pixels), *means)

@@ -3,23 +3,17 @@
 N_2b, N_3b, N_4b of the dissertation, §4.3.4: n-bit accuracy is an error of 2⁻ⁿ. The threshold is
 the first downward crossing of the measured curve, interpolated linearly in log error over log flux.
 
-The standard error of an error comes from the differences between the repeats, which are
-independent draws of the same frames. It is estimated in independent blocks of frames and
-added over the blocks: (repeats − 1) · blocks degrees of freedom.
-
-The 95 % CI of a threshold is for the mean of infinitely many draws of the same frames (another
-single draw lies outside more often). The errors at the fluxes of the curve are perturbed 2000
-times, independently of each other like the photons, by their relative standard error times
-Student's t of its degrees of freedom, and the crossing is found again; the interval holds the
-central part. It includes neither the variation between scenes nor the error of interpolation
-between two fluxes.
+Standard errors come from the differences between repeats, independent draws of the same frames, in
+independent blocks of frames: (repeats − 1) · blocks degrees of freedom. For the interval of a
+threshold the errors are perturbed 2000 times by their relative standard error times Student's t,
+and the crossing is found again. It includes neither the variation between scenes nor the error of
+interpolation between two fluxes.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +25,8 @@ from megalopta.flow.metrics.response_error import Metric, error_parts, for_json,
 from megalopta.sensor.sampling.streams import generator
 
 _REPLICATES = 2000
+_TAIL = (1 - 0.95) / 2
+_INTERVAL = _TAIL, 1 - _TAIL
 _LOWEST_ERROR = 1e-3
 """Smaller errors, in levels, are raised to this (block matching reaches 0, without logarithm)."""
 _LARGEST_EXPONENT = 50.0
@@ -41,18 +37,6 @@ Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Validated when read from a file"""
 Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 """Undefined errors are None in a file"""
-
-
-class MeasuredErrors(NamedTuple):
-    """Errors over the flux, (n,) each."""
-
-    fluxes: ArrayLike
-    """Photons per frame, increasing"""
-    errors: ArrayLike
-    """NaN where undefined"""
-    standard_errors: ArrayLike
-    degrees_of_freedom: int
-    """Degrees of freedom of the standard errors"""
 
 
 @dataclass(frozen=True)
@@ -89,22 +73,21 @@ class Threshold:
 
 
 def threshold(
-    measured: MeasuredErrors, level: float, rng: np.random.Generator, confidence: float = 0.95
+    fluxes: ArrayLike,
+    errors: ArrayLike,
+    standard_errors: ArrayLike,
+    degrees_of_freedom: int,
+    level: float,
+    rng: np.random.Generator,
 ) -> Threshold:
-    """Return the flux at which a measured error curve first falls below a level.
+    """Return the flux at which measured errors (n,) first fall below a level, 0.25 for N_2b.
 
-    Raises ValueError if there are fewer than two fluxes or they do not increase.
-
-    Parameters
-    ----------
-    level : float
-        0.25 for N_2b.
-    rng
-        Generator for the interval.
-    confidence : float
-        Confidence level of the interval.
+    Its interval, of 95 %, is drawn from the generator, given the standard errors and their degrees
+    of freedom. Raises ValueError if there are fewer than two fluxes or they do not increase.
     """
-    flux, error, spread = (np.asarray(values, np.float64) for values in measured[:3])
+    flux, error, spread = (
+        np.asarray(values, np.float64) for values in (fluxes, errors, standard_errors)
+    )
     if flux.size < 2 or np.any(np.diff(flux) <= 0):
         raise ValueError(f"fluxes {flux.tolist()}: give two or more, in ascending order")
     bounds = (float(flux[0]), float(flux[-1]))
@@ -114,11 +97,10 @@ def threshold(
     if crossing in (0.0, np.inf):
         return Threshold("above" if crossing else "below", level, *bounds)
     relative = np.divide(spread, error, out=np.zeros_like(error), where=error > 0)
-    exponents = relative * rng.standard_t(measured.degrees_of_freedom, (_REPLICATES, error.size))
+    exponents = relative * rng.standard_t(degrees_of_freedom, (_REPLICATES, error.size))
     replicates = error * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
-    tail = (1 - confidence) / 2
     low, high = np.quantile(
-        first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
+        first_crossing(flux, replicates, level), _INTERVAL, method="inverted_cdf"
     )
     # On a flat, noisy curve the first of many random crossings is early: keep the estimate.
     low, high = float(min(low, crossing)), float(max(high, crossing))
@@ -161,7 +143,6 @@ class ErrorCurve:
     """Error of one detector over the flux, at one frame size and in one metric."""
 
     method: str
-    label: str
     shape: tuple[PositiveInt, PositiveInt]
     """Rows and columns of the resized frames"""
     metric: Metric
@@ -188,61 +169,48 @@ class ErrorCurve:
         the wrong kind.
         """
         thresholds = {name[2:-1]: flux for name, flux in fields["thresholds"].items()}
-        curve = _reader().validate_python({**fields, "thresholds": thresholds})
+        curve = _READER.validate_python({**fields, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
         return curve
 
 
-@cache
-def _reader() -> TypeAdapter[ErrorCurve]:
-    """Return the validator; made once, as that takes as long as reading many curves."""
-    return TypeAdapter(ErrorCurve)
-
-
-def measured_errors(
-    metric: Metric, fluxes: Sequence[float], sums: Floats, block_starts: Sequence[int]
-) -> MeasuredErrors:
-    """Return errors and their standard errors from sums (4, n, repeats, T).
-
-    `block_starts` are the first frames of independent blocks; the first is 0.
-    """
-    numerator, denominator = error_parts(sums, metric)
-    weight = denominator.sum(axis=(1, 2))
-    repeats = numerator.shape[1]
-    variances = np.add.reduceat(numerator, block_starts, axis=-1).var(axis=1, ddof=1)
-    spread = np.sqrt(repeats * variances.sum(axis=-1))
-    return MeasuredErrors(
-        fluxes,
-        quotient(numerator.sum(axis=(1, 2)), weight),
-        quotient(spread, weight),
-        (repeats - 1) * len(block_starts),
-    )
+_READER = TypeAdapter(ErrorCurve)
 
 
 def error_curve(
     method: Detector,
     shape: tuple[int, int],
     metric: Metric,
-    measured: MeasuredErrors,
+    fluxes: Sequence[float],
+    sums: Floats,
+    block_starts: Sequence[int],
     bits: Sequence[int],
-    confidence: float,
     key: Sequence[str | int],
 ) -> ErrorCurve:
-    """Return a curve of frames (rows, columns) and its thresholds.
+    """Return the errors of frames (rows, columns) and their thresholds of these bits.
 
-    `bits`: of the thresholds; `confidence`: level of their intervals.
-
-    A key of a seed and names seeds the random numbers of the intervals, together with method,
-    metric and bits.
+    They are quotients of sums (4, n, repeats, T). `block_starts` are the first frames of
+    independent blocks, 0 and others. A key of a seed and names seeds the intervals.
     """
+    numerator, denominator = error_parts(sums, metric)
+    weight, repeats = denominator.sum(axis=(1, 2)), numerator.shape[1]
+    variances = np.add.reduceat(numerator, block_starts, axis=-1).var(axis=1, ddof=1)
+    errors = quotient(numerator.sum(axis=(1, 2)), weight)
+    spreads = quotient(np.sqrt(repeats * variances.sum(axis=-1)), weight)
+    freedom = (repeats - 1) * len(block_starts)
     seed, *names = key
     thresholds = {}
     for n in bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, n)
-        thresholds[n] = threshold(measured, 2.0**-n, rng, confidence)
-    fluxes, errors, spreads = (tuple(np.asarray(values).tolist()) for values in measured[:3])
-    freedom = measured.degrees_of_freedom
+        thresholds[n] = threshold(fluxes, errors, spreads, freedom, 2.0**-n, rng)
     return ErrorCurve(
-        method.name, method.label, shape, metric, fluxes, errors, spreads, freedom, thresholds
+        method=method.name,
+        shape=shape,
+        metric=metric,
+        fluxes=tuple(fluxes),
+        errors=tuple(errors.tolist()),
+        standard_errors=tuple(spreads.tolist()),
+        degrees_of_freedom=freedom,
+        thresholds=thresholds,
     )

@@ -5,14 +5,12 @@ Thesis Eq. 4.5, on the pixels or blocks that a detector scores (`Detector.scored
     literal: mean of |R_stoch − R_ideal| / |R_ideal|, the denominator at least 1e-20
     ratio:   Σ|R_stoch − R_ideal| / Σ|R_ideal|
 
-`literal` is the dissertation's. Where responses pass through zero, its mean is dominated by a few
-pixels, and grows with their number instead of converging; `ratio` has no such pixels. Absolute
-values are norms if a response is a vector. Neither compares with the true motion: a consistently
-wrong detector has error zero (see `truth_error`).
+`literal` is the dissertation's; where responses pass through zero, its mean is dominated by a few
+pixels. Neither compares with the true motion: a consistently wrong detector has error zero.
 
 Blocks whose ideal velocity is zero or undefined are not scored (0/0), nor are, in `literal`,
 frames whose ideal response is zero everywhere. An undefined response to noise where the ideal one
-is defined counts as error 1, as zero motion would.
+is defined counts as error 1.
 
 Errors are quotients of sums over the scored pixels or blocks of each frame, (4, …, T):
 Σ|R_stoch − R_ideal|/|R_ideal|, Σ|R_stoch − R_ideal|, Σ|R_ideal|, and the number of them.

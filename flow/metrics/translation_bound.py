@@ -6,29 +6,18 @@ order in the displacement):
 
     J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-Assumptions: unbiased estimates from the pixels of the block, and a known texture; below some
-hundred photons per block the bound is optimistic. A method that returns x and y must be compared
-with J⁻¹, whose x component exceeds 1/J_xx where the gradients of a block favor one direction. For
-an unknown texture only the power spectrum is known, and motion brings in no new texture. Both
+for unbiased estimates from the pixels of the block, and a known texture; below some hundred photons
+per block the bound is optimistic. For an unknown texture only the power spectrum is known. Both
 bounds: `docs/explanation/poisson-bound.md`.
 
-**Readings of a sensor**: a displacement d of the light changes the mean readings m. Estimates that
-know how mean and variance of a reading depend on the light (quasi-likelihood) have the information
-
-    J = Σ ∇m·∇mᵀ/v
-
-on d. With photons and dark counts alone it is the Fisher information, since then v = m. Otherwise
-the Fisher information is at least J, whatever the distribution of the readings (Cauchy and
-Schwarz). A saturated pixel has ∇m = 0 and tells nothing.
+**Readings of a sensor** of mean m and variance v, whose dependence on the light is known
+(quasi-likelihood), have the information J = Σ ∇m·∇mᵀ/v. With photons and dark counts alone v = m;
+otherwise the Fisher information is at least J (Cauchy and Schwarz).
 
 Crosstalk correlates neighbors. Where each avalanche fires p others, the total of the avalanches
 that one photon causes has the mean 1/(1 − p) and, with photons of Poisson number, the variance
 1/(1 − p)³ per photon: that of a sum over many pixels is 1/(1 − p)² times the sum of the variances
-(Borel's distribution). Variances are taken times this, which holds for textures coarser than the
-reach of crosstalk.
-
-Assumptions: those above, and a calibrated device, whose fixed pattern is known and
-at rest.
+(Borel's distribution). Variances are taken times this, for textures coarser than its reach.
 """
 
 import math
@@ -52,11 +41,10 @@ _LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
 
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
-    """Return the Fisher information J of one frame on the displacement of each block.
+    """Return the Fisher information J of one frame on each block's displacement, px⁻².
 
-    `means` (H, W): mean counts λ, whose gradients are those of the cubic spline through them.
-    Returns (rows, columns, 2, 2) in px⁻², components x, y. Raises ValueError when a mean is
-    negative or not finite.
+    (rows, columns, 2, 2), components x, y, from mean counts λ (H, W), whose gradients are those of
+    the cubic spline through them. Raises ValueError when one is negative or not finite.
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
@@ -101,13 +89,11 @@ def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
 
 
 def median_endpoint_error(covariances: Floats) -> float:
-    """Return the median length of normal errors of these covariances, pooled over the blocks.
+    """Return the median length of normal errors of these covariances (..., 2, 2), pooled, px/frame.
 
     The length of A·z has the distribution 1 − exp(−ρ²/2σ²(φ)), averaged over the directions φ of z,
-    with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance.
-
-    `covariances` (..., 2, 2): infinite ones count as errors beyond all measure. Returns px/frame;
-    infinite when half of the covariances are.
+    with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance. Infinite covariances are
+    errors beyond all measure; when half of them are, so is the median.
     """
     matrices = covariances.reshape(-1, 2, 2)
     finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
@@ -143,13 +129,9 @@ def unknown_texture_information(
 ) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
-    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9).
-
-    `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
-    `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;
-    `pixels`: pixels that are used; `frames`: frames of one velocity, all noisy.
-
-    Raises ValueError when the noise is not above 0.
+    By the Slepian–Bangs formula (Kay, Fundamentals of Statistical Signal Processing I, §3.9), from
+    the texture's power `spectrum` (H, W), counts² per pixel, in the order of `numpy.fft.fft2`, and
+    the `noise`, the variance of a pixel: with photons alone the mean count. ValueError if it is 0.
     """
     if not noise > 0:
         raise ValueError(f"noise {noise:g}: give the variance of a pixel's counts, above 0")
@@ -165,9 +147,8 @@ def unknown_texture_photons(
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    `spectrum` (H, W) and `noise` are those of one photon per frame, and grow as the square of the
-    flux and as the flux; `pixels`, `frames`: as for `unknown_texture_information`; `speed`: px per
-    frame. Infinite where the spectrum has waves of one direction only.
+    As `unknown_texture_information`, but `spectrum` (H, W) and `noise` are those of one photon per
+    frame; `speed`: px per frame. Infinite where waves have one direction only.
     """
 
     def excess(log_flux: float) -> float:

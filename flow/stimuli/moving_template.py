@@ -2,7 +2,7 @@
 
 A template is a full turn of the surroundings, (rows, columns), and a frame is a square window of as
 many columns as rows; frame t sees the template shifted by +v·t columns, around the circle, so its
-content moves to the right. Motion blur is that of a camera whose shutter stays open between frames.
+content moves to the right.
 """
 
 from dataclasses import dataclass
@@ -28,8 +28,6 @@ class MovingTemplate:
     """Rows and columns of the frames after resizing (px)"""
     resize: photons.ResizeKind = "nearest"
     """Method of resizing"""
-    normalization: photons.Normalization = "per_frame"
-    """Scaled to the flux: every frame, or the mean frame of a full turn"""
 
     def __post_init__(self) -> None:
         """Refuse an invalid template."""
@@ -49,15 +47,8 @@ class MovingTemplate:
         lines = photons.resize(self.template, (self.size, columns), self.resize)
         return np.concatenate((lines, lines[:, :rows]), axis=1)
 
-    @cached_property
-    def _mean_light(self) -> float:
-        """Mean over a full turn of the sum over a frame."""
-        rows, columns = self.template.shape
-        seen = self.size if self.resize == "nearest" else rows
-        return float(self._lines[:, :columns].sum() / columns * seen)
-
     def light(self, shift_px: int, count: int) -> Floats:
-        """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
+        """Return frames as shares of the flux, (count, size, size), of sum 1 each.
 
         Raises BlackFrameError if a frame is black.
 
@@ -70,8 +61,7 @@ class MovingTemplate:
             window = self._lines[:, start : start + rows]
             frames[t] = photons.resize(window, (self.size, self.size), self.resize)
             sums[t] = frames[t].sum()
-        divisors = photons.divisors(sums, self.normalization, self._mean_light)
-        frames /= divisors[:, np.newaxis, np.newaxis]
+        frames /= photons.not_black(sums)[:, np.newaxis, np.newaxis]
         return frames
 
 

@@ -1,19 +1,12 @@
 """Photon counts: clean sequences resized and scaled to a flux, and counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
-per frame. ΣI is the sum over the frame itself, as in the dissertation (`per_frame`), or its mean
-over the sequence (`per_sequence`), which keeps changes of brightness, as a sensor sees them. In a
-scene of constant brightness there is no difference.
+per frame and ΣI the sum over the frame. Every frame is drawn from its own stream, keyed by the
+seed, the caller's key and the number of the frame.
 
-Every frame is drawn from its own stream, keyed by the seed, the caller's key and the number of the
-frame, so the counts of a frame do not depend on the chunks of a sequence. Different fluxes
-are drawn independently of each other.
-
-**Resizing** to fewer, larger pixels, spatial pooling: `nearest` takes, for each new pixel, the old
-pixel at its center, index ⌊(i + 0.5)·old/new⌋ (MATLAB's imresize, dissertation §4.2). It
-subsamples: values stay, light is lost. `area` distributes the light of every old pixel over the new
-pixels that it overlaps: the total stays. Pooling along x with a triangular kernel keeps the width
-except at the ends.
+**Resizing** to fewer, larger pixels: `nearest` takes, for each new pixel, the old pixel at its
+center, index ⌊(i + 0.5)·old/new⌋ (MATLAB's imresize, dissertation §4.2), and loses light. `area`
+distributes the light of every old pixel over the new pixels that it overlaps.
 """
 
 import math
@@ -91,9 +84,6 @@ def _shares(old: int, new: int) -> Floats:
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
 
-Normalization = Literal["per_frame", "per_sequence"]
-"""Scaled to the flux: every frame, or the mean frame."""
-
 
 class BlackFrameError(ValueError):
     """A frame without light cannot be scaled to a flux."""
@@ -113,40 +103,21 @@ def frame_light(frames: NDArray[Any]) -> Floats:
     return sums
 
 
-def divisors(sums: Floats, normalization: Normalization, mean: float | None = None) -> Floats:
-    """Return the divisor of each frame that gives shares of the flux, (T,).
-
-    `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; default: of these.
-
-    Raises BlackFrameError if there is no light to scale to a flux.
-    """
-    if normalization == "per_sequence":
-        sums = np.full(sums.shape, sums.mean() if mean is None else mean)
-    if not sums.min() > 0:
+def not_black(light: Floats) -> Floats:
+    """Return the sums over frames, (T,). Raises BlackFrameError if one cannot be scaled."""
+    if not light.min() > 0:
         raise BlackFrameError(
-            f"frame {int(np.argmin(sums))} is black and cannot be scaled to a photon flux; "
-            "give light in every frame, or normalization per_sequence"
+            f"frame {int(np.argmin(light))} is black and cannot be scaled to a photon flux; "
+            "give light in every frame"
         )
-    return sums
+    return light
 
 
 def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0) -> Counts:
-    """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
+    """Return Poisson counts of means (n, H, W), as uint16, uint32 or uint64, whichever suffices.
 
-    Every frame has its own random stream.
-
-    Raises ValueError if a mean is negative, NaN or above 9e18.
-
-    Parameters
-    ----------
-    means : (n, H, W)
-        Mean counts of consecutive frames.
-    seed : int
-        Any integer.
-    *key : str or int
-        Further key of this draw, such as the name of the sequence.
-    first_frame : int
-        Number of the first of these frames in its sequence.
+    Every frame has its own random stream, of seed, key (such as the name of the sequence) and its
+    number, from `first_frame` on. Raises ValueError if a mean is negative, NaN or above 9e18.
     """
     largest = means.max(initial=0)
     if not (means.min(initial=0) >= 0 and largest <= _LARGEST_MEAN):

@@ -1,17 +1,11 @@
-"""Clips with true flow: dead leaves in layers, and pairs of pictures on disk.
+"""Pairs of pictures with true flow, on disk: light, motion and photons.
 
-Dead leaves: eight frames of light, and the flow in their middle. Motion is steady. Two-frame
-methods see the two frames in the middle, eight-frame methods all. Both are compared with the flow
-between the two frames in the middle.
-
-Pairs on disk are in one of `LAYOUTS`. A frame is identified by its sequence (the folders above its
-file) and its name. Sintel submissions have a folder per pass (clean, final) above the sequences;
-any such folder is scored separately. A dataset of megalopta has Sintel's layout. Flow of Spring has
-twice the size of its frames and is in their pixels: that at every second row and column is used.
-Pictures become light as `sense` reads them, colors luminance.
+A frame is identified by its sequence (the folders above its file) and its name. Sintel submissions
+have a folder per pass (clean, final) above the sequences; any such folder is scored separately. A
+dataset of megalopta has Sintel's layout. Flow of Spring has twice the size of its frames and is in
+their pixels: that at every second row and column is used.
 """
 
-import math
 import re
 from bisect import bisect_left
 from collections.abc import Mapping
@@ -24,35 +18,16 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import generator
-from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.core.progress import say
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.store import Tree
-from megalopta.flow.detectors.base import Frames
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
-from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.render import open_footage
 from megalopta.render.footage.pictures import KINDS
-
-SHAPE = (240, 240)
-FRAMES = 8
-TIMES = tuple(range(1 - FRAMES // 2, FRAMES // 2 + 1))
-"""-3 to 4: the flow is that from 0 to 1"""
-
-RADII_PX = (3.0, 80.0)
-_TEXELS = 2
-_TEXTURE_PX = 320
-_FASTEST_PX = 4.0
-_STEEPEST = 0.008
-"""Largest change of velocity between neighboring pixels, px per frame"""
-
-_DISKS = 3
-_DISK_RADII_PX = (30.0, 55.0)
 
 
 @dataclass(frozen=True)
@@ -70,55 +45,6 @@ class FlowClip:
     def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
         """Return a draw (T, H, W) of `flux` photons per pixel; the key seeds it."""
         return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
-
-
-def leaves_clip(
-    seed: int, shape: tuple[int, int] = SHAPE, fastest_px: float = _FASTEST_PX
-) -> FlowClip:
-    """Return dead leaves in an affine motion, and three disks of them in other motions."""
-    rng = generator(seed, "whole frames, leaves")
-    side = _TEXTURE_PX * _TEXELS
-    smallest, largest = (radius * _TEXELS for radius in RADII_PX)
-    texture = dead_leaves((side, side), rng, (smallest, largest))
-    return layers_clip(f"leaves {seed}", rng, texture, shape, fastest_px)
-
-
-def layers_clip(
-    name: str,
-    rng: np.random.Generator,
-    texture: Floats,
-    shape: tuple[int, int],
-    fastest_px: float = _FASTEST_PX,
-) -> FlowClip:
-    """Return a texture without a seam in an affine motion, and three disks of it in others."""
-    layers = [_layer(rng, texture, None)]
-    for _ in range(_DISKS):
-        x, y = ((rng.random() - 0.5) * 0.8 * side for side in shape[::-1])
-        disk = x, y, rng.uniform(*_DISK_RADII_PX)
-        layers.append(_layer(rng, texture, disk, fastest_px))
-    scene = MovingLayers(layers, _TEXELS)
-    hidden = scene.hidden(shape, 0)
-    light = scene.light(shape, TIMES)
-    return FlowClip(name, light / light.mean(), scene.flow(shape, 0), hidden)
-
-
-def middle(frames: Frames, count: int) -> Frames:
-    """Return the `count` frames in the middle of a sequence."""
-    first = (len(frames) - count) // 2
-    return frames[first : first + count]
-
-
-def _layer(
-    rng: np.random.Generator,
-    texture: Floats,
-    disk: tuple[float, float, float] | None,
-    fastest_px: float = _FASTEST_PX,
-) -> Layer:
-    """Return a layer of another part of the texture, with its own motion."""
-    elsewhere = np.roll(texture, rng.integers(texture.shape), axis=(0, 1))
-    speed, angle = rng.uniform(0.5, fastest_px), rng.uniform(0, 2 * math.pi)
-    velocity = speed * math.cos(angle), speed * math.sin(angle)
-    return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
 
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
@@ -168,10 +94,15 @@ Pair = TypeVar("Pair")
 def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     """Find the true flow below a folder, in one of `LAYOUTS`, or a folder of flow files.
 
-    `png_scale` are the codes of a pixel in flow as PNG. Raises UserError if there is none, or a
-    dataset's files differ from its record.
+    Raises UserError if there is none, or a dataset's files differ from its record.
     """
-    _compare_with_record(root)
+    for home in (root.resolve(), *root.resolve().parents):
+        if (home / "dataset.yaml").is_file():
+            tree = Tree(home)
+            tree.check()
+            read_lists(home, tree.names())  # refuses a name without a record
+            for sequence in tree.names():
+                tree.opened(sequence).compare_all("training/")
     truths: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
         if (folder / "flow_occ").is_dir():
@@ -195,17 +126,6 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     return truths
 
 
-def _compare_with_record(root: Path) -> None:
-    """Compare the files below `training` of the dataset around a folder, if there is one."""
-    above = (root.resolve(), *root.resolve().parents)
-    for home in (folder for folder in above if (folder / "dataset.yaml").is_file()):
-        tree = Tree(home)
-        tree.check()
-        read_lists(home, tree.names())  # refuses a name without a record
-        for name in tree.names():
-            tree.opened(name).compare_all("training/")
-
-
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
     """Pair the flow files below a folder with the truth, by pass; "" if there is no pass folder.
 
@@ -221,7 +141,17 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameNam
     if not passes:
         raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
     for name, flows in passes.items():
-        _check_pairs(root / name, flows, truths)
+        if unknown := sorted(flows.keys() - truths.keys()):
+            raise UserError(
+                f"{flows[unknown[0]]} matches no frame of the truth, whose sequences are"
+                f" {', '.join(sorted(sequences)[:3])}: remove it, or give the folder above the"
+                " sequences"
+            )
+        if missing := sorted(truths.keys() - flows.keys()):
+            raise UserError(
+                f"{root / name} lacks {len(missing)} of {len(truths)} frames, the first is"
+                f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
+            )
     return passes
 
 
@@ -270,7 +200,12 @@ def read_pair(name: str, files: Files) -> FlowClip:
     """
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
-    frames = [_light(path) for path in (first, second)]
+    frames = []
+    for path in (first, second):
+        with open_footage(path) as footage:
+            for note in footage.notes:
+                say(note)
+            frames.append(np.asarray(footage.frame(0) @ footage.luminance_shares))
     flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
@@ -366,20 +301,6 @@ def _pictures_in(folder: Path) -> list[Path]:
     )
 
 
-def _check_pairs(root: Path, flows: Mapping[FrameName, Path], truths: Truths) -> None:
-    if unknown := sorted(flows.keys() - truths.keys()):
-        sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
-        raise UserError(
-            f"{flows[unknown[0]]} matches no frame of the truth, whose sequences are"
-            f" {sequences}: remove it, or give the folder above the sequences"
-        )
-    if missing := sorted(truths.keys() - flows.keys()):
-        raise UserError(
-            f"{root} lacks {len(missing)} of {len(truths)} frames, the first is"
-            f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
-        )
-
-
 def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
     """Return the flow files below a folder; PNG beside another format may be pictures."""
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
@@ -399,11 +320,3 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
             raise UserError(f"{path} and {flows[frame]} are the same frame: give one")
         flows[frame] = path
     return flows
-
-
-def _light(path: Path) -> Floats:
-    """Return the luminance of a picture, (H, W)."""
-    with open_footage(path) as footage:
-        for note in footage.notes:
-            say(note)
-        return np.asarray(footage.frame(0) @ footage.luminance_shares)

@@ -2,18 +2,8 @@
 
 Light of a scene at an illuminance passes the lens and moves during the exposure, and the sensor
 reads it. Means and variances of the readings give the least error of any unbiased method
-(`flow.metrics.reading_bound`), at every exposure, for every pitch, aperture, efficiency and dark
-count rate asked for. No photons are drawn.
-
-**The scene** is a frame of a rendered dataset, or dead leaves of a mean reflectance under the
-spectrum of the light level, which have the edges and the power spectrum of natural scenes.
-
-**The view stays**: with another pitch, the lens grows with the pixels, so that the camera has the
-same pixels, field of view and f-number, and a pixel gathers light as its area.
-
-**Errors**: of flow, the standard error of a component in a block of pixels, px per frame, median
-over the blocks; of yaw, the standard error of the rate of a camera that only turns, from all of the
-view, degrees per second.
+(`flow.metrics.translation_bound`). With another pitch, the lens grows with the pixels, so that the
+camera has the same view and f-number, and a pixel gathers light as its area.
 """
 
 import math
@@ -37,7 +27,6 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
-from megalopta.core.validation import checked, merged
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import block_grid
@@ -195,19 +184,9 @@ def design(
 ) -> Design:
     """Return the exposures at which a sensor can measure motion to a stated error.
 
-    Parameters
-    ----------
-    sensor
-        Counting sensor: a preset's name, the path of a YAML file, or the sensor.
-    dataset
-        Rendered dataset of one sequence, whose first frame is the scene; by default dead leaves.
-    **settings
-        Fields of `DesignSettings`: error, light_levels, exposure_s, pitch_m, f_number, pde, ...
-
-    Raises
-    ------
-    UserError
-        If a setting or the sensor cannot be used.
+    `sensor`: a counting sensor, the name of a preset, or a YAML file; `dataset`: of one rendered
+    sequence, whose first frame is the scene, by default dead leaves; `settings`: fields of
+    `DesignSettings`, such as error and light_levels. Raises UserError if one cannot be used.
     """
     return designed(sensor, dataset, validated(DesignSettings, settings, "design"))
 
@@ -239,7 +218,11 @@ def designed(
                     for time_s in work.times
                 ]
                 points += of_case
-                rows.append(work.row(of_case, device))
+                errors = np.array([getattr(point, chosen.measure) for point in of_case])
+                exposure_s = first_reached(work.times, errors, chosen.target)
+                best, limit = int(errors.argmin()), "" if exposure_s else work.limit(device, level)
+                least = work.times[best], float(errors[best])
+                rows.append(DesignRow(case, level, exposure_s, *least, limit))
                 advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
     return Design(sensor, chosen, described, tuple(points), tuple(rows))
@@ -262,12 +245,7 @@ def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
         sensor = without(sensor, "dark_counts")
         area_um2 = case.get("pitch_m", sensor.pitch_m) ** 2 * sensor.fill_factor * 1e12
         changes["dark_counts"] = {"bulk_mean_hz_um2": case["dark_counts_hz"] / area_um2}
-    return _with(sensor, changes)
-
-
-def _with(sensor: Sensor, changes: Mapping[str, Any]) -> Sensor:
-    """Return a changed sensor. Raises ValueError, one sentence."""
-    return checked(Sensor, merged(sensor.model_dump(), changes))
+    return changed(sensor, **changes)
 
 
 class _Work:
@@ -288,7 +266,7 @@ class _Work:
         if blurs:
             path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
             light = translation_bound.blurred_by_motion(light, path_px)
-        slopes = translation_bound.reading_slopes(light, _with(sensor, {"exposure_s": exposure_s}))
+        slopes = translation_bound.reading_slopes(light, changed(sensor, exposure_s=exposure_s))
         blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
         least = translation_bound.cramer_rao_covariance(blocks, settings.frames)
         flow = np.median(np.sqrt(np.trace(least, axis1=-2, axis2=-1) / 2))
@@ -297,15 +275,7 @@ class _Work:
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
 
-    def row(self, points: Sequence[DesignPoint], sensor: Sensor) -> DesignRow:
-        """Return the row of one sensor and level, from its points by exposure."""
-        errors = np.array([getattr(point, self._settings.measure) for point in points])
-        best, (case, level, *_) = points[int(errors.argmin())], points[0]
-        exposure_s = first_reached(self.times, errors, self._settings.target)
-        limit = "" if exposure_s else self._limit(sensor, level)
-        return DesignRow(case, level, exposure_s, best.exposure_s, float(errors.min()), limit)
-
-    def _limit(self, sensor: Sensor, level: LightLevel) -> str:
+    def limit(self, sensor: Sensor, level: LightLevel) -> str:
         """Return the causes without which the error would be reached, the largest first."""
         measure = MEASURES.index(self._settings.measure)
         removed: tuple[str, ...] = ()
@@ -315,7 +285,7 @@ class _Work:
             for cause in left:
                 better = sensor
                 for name in (*removed, cause):
-                    better = _CAUSES[name](better)
+                    better = _without_cause(better, name)
                 blurs = _BLUR not in (*removed, cause)
                 errors = (self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
                 least.append((min(errors), cause))
@@ -334,32 +304,28 @@ def first_reached(times: Sequence[float], errors: Floats, target: float) -> floa
     place = int(reached[0])
     if place == 0 or not np.isfinite(errors[place - 1]):
         return float(times[place])
-    above, below = np.log(errors[place - 1 : place + 1])
-    share = (above - math.log(target)) / (above - below)
-    return float(times[place - 1] * (times[place] / times[place - 1]) ** share)
+    around = slice(place - 1, place + 1)
+    return math.exp(np.interp(-math.log(target), -np.log(errors[around]), np.log(times[around])))
 
 
 _BLUR = "motion blur"
-_CAUSES: Mapping[str, Callable[[Sensor], Sensor]] = {
-    "saturation": lambda sensor: without(_unlimited(sensor), "dead_time"),
-    _BLUR: lambda sensor: sensor,
-    "dark counts": lambda sensor: without(sensor, "dark_counts"),
-    "read noise": lambda sensor: (
-        sensor
-        if sensor.counter.kind == "digital"
-        else changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
-    ),
-}
-"""Causes that keep an error from being reached, and the sensor without each"""
+_CAUSES = "saturation", _BLUR, "dark counts", "read noise"
 
 
-def _unlimited(sensor: Sensor) -> Sensor:
-    if sensor.counter.kind == "analog":
-        counter, wider = sensor.counter, 2**_MORE_BITS
-        bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
-        volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
-        return changed(sensor, counter={**volts, "adc_bits": bits})
-    return without(sensor, "counter")
+def _without_cause(sensor: Sensor, cause: str) -> Sensor:
+    """Return the sensor without what keeps an error from being reached."""
+    counter, wider = sensor.counter, 2**_MORE_BITS
+    if cause == "dark counts":
+        return without(sensor, "dark_counts")
+    if cause == "read noise" and counter.kind != "digital":
+        return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+    if cause != "saturation":
+        return sensor
+    if counter.kind != "analog":
+        return without(without(sensor, "counter"), "dead_time")
+    bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
+    volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
+    return without(changed(sensor, counter={**volts, "adc_bits": bits}), "dead_time")
 
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:

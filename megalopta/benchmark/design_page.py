@@ -1,6 +1,6 @@
 """Page, table and files of a design by bound."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,9 +57,14 @@ def write_design(folder: Path, design: Design) -> Path:
     points = ((level_text(p.level), *p.case.values(), *p[2:]) for p in design.points)
     write_csv(folder / "design.csv", head, points)
     rows = tuple(table_cells(design, row) for row in design.rows)
+    charts, cases = [], {tuple(row.case.items()): row.case for row in design.rows}
+    for place, case in enumerate(list(cases.values())[:_CHARTS]):
+        of_case = [point for point in design.points if point.case == case]
+        chart = _curve_chart(design, of_case, f"errors-{place}")
+        charts.append(captioned(chart, _described(case) or design.sensor.name))
     sections = [
         Section(_aim(design).capitalize(), _GUIDE, table_head(design), rows),
-        Section("Error over exposure", charts=tuple(_curves(design))),
+        Section("Error over exposure", charts=tuple(charts)),
     ]
     summary = (
         f"Scene: {design.scene}. The camera turns by {settings.yaw_deg_s:g} °/s, at "
@@ -68,15 +73,6 @@ def write_design(folder: Path, design: Design) -> Path:
     )
     title = f"Design of {design.sensor.name}"
     return write_sections(folder / "design.html", title, summary, sections)
-
-
-def _curves(design: Design) -> Iterator[Markup]:
-    """Yield a chart of errors over exposures for each of the first cases."""
-    cases = list({tuple(row.case.items()): row.case for row in design.rows}.values())
-    for place, case in enumerate(cases[:_CHARTS]):
-        points = [point for point in design.points if point.case == case]
-        chart = _curve_chart(design, points, f"errors-{place}")
-        yield captioned(chart, _described(case) or design.sensor.name)
 
 
 @style.in_style

@@ -1,8 +1,7 @@
 """Methods that benchmarks measure: those that give velocities of blocks, and their baselines.
 
 Baselines: gray methods with settings for each light (`tuned.yaml`, found by `benchmarks/tune.py`),
-or on variance-stabilized counts with one blur for all; and two-frame methods on the sums of the
-first and the second half of eight frames.
+or on variance-stabilized counts with one blur for all.
 """
 
 import inspect
@@ -20,9 +19,9 @@ from megalopta.core.arrays import Floats
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector, Frames
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, summed_frames
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity_method
+from megalopta.flow.detectors.registry import METHODS, VELOCITY_METHODS, Method, velocity_method
 
 Methods = Mapping[str, BlockDetector]
 
@@ -35,7 +34,6 @@ _STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
         "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
     }
 )
-_MANY = 8
 TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = MappingProxyType(
     strict_yaml.load(Path(__file__).with_name("tuned.yaml").read_text("utf-8"))
 )
@@ -63,7 +61,7 @@ class TunedMethod(BlockDetector, frozen=True):
 
     def _at(self, photons: float) -> GrayDetector:
         rows = TUNED[self.method.name]
-        nearest = min(rows, key=lambda each: abs(np.log(max(photons, 1e-9) / each)))
+        nearest = min(rows, key=lambda tried: abs(np.log(max(photons, 1e-9) / tried)))
         settings = {name: value for name, value in rows[nearest].items() if name != "error_px"}
         blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
         return self.method.model_copy(update={**settings, **blocks})
@@ -122,14 +120,10 @@ def stretched(name: str, kind: str) -> GrayDetector:
     return detector.model_copy(update={**names, **settings})
 
 
-def methods_and_baselines(frames: int) -> list[BlockDetector]:
-    """Return all methods and baselines that run on this many frames."""
-    detectors = (block_detector(name) for name in VELOCITY_METHODS)
-    fitting = [detector for detector in detectors if detector.memory_frames < frames]
-    fitting += [block_detector(f"{name} tuned") for name in TUNED]
-    if frames >= _MANY:
-        fitting += [summed_frames(block_detector(name), _MANY) for name in TUNED]
-    return fitting
+def methods_and_baselines() -> list[BlockDetector]:
+    """Return all methods and baselines that run on two frames."""
+    of_pairs = [name for name in VELOCITY_METHODS if METHODS[name].memory_frames == 1]
+    return [block_detector(name) for name in (*of_pairs, *(f"{name} tuned" for name in TUNED))]
 
 
 def identity(detector: Detector) -> str:

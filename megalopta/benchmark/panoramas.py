@@ -4,7 +4,7 @@ They replace the photographs of Fig. 4.3, which came from the web: forests of fo
 lights, with the same fields of view. `benchmarks/ship_panoramas.py` rendered them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -27,15 +27,9 @@ WIDEST, NARROWEST = 4.0, 2.0
 """Most and fewest columns per row of a panorama."""
 
 
-def natural_templates(
-    names: Iterable[str] = tuple(NATURAL_PANORAMAS),
-) -> dict[str, Floats]:
-    """Return templates (251, m) of the natural stimuli by name. Raises UserError if damaged."""
-    return {name: read_template(SHIPPED / f"{name}.exr") for name in names}
-
-
-def read_template(path: Path) -> Floats:
-    """Template (251, m) in a file of a panorama. Raises UserError if it cannot be read."""
+def natural_template(name: str) -> Floats:
+    """Return the template (251, m) of a natural stimulus. Raises UserError if it is damaged."""
+    path = SHIPPED / f"{name}.exr"
     try:
         radiance, _ = read_radiance(path)
     except ValueError:
@@ -47,10 +41,8 @@ def read_template(path: Path) -> Floats:
 def template_from_file(path: Path) -> Floats:
     """Template (251, m) of a panorama of the full circle: HDR or EXR, or PNG, read as sRGB.
 
-    Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical): in
-    either a turn about the vertical is a shift of columns. Light is binned by area, colors are
-    converted to luminance. Raises UserError if the file cannot be read, is not 2:1 to 4:1, is too
-    small, or holds invalid values.
+    Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical). Raises
+    UserError if the file cannot be read, is not 2:1 to 4:1, is too small, or black.
     """
     from megalopta.render import activate, choose_variant, read_picture  # Mitsuba reads it
 

@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
 from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_validator
 
 from megalopta.benchmark import table
-from megalopta.benchmark.sequence_errors import BOUND
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
-from megalopta.core import files
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
@@ -22,6 +19,13 @@ FEWEST_SEQUENCES = 5
 """Least number of sequences for sequences to be the units"""
 SEGMENTS = 10
 """Segments of successive pairs of frames per sequence, if sequences are fewer"""
+STILL = "zero motion"
+"""Baseline that a method must beat: no motion anywhere"""
+BOUND = "Poisson bound"
+RANGES = ("low", "medium", "high")
+SPEEDS_PX = (1.0, 3.0)
+PARALLAX_PX = (0.3, 1.0)
+"""Limits between low, medium and high"""
 
 
 class RankingSettings(Record, frozen=True):
@@ -47,6 +51,11 @@ class RankingSettings(Record, frozen=True):
         if not self.fluxes and not self.light_levels:
             raise ValueError("give fluxes, or light_levels")
         return self
+
+
+def cell_name(speed: str, parallax: str) -> str:
+    """Name of the group of blocks of one cell of the atlas."""
+    return f"speed {speed}, parallax {parallax}"
 
 
 def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
@@ -90,9 +99,3 @@ class Ranking:
         errors = self.rows_of(table.MEAN, group)
         errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
         return None if errors.empty else errors.iloc[int(errors["value"].argmin())]
-
-
-def write_tables(folder: Path, ranking: Ranking) -> None:
-    """Write ranking.csv, the long table, and ranking.json, the facts."""
-    files.write_text(folder / "ranking.csv", ranking.rows.to_csv(index=False, float_format="%.9g"))
-    files.write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")

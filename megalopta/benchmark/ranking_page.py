@@ -12,9 +12,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
-from megalopta.benchmark import ranking as ranked, sequence_errors as errors, table
-from megalopta.benchmark.ranking import Ranking
-from megalopta.benchmark.sequence_errors import BOUND, RANGES, STILL
+from megalopta.benchmark import ranking as ranked, table
+from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
+from megalopta.core.files import write_text
 from megalopta.report import sections, style, text
 from megalopta.report.sections import Section
 
@@ -49,7 +49,9 @@ _ATLAS = (
 
 def write_ranking(folder: Path, ranking: Ranking) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    ranked.write_tables(folder, ranking)
+    long_table = ranking.rows.to_csv(index=False, float_format="%.9g")
+    write_text(folder / "ranking.csv", long_table)
+    write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
     over_photons = [
         error_curves(ranking, table.MEAN, "mean endpoint error (px per frame)"),
         error_curves(ranking, table.FAR, "share of blocks beyond 3 px"),
@@ -188,7 +190,7 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
 @style.in_style
 def atlas(ranking: Ranking) -> Markup:
     """Draw the best method and its error by photons, a row per speed and parallax of blocks."""
-    cells = [errors.cell_name(speed, parallax) for speed, parallax in product(RANGES, RANGES)]
+    cells = [ranked.cell_name(speed, parallax) for speed, parallax in product(RANGES, RANGES)]
     groups = [group for group in cells if ranking.facts.blocks.get(group)]
     fluxes = ranking.facts.settings.fluxes
     size = (max(5.0, 2.6 + 1.0 * len(fluxes)), 0.9 + 0.6 * len(groups))
@@ -216,7 +218,7 @@ def _described(group: str) -> str:
     """Return the name of a cell with its limits in px."""
     lines = []
     for part, (low, high) in zip(
-        group.split(", "), (errors.SPEEDS_PX, errors.PARALLAX_PX), strict=True
+        group.split(", "), (ranked.SPEEDS_PX, ranked.PARALLAX_PX), strict=True
     ):
         kind, name = part.split()
         limits = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"

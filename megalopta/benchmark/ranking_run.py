@@ -1,26 +1,45 @@
-"""Rank methods on the sequences of a folder: from frames to the long table, its page and files."""
+"""Rank methods on the sequences of a folder: from frames to the long table, its page and files.
+
+Photons are drawn on perfect pixels from the rendered light, with one scale for all frames. A
+block's error is its endpoint error in px per frame; one without velocity counts as zero motion.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from megalopta.benchmark import methods as benchmarked, ranking as ranked, sequence_errors, table
-from megalopta.benchmark.ranking import Ranking, RankingFacts, RankingSettings
+from megalopta.benchmark import methods as benchmarked, ranking as ranked, table
 from megalopta.benchmark.ranking_page import write_ranking
 from megalopta.config.yaml_model import validated
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
+from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import Dataset, Tree
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import Method
+from megalopta.flow.metrics import endpoint_error, translation_bound
+from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.run import require
 
 FOLDER = "ranking"
 """Folder of the demo's ranking, inside its dataset"""
 _FEWEST_FRAMES = 3
+_EDGE_RATIO = 1.25
+_EDGE_SHARE = 0.05
+_STREAM = "1 × 1 px, 1 frame"
+"""Name of the photon draws on single pixels and frames, a part of their seed"""
+
+Rows: TypeAlias = Iterator[tuple[Any, ...]]
+"""Rows of `table.samples`"""
 
 
 def run_ranking(
@@ -31,14 +50,12 @@ def run_ranking(
 ) -> Path:
     """Rank flow methods on a rendered dataset, of one sequence or many; return the page.
 
-    Settings are values of `RankingSettings` by name, as YAML. `methods` replaces their methods:
-    names, detectors, or functions of two frames (see `megalopta.flow.detector_from`). Velocities
-    are kept in OUT/velocities, so that an interrupted run, or one with an additional method,
-    continues from there. Raises UserError if frames are missing, too few or too small, or a setting
-    is wrong.
+    Settings are values of `RankingSettings` by name, as YAML. `methods`, also detectors or
+    functions of two frames, replace theirs. Velocities are kept in OUT/velocities for the next run.
+    Raises UserError if frames are missing, too few or too small, or a setting is wrong.
     """
     root, out = Path(root), Path(out)
-    chosen = validated(RankingSettings, {}, "settings", dict(settings or {}))
+    chosen = validated(ranked.RankingSettings, {}, "settings", dict(settings or {}))
     tree = Tree(root)
     tree.check()
     datasets = [tree.opened(name) for name in tree.names()]
@@ -54,14 +71,23 @@ def run_ranking(
 
 def _ranked(
     datasets: Sequence[Dataset],
-    settings: RankingSettings,
+    settings: ranked.RankingSettings,
     methods: benchmarked.Methods,
     folder: Path,
-) -> Ranking:
+) -> ranked.Ranking:
     """Measure every metric on every sequence; computed velocities are kept in a folder."""
+    for dataset in datasets:  # refused before the work
+        dataset.require_truth()
+        name, frames = dataset.sequence, dataset.configuration.trajectory.frames
+        if frames < _FEWEST_FRAMES:
+            raise ValueError(f"{name} has {frames} frames; give {_FEWEST_FRAMES} or more")
+        for method in methods.values():
+            method.grid(dataset.configuration.camera.shape)
+    rates = []
     for dataset in datasets:
-        _check(dataset, methods)
-    per_lux_s = float(np.mean([_photons_per_lux_s(dataset) for dataset in datasets]))
+        photons_s = perfect_light(dataset).sum(axis=(1, 2)).mean()
+        rates.append(photons_s / dataset.configuration.light.resolved().illuminance_lux)
+    per_lux_s = float(np.mean(rates))
     levels = (
         ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
     )
@@ -71,22 +97,22 @@ def _ranked(
     total = len(methods) * len(fluxes) * len(datasets)
     with progress("Ranking methods", total, "case") as advance:
         for dataset in datasets:
-            light = sequence_errors.perfect_light(dataset)
+            light = perfect_light(dataset)
             kept = folder / dataset.sequence
-            photons = sequence_errors.Photons(dataset, light, settings.seed, kept)
-            rows += sequence_errors.endpoint_errors(
+            photons = Photons(dataset, light, settings.seed, kept)
+            rows += endpoint_errors(
                 dataset, photons, methods, fluxes, settings.repeats, segments, advance
             )
     samples = table.samples(rows)
     still = samples[
         (samples["metric"] == table.MEAN)
-        & (samples["method"] == sequence_errors.STILL)
+        & (samples["method"] == ranked.STILL)
         & (samples["photons"] == fluxes[0])
     ]
     blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
     noise = [dataset.read_scene_record().get("monte_carlo") for dataset in datasets]
     equal = [record["equivalent_photons_per_pixel"] for record in noise if record]
-    facts = RankingFacts(
+    facts = ranked.RankingFacts(
         settings=settings.model_copy(update={"fluxes": fluxes}),
         sequences=tuple(dataset.sequence for dataset in datasets),
         frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
@@ -95,23 +121,177 @@ def _ranked(
         rendering_photons_per_px=min(equal, default=None),
         blocks={str(group): int(count) for group, count in blocks.items()},
     )
-    return Ranking(facts, table.means(samples, sequence_errors.BOUND))
+    return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
 
 
-def _check(dataset: Dataset, methods: benchmarked.Methods) -> None:
-    """Refuse, before the work, a sequence that is too short or too small."""
-    dataset.require_truth()
-    frames, shape = dataset.configuration.trajectory.frames, dataset.configuration.camera.shape
-    if frames < _FEWEST_FRAMES:
-        raise ValueError(f"{dataset.sequence} has {frames} frames; give {_FEWEST_FRAMES} or more")
-    for name, method in methods.items():
-        try:
-            method.grid(shape)
-        except ValueError as problem:
-            raise ValueError(f"{dataset.sequence} for {name}: {problem}") from None
+class BlockTruth(NamedTuple):
+    """Truth of the inner blocks (pairs, rows, columns) of a sequence."""
+
+    velocities: Floats
+    """(..., 2) in px per frame; NaN where unknown"""
+    groups: Mapping[str, Mask]
+    """Blocks of each group"""
 
 
-def _photons_per_lux_s(dataset: Dataset) -> float:
-    """Photons of a mean frame on perfect pixels, for each lux and second."""
-    photons = sequence_errors.perfect_light(dataset).sum(axis=(1, 2)).mean()
-    return float(photons) / dataset.configuration.light.resolved().illuminance_lux
+def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
+    """Return the true motion of the inner blocks of a grid, and the groups that they are in."""
+    camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
+    directions, pairs = camera.directions(), []
+    for index, truth in enumerate(read_truth_frames(dataset)):
+        if index + 1 < len(poses):
+            turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
+            pairs.append(_block_means(truth, camera.displacement(directions @ turn.T), grid))
+    means = {name: np.stack([pair[name] for pair in pairs])[:, 1:-1, 1:-1] for name in pairs[0]}
+    speed = np.linalg.norm(means["velocity"], axis=-1)
+    groups = {
+        "all": np.isfinite(speed),
+        "visible": means["hidden"] < endpoint_error.OCCLUDED_SHARE,
+        "occluded": means["hidden"] >= endpoint_error.OCCLUDED_SHARE,
+        "smooth": means["edges"] < _EDGE_SHARE,
+        "depth edge": means["edges"] >= _EDGE_SHARE,
+    }
+    kinds = (
+        ("speed", speed, ranked.SPEEDS_PX),
+        ("parallax", means["parallax"], ranked.PARALLAX_PX),
+    )
+    for kind, values, bounds in kinds:
+        place = np.digitize(values, bounds)
+        groups |= {f"{kind} {name}": place == at for at, name in enumerate(ranked.RANGES)}
+    for name in ranked.RANGES:
+        for parallax in ranked.RANGES:
+            cell = groups[f"speed {name}"] & groups[f"parallax {parallax}"]
+            groups[ranked.cell_name(name, parallax)] = cell
+    return BlockTruth(
+        means["velocity"], {name: blocks & groups["all"] for name, blocks in groups.items()}
+    )
+
+
+def _block_means(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
+    """Means over the blocks (rows, columns) of a pair; `turned`: flow by the camera's rotation."""
+    flow, hidden, depth = truth.flow_forward[None], truth.occluded_forward[None], truth.depth
+    velocity = endpoint_error.block_flow(flow, grid, hidden)[0]
+    rotation = endpoint_error.block_flow(turned[None], grid, hidden)[0]
+
+    # edges: a right or lower neighbor is a quarter farther or nearer
+    log = np.log(np.where(np.isfinite(depth), depth, 1e6))
+    edges = np.zeros(depth.shape, np.bool_)
+    edges[:, :-1] |= np.abs(np.diff(log, axis=1)) > np.log(_EDGE_RATIO)
+    edges[:-1] |= np.abs(np.diff(log, axis=0)) > np.log(_EDGE_RATIO)
+
+    return {
+        "velocity": velocity,
+        "parallax": np.linalg.norm(velocity - rotation, axis=-1),
+        "hidden": endpoint_error.block_share(hidden, grid)[0],
+        "edges": endpoint_error.block_share(edges[None], grid)[0],
+    }
+
+
+def perfect_light(dataset: Dataset) -> Floats:
+    """Return photons per second on each perfect pixel (T, H, W)."""
+    bands = dataset.configuration.render.bands_nm
+    parts = [
+        photon_rate(radiance, bands, PRESETS["ideal"])
+        for _, radiance in read_radiance_frames(dataset)
+    ]
+    return np.concatenate(parts).astype(np.float64)
+
+
+class Photons:
+    """Photon draws of a sequence, and the velocities that methods find in them.
+
+    Velocities are kept in a folder, under the hash of all that they depend on.
+    """
+
+    def __init__(self, dataset: Dataset, light: Floats, seed: int, folder: Path) -> None:
+        self._mean = light / light.sum(axis=(1, 2)).mean()
+        self._sequence, self._seed = dataset.sequence, seed
+        used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
+        self._folder = folder / code_digest(*used, __name__)[:12]
+        self._light_hash = digest(light.tobytes(), repr(seed))
+
+    def means(self, flux: float) -> Floats:
+        """Return mean photons of each pixel (T, H, W) at `flux` photons per frame."""
+        return np.asarray(self._mean * flux)
+
+    def velocities(self, method: BlockDetector, flux: float, repeat: int) -> Floats:
+        """Return velocities (pairs, rows, columns, 2) of all blocks in one draw, px per frame."""
+        key = digest(self._light_hash, benchmarked.identity(method), repr((flux, repeat)))
+        store = ArrayStore(self._folder, key)
+        if (kept := store.read(["velocities"])) is None:
+            means = self.means(flux)
+            stream = self._sequence, _STREAM, str(flux), str(repeat)
+            counts = draw_counts(means, self._seed, *stream)
+            velocities = method.respond(counts, 1 / means.mean())
+            store.write(kept := {"velocities": velocities.astype(np.float32)})
+        return kept["velocities"].astype(np.float64)
+
+
+def endpoint_errors(
+    dataset: Dataset,
+    photons: Photons,
+    methods: benchmarked.Methods,
+    fluxes: Sequence[float],
+    repeats: int,
+    segments: int,
+    advance: Callable[[int], object],
+) -> Rows:
+    """Yield errors of every method and of zero motion, by group, and the Poisson bound.
+
+    The bound is the least mean endpoint error that the photons of a pair allow in a block,
+    √(π/4 · trace) of the Cramér–Rao covariance for two frames, exact if that is isotropic; or the
+    motion, if that is less.
+    """
+    truth_of = cache(lambda grid: sequence_truth(dataset, grid))
+    grids = [method.grid(dataset.configuration.camera.shape) for method in methods.values()]
+
+    def rows(name: str, flux: float, errors: Sequence[Floats], truth: BlockTruth) -> Rows:
+        for metric, group, segment, *sums in _by_group(errors, truth, segments):
+            if name != ranked.BOUND or metric == table.MEAN:
+                yield metric, name, flux, group, f"{dataset.sequence} {segment}", *sums
+
+    for flux in fluxes:
+        for grid, (name, method) in zip(grids, methods.items(), strict=True):
+            truth, errors = truth_of(grid), []
+            for repeat in range(repeats):
+                velocities = photons.velocities(method, flux, repeat)[:, 1:-1, 1:-1]
+                is_known = np.isfinite(velocities).all(axis=-1, keepdims=True)
+                difference = np.where(is_known, velocities, 0) - truth.velocities
+                errors.append(np.linalg.norm(difference, axis=-1))
+            yield from rows(name, flux, errors, truth)
+            advance(1)
+        truth = truth_of(grids[0])
+        speed = np.linalg.norm(truth.velocities, axis=-1)
+        least = [
+            translation_bound.cramer_rao_covariance(
+                translation_bound.fisher_information(frame, grids[0])
+            )
+            for frame in photons.means(flux)[:-1]
+        ]
+        trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
+        yield from rows(ranked.STILL, flux, [speed], truth)
+        yield from rows(ranked.BOUND, flux, [np.minimum(np.sqrt(np.pi / 4 * trace), speed)], truth)
+
+
+def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Rows:
+    """Yield metric, group, segment, total and blocks of errors (pairs, rows, columns) of draws."""
+    for group, inside in truth.groups.items():
+        totals = np.sum([np.where(inside, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
+        blocks = len(errors) * inside.sum(axis=(1, 2)).astype(np.float64)
+        yield from in_segments(table.MEAN, group, totals, blocks, segments)
+        if group == "all":
+            far = [((error > table.FAR_PX) & inside).sum(axis=(1, 2)) for error in errors]
+            totals = np.sum(far, axis=0).astype(float)
+            yield from in_segments(table.FAR, group, totals, blocks, segments)
+            medians = [
+                np.median([error[pair][known] for error in errors]) if known.any() else 0.0
+                for pair, known in enumerate(inside)
+            ]
+            pairs = (blocks > 0).astype(np.float64)
+            yield from in_segments(table.MEDIAN, group, np.array(medians), pairs, segments)
+
+
+def in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segments: int) -> Rows:
+    """Yield the sums over the successive pairs of each segment."""
+    parts = zip(np.array_split(totals, segments), np.array_split(blocks, segments), strict=True)
+    for segment, (total, count) in enumerate(parts):
+        yield metric, group, segment, total.sum(), count.sum()

@@ -1,7 +1,7 @@
 """Scores of flow files, or of a method's flow: by sequence and overall, for every pass."""
 
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -60,73 +60,72 @@ class Scores(Record, frozen=True):
     """Format of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
 
-    @property
-    def overall(self) -> tuple[Entry, ...]:
-        """Entries over all sequences, by pass."""
-        return tuple(entry for entry in self.entries if entry.sequence is None)
 
-
-def score_submission(
-    flow: str | Path | Method,
-    truth: str | Path,
+def score_submissions(
+    flows: Sequence[str | Path | Method],
+    truth: Path,
     program: str | None = None,
     png_scale: float = KITTI_SCALE,
 ) -> Scores:
-    """Score flow against the true flow of a dataset.
+    """Score flow against the true flow of a dataset, or of Sintel, KITTI, Spring and others.
 
-    Raises UserError if frames have no file or files no frame, or a file is damaged or of another
-    size.
+    Raises UserError if frames have no file or files no frame, a file is damaged or of another
+    size, or a method gives no dense flow.
 
     Parameters
     ----------
-    flow
-        Folder of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), in the
-        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or a
-        method to run on the truth's own frames: a name, `module:function`, ONNX file, or a
-        function from Python.
+    flows
+        Folders of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), laid out as
+        the truth. Or methods to run on the truth's own frames: a name, `module:function`, ONNX
+        file, or a function from Python.
     truth
-        Folder of a dataset of megalopta, of Sintel, KITTI, Middlebury, Spring or FlyingChairs.
+        Folder of the true flow.
     program
         Name of the program that wrote the flow; default: that of its folder, or of the method.
     png_scale
         Codes of a pixel in flow as PNG, true or not: 64 in KITTI, 128 in DSEC.
     """
-    truth = Path(truth)
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
     truths = clips.true_flows(truth, png_scale)
-    name, passes = _flows_of(flow, truths, png_scale)
-    shared: dict[str, Any] = {"program": program or name, "truth": truth.resolve().name}
-    by_pass: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
-    hashes = []
+    name_of_truth, hashes = truth.resolve().name, []
+    submissions = [
+        (program or name, pass_name, flow_of, defaultdict[str, DenseErrors](DenseErrors))
+        for name, passes in [_flows_of(flow, truths, png_scale) for flow in flows]
+        for pass_name, flow_of in sorted(passes.items())
+    ]
     with progress("Scoring flow", len(truths), "frame") as advance:
         for frame, paths in sorted(truths.items()):
-            true, occluded = clips.read_true_flow(paths)  # once for all passes
+            true, occluded = clips.read_true_flow(paths)
             hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
             hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
-            for pass_name, by_sequence in by_pass.items():
-                source, read = passes[pass_name][frame]
+            for *_, flow_of, errors in submissions:
+                source, read = flow_of[frame]
                 try:
                     estimate = read()
                     known = clips.at_pixels(paths, true, occluded, estimate.shape)
-                    errors = by_sequence.setdefault(frame.sequence, DenseErrors())
-                    errors.add(estimate, *known)
+                    errors[frame.sequence].add(estimate, *known)
                 except ValueError as problem:
                     text = str(problem)
                     raise UserError(text if source in text else f"{source}: {text}") from None
             advance(1)
-    shared["truth_hash"] = digest(*hashes)
     frames, entries = Counter(frame.sequence for frame in truths), []
-    for pass_name, by_sequence in by_pass.items():
-        overall = None, DenseErrors.joined(by_sequence.values())
-        rows: list[tuple[str | None, DenseErrors]] = [*by_sequence.items(), overall]
-        for sequence, errors in rows:
+    for name, pass_name, _, errors in submissions:
+        rows: list[tuple[str | None, int, DenseErrors]] = [
+            # that of KITTI has no name
+            (sequence or name_of_truth, frames[sequence], part)
+            for sequence, part in errors.items()
+        ]
+        rows.append((None, len(truths), DenseErrors.joined(errors.values())))
+        for sequence, count, part in rows:
             entry = Entry(
-                **shared,
+                program=name,
                 pass_name=pass_name,
-                sequence=shared["truth"] if sequence == "" else sequence,  # KITTI's has no name
-                frames=len(truths) if sequence is None else frames[sequence],
-                errors={group: for_json(asdict(errors.of(group))) for group in GROUPS},
+                sequence=sequence,
+                truth=name_of_truth,
+                truth_hash=digest(*hashes),
+                frames=count,
+                errors={group: for_json(asdict(part.of(group))) for group in GROUPS},
             )
             entries.append(entry)
     return Scores(entries=tuple(entries))

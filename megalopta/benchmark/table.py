@@ -1,13 +1,12 @@
 """The long table of a benchmark: what was measured on every unit, and means with their intervals.
 
-A unit is sampled independently of all others: a scene or sequence, or a segment of few sequences.
-Pixels and frames of a sequence show the same scene, so they are no units; of segments, results hold
-for these sequences alone.
+A unit is sampled independently of all others: a scene or sequence, or a segment of few sequences,
+of which results hold for these sequences alone.
 
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
 of the jackknife over units (Efron and Tibshirani 1993, chapter 11), and Student's quantiles. Units
 hold different numbers of blocks: their effective number (Kish 1965), less one, is the number of
-degrees of freedom. A ratio of two methods does not depend on how hard the units were.
+degrees of freedom.
 """
 
 import math
@@ -116,10 +115,7 @@ def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
 
 
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
-    """Return standard error and degrees of freedom of a logarithm.
-
-    Computed from its values without each unit; None if units are too few.
-    """
+    """Return standard error and degrees of freedom of a logarithm, from it without each unit."""
     count = len(left_out)
     if count < 2 or not np.isfinite(left_out).all():
         return None

@@ -1,12 +1,7 @@
-"""Trials of the flow benchmark, and sweeps: stimulus, metrics and precision; and their run.
+"""Trials of the flow benchmark: stimulus, metrics and precision; sweeps of them; and their run.
 
-A trial is plain data that travels to any worker and comes back from YAML. Its template is the
-picture of its stimulus, a grating or a panorama: plain data, too, whose pixels are computed or come
-from the cache or the user's picture. A sweep is trials that differ in one parameter.
-
-Trials run on threads (the kernels release the GIL), each stored as soon as it is finished. A result
-is keyed by a hash of everything that it depends on: the trial, the pixels of its template and the
-code. So a killed run continues where it stopped, figures share trials, and no stale result is used.
+Trials run on threads (the kernels release the GIL), each stored as soon as it is finished under a
+hash of everything that it depends on: the trial, the pixels of its template and the code.
 """
 
 import json
@@ -52,6 +47,8 @@ from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurre
 from megalopta.flow.stimuli.photons import BlackFrameError, ResizeKind
 from megalopta.scenes.spectra.color import encode_srgb
 
+Curves = tuple[ErrorCurve, ...]
+
 
 class GratingTemplate(Record, frozen=True):
     """The 2-D sine grating of the dissertation (§4.2.1), 251 × 251."""
@@ -62,8 +59,6 @@ class GratingTemplate(Record, frozen=True):
     """Spatial frequency f (cycles per frame)"""
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
     """Michelson contrast C"""
-    phases_rad: tuple[float, float] = (0.0, 0.0)
-    """Phases of its two factors (rad)"""
     variant: GratingVariant = "rot"
     """rot: as in the dissertation, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
 
@@ -75,9 +70,8 @@ class GratingTemplate(Record, frozen=True):
     def pixels(self) -> Floats:
         """Return the template, (251, 251)."""
         x = np.arange(panoramas.ROWS) / panoramas.ROWS
-        return sine_grating(
-            x, x[:, np.newaxis], self.contrast, self.cycles_per_frame, self.phases_rad, self.variant
-        )
+        waves = self.contrast, self.cycles_per_frame, (0.0, 0.0), self.variant
+        return sine_grating(x, x[:, np.newaxis], *waves)
 
 
 class PanoramaTemplate(Record, frozen=True):
@@ -134,7 +128,7 @@ def template_pixels(templates: Iterable[Template]) -> dict[Template, Floats]:
             pixels[template] = template.pixels()
             continue
         if template.name in panoramas.NATURAL_PANORAMAS:
-            light = panoramas.natural_templates([template.name])[template.name]
+            light = panoramas.natural_template(template.name)
         elif Path(template.name).suffix or Path(template.name).exists():
             light = panoramas.template_from_file(Path(template.name))
         else:
@@ -173,24 +167,19 @@ class Trial(Record, frozen=True):
 
     @field_validator("methods", mode="before")
     @classmethod
-    def _functions_too(cls, methods: Any) -> Any:
-        """Accept a detector or a function from Python, and code that the user named."""
-        if not isinstance(methods, list | tuple):
+    def _known_once(cls, methods: Any, validation: ValidationInfo) -> Any:
+        """Find each method; a name in a file runs no code unless that is allowed."""
+        if not isinstance(methods, list | tuple) or not all(
+            isinstance(name, str | Detector) or callable(name) for name in methods
+        ):
             return methods
-        return [method(m) if callable(m) or isinstance(m, Typed) else m for m in methods]
-
-    @field_validator("methods")
-    @classmethod
-    def _known_once(
-        cls, methods: tuple[str | Detector, ...], validation: ValidationInfo
-    ) -> tuple[str | Detector, ...]:
         allows_code = (validation.context or {}).get("allows_code", True)
-        detectors = tuple(method(name, allows_code) for name in methods)
+        detectors = [method(name, allows_code or isinstance(name, Typed)) for name in methods]
         each_once(tuple(detector.name for detector in detectors))
-        return tuple(
+        return [
             detector.name if METHODS.get(detector.name) == detector else detector
             for detector in detectors
-        )
+        ]
 
     @model_validator(mode="after")
     def _can_be_measured(self) -> "Trial":
@@ -210,12 +199,7 @@ class Trial(Record, frozen=True):
                 " give a velocity, or the method IM alone"
             )
         for detector in self.detectors:
-            try:
-                detector.start((self.size, self.size))
-            except ValueError as problem:
-                raise ValueError(
-                    f"size {self.size} is too small for {detector.name}: {problem}"
-                ) from None
+            detector.start((self.size, self.size))  # refuses frames that are too small
         return self
 
     @property
@@ -224,12 +208,10 @@ class Trial(Record, frozen=True):
         return tuple(map(method, self.methods))
 
 
-def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
+def measure_trial(trial: Trial, pixels: Floats, name: str) -> Curves:
     """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
     smeared = motion_blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
-    stimulus = MovingTemplate(
-        smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
-    )
+    stimulus = MovingTemplate(smeared, trial.velocity_px, trial.size, trial.resize)
     return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)
 
 
@@ -332,7 +314,6 @@ def load_sweep(
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)
 
 
-Curves = tuple[ErrorCurve, ...]
 Results = Mapping[Trial, Curves]
 
 _OF_LIGHT = {"velocity_px", "size", "resize", "blurred"}
@@ -364,8 +345,8 @@ def run(
         files.sweep(store)
         for trial in ordered:
             pixels, picture = templates[trial.template], hashes[trial.template]
-            key = digest(trial.model_dump_json(), picture, code, *map(identity, trial.detectors))
-            path = store / f"{key}.json"
+            parts = picture, code, *map(identity, trial.detectors)
+            path = store / f"{digest(trial.model_dump_json(), *parts)}.json"
             if (stored := _read(path)) is None:
                 light = json.dumps(trial.model_dump(mode="json", include=_OF_LIGHT))
                 future = executor.submit(measure_trial, trial, pixels, digest(light, picture))

@@ -1,21 +1,14 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every method sees whole frames and gives one velocity per block of 24 × 24 px, which is compared
-with the mean true flow of the block. The outermost blocks are excluded. A block without velocity
-counts as zero motion.
-
-A method that is far off in a third of the blocks may have the least median and the largest mean. So
-next to the median there are the mean, the shares of blocks off by more than 1, 3 and 5 px, Fl and
-WAUC (`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion,
-with the processor time that the method took. A block is occluded where a tenth of it is hidden in
-the next frame. A method's value is the mean over draws and scenes, with its interval over scenes
-(`table`), if there is more than one.
+Every method gives one velocity per block of 24 × 24 px, which is compared with the mean true flow
+of the block. The outermost blocks are excluded. A block without velocity counts as zero motion.
+Next to the median there are the mean, shares of blocks that are far off, Fl and WAUC
+(`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion. A
+method's value is the mean over draws and scenes, with its interval over scenes (`table`).
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
-pictures without photon noise: the reference and similar methods repeat its errors on counts, so it
-favors them. The other favors no method: of three or more methods, the median of all others on the
-same photons. Methods that agree may share an error, and one that is right alone is far from the
-rest.
+pictures without photon noise, which favors it and similar methods. The other is the median of all
+other methods on the same photons, which may share an error.
 """
 
 import time
@@ -31,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from megalopta.benchmark import clips as sources, table
+from megalopta.benchmark import clips as pictures, table
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
@@ -129,18 +122,16 @@ def frame_errors(
     methods: Sequence[Method],
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
-    after_scene: Callable[[], object] = lambda: None,
 ) -> Board:
-    """Return the errors of methods on the same photons of all clips.
+    """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
-    Fluxes are mean photons per pixel and frame of a clip. Raises ValueError if a method gives no
-    velocity of blocks or needs more frames than a clip has, or a clip is too small.
+    Raises ValueError if a method gives no velocity of blocks or needs more frames than a clip has,
+    or a clip is too small.
     """
     detectors = [block_detector(method) for method in methods]
-    first, *others = clips
-    key = ("whole frames",)
+    scenes, key = list(clips), ("whole frames",)
     for detector in detectors:  # compiled before time is measured
-        block_velocities(detector, first, first.counts(fluxes[0], 0, key))
+        block_velocities(detector, scenes[0], scenes[0].counts(fluxes[0], 0, key))
 
     def measure(clip: FlowClip, counts: Frames) -> Measures:
         truth = true_velocities(clip)
@@ -164,44 +155,29 @@ def frame_errors(
                 scale = 100 if field.endswith("percent") else 1
                 yield metric, detector.name, np.nan if unknown else value / scale
 
-    return Board(detectors, _samples([first, *others], fluxes, draws, key, measure, after_scene))
+    return Board(detectors, _samples(scenes, len(scenes), fluxes, draws, key, measure))
 
 
 def _samples(
     clips: Iterable[FlowClip],
+    count: int,
     fluxes: Sequence[float],
     draws: int,
     key: tuple[str, ...],
     measure: Callable[[FlowClip, Frames], Measures],
-    after_scene: Callable[[], object],
 ) -> pd.DataFrame:
     """Return what is measured on the counts of every clip, draw and flux, summed over draws."""
     rows = []
-    for clip in clips:
-        for draw, flux in product(range(draws), fluxes):
-            for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
-                known = np.isfinite(value)
-                case = metric, name, flux, "all", clip.name
-                rows.append((*case, value if known else 0.0, float(known)))
-        after_scene()
+    with progress("Drawing photons", count, "pair") as advance:
+        for clip in clips:
+            for draw, flux in product(range(draws), fluxes):
+                for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
+                    known = np.isfinite(value)
+                    case = metric, name, flux, "all", clip.name
+                    rows.append((*case, value if known else 0.0, float(known)))
+            advance(1)
     draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
     return draws_of_all.sum().reset_index()
-
-
-def errors_of_pairs(
-    pairs: Mapping[str, sources.Files],
-    fluxes: Sequence[float],
-    methods: Sequence[Method] | None = None,
-    draws: int = 1,
-) -> Board:
-    """Return the errors of methods, by default all two-frame methods, on pairs of files.
-
-    Raises UserError if a file cannot be used, or a method does not run on two frames.
-    """
-    clips = [sources.read_pair(name, files) for name, files in pairs.items()]
-    with progress("Drawing photons", len(clips), "pair") as advance, refused_as():
-        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
-        return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
@@ -231,7 +207,8 @@ def block_velocities(detector: BlockDetector, clip: FlowClip, counts: Frames) ->
     needed = detector.memory_frames + 1
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
-    return np.nan_to_num(detector.respond(sources.middle(counts, needed))[-1, 1:-1, 1:-1])
+    first = (len(counts) - needed) // 2
+    return np.nan_to_num(detector.respond(counts[first : first + needed])[-1, 1:-1, 1:-1])
 
 
 def _grid(clip: FlowClip) -> BlockGrid:
@@ -291,7 +268,7 @@ def pairs_without_truth(
     if len(opened) == 2:
         return {paths[0].stem: (frames[0], frames[1])}
     steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
-    return sources.evenly_spread(steps, most)
+    return pictures.evenly_spread(steps, most)
 
 
 def _luminance(footage: Footage, index: int) -> Floats:
@@ -310,8 +287,8 @@ def distances_of_pairs(
     Metrics are those of `FROM_STAND_IN` and, for three or more methods, of `FROM_OTHERS`. Raises
     UserError if pictures or methods cannot be used, or no picture has any contrast.
     """
-    with progress("Drawing photons", len(pairs), "pair") as advance, refused_as():
-        chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+    with refused_as():
+        chosen = methods or methods_and_baselines()
         detectors, standing_in = list(map(block_detector, chosen)), block_detector(reference)
 
         def clips() -> Iterator[FlowClip]:
@@ -319,7 +296,6 @@ def distances_of_pairs(
                 light = np.stack([first(), second()])
                 if light.min() == light.max():
                     say(f"{name}: both pictures are uniform; skipping the pair")
-                    advance(1)
                     continue
                 light /= light.mean()
                 yield FlowClip(name, light, standing_in.dense(*light * _CLEAN_PHOTONS))
@@ -340,7 +316,7 @@ def distances_of_pairs(
                         yield names[metric], name, value
 
         key = ("pairs without truth",)
-        samples = _samples(clips(), fluxes, draws, key, measure, lambda: advance(1))
+        samples = _samples(clips(), len(pairs), fluxes, draws, key, measure)
     if samples.empty:
         raise UserError(f"{', '.join(pairs)}: no contrast; give pictures with texture")
     return Board(detectors, samples)

@@ -101,8 +101,9 @@ def _pairs(options: Namespace) -> Path:
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
     from megalopta.benchmark import clips
-    from megalopta.benchmark.methods import BLOCK_PX
-    from megalopta.benchmark.whole_frames import METRICS, errors_of_pairs, write_board
+    from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
+    from megalopta.benchmark.whole_frames import METRICS, frame_errors, write_board
+    from megalopta.core.errors import refused_as
 
     if len(options.paths) == 1:
         pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
@@ -115,7 +116,10 @@ def _pairs(options: Namespace) -> Path:
             f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
             " their flow (without flow: --no-truth)"
         )
-    errors = errors_of_pairs(pairs, options.photons, *_methods_and_draws(options, len(pairs)))
+    methods, draws = _methods_and_draws(options, len(pairs))
+    scenes = [clips.read_pair(name, files) for name, files in pairs.items()]
+    with refused_as():
+        errors = frame_errors(scenes, methods or methods_and_baselines(), options.photons, draws)
     write_board(options.out, errors)
     print(
         f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; with means (px) of those that move"
@@ -275,19 +279,12 @@ def _sequence(options: Namespace) -> Path:
 def _submit(options: Namespace) -> Path:
     from rich.console import Console
 
-    from megalopta.benchmark.scores import Scores, score_submission, score_table
+    from megalopta.benchmark.scores import score_submissions, score_table
     from megalopta.core import files
 
     if options.program and len(options.flows) > 1:
         raise UserError("benchmark submit: --program names one flow; give one, or omit it")
-    entries = [
-        entry
-        for flow in options.flows
-        for entry in score_submission(
-            flow, options.truth, options.program, options.png_scale
-        ).entries
-    ]
-    scores = Scores(entries=tuple(entries))
+    scores = score_submissions(options.flows, options.truth, options.program, options.png_scale)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
     Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)

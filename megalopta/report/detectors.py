@@ -143,7 +143,7 @@ def threshold_section(report: Report) -> Section:
     if (benchmark := report.benchmark) is None:
         missing = "The photon benchmark has not run yet."
         return replace(section, body=absent(report, "benchmark photons", missing))
-    settings, confidence = benchmark.settings, 100 * benchmark.settings.confidence
+    settings = benchmark.settings
     # per pixel at each size: those of the original times the area ratio
     counts = settings.dark_counts * math.prod(benchmark.frames[1:])
     shapes = dict.fromkeys(curve.shape for curve in benchmark.curves)
@@ -160,7 +160,7 @@ def threshold_section(report: Report) -> Section:
         for c in benchmark.curves
     )
     body = [
-        html.heading(f"N_2b in photons per frame, with {confidence:g} % CI"),
+        html.heading("N_2b in photons per frame, with 95 % CI"),
         pivoted("N_2b in photons per frame", "Detector", needs),
         html.paragraph(_UNITS, "note"),
         html.block("pair", *charts),

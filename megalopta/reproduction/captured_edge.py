@@ -1,11 +1,9 @@
 """Figures of §2.4.8 from recordings: an edge crosses SPADCAM, with the responses of NDM and NDS.
 
-`megalopta spadcam figures` draws captured results with simulated ones; both pass through the same
-pooling, detectors and statistics. `motion_bench` documents the experiment, and
-`examples/dissertation` draws the simulation alone. The dissertation gives one signal-to-noise ratio
-of peak responses over the velocity of the edge per detector, without definition. Here it is
-20·log10 of the mean peak response of one detector over its standard deviation between crossings,
-averaged over all speeds except 0. `megalopta spadcam compare --scene plate` tests the differences.
+Captured and simulated frames pass through the same pooling, detectors and statistics
+(`motion_bench`). The dissertation gives one signal-to-noise ratio per detector, without definition.
+Here it is 20·log10 of the mean peak response of one detector over its standard deviation between
+crossings, averaged over all speeds except 0.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,12 +17,11 @@ from numpy.typing import NDArray
 
 from megalopta.camera import comparison, motion_bench as bench
 from megalopta.camera.motion_bench import Peaks
-from megalopta.camera.sources import RecordingFrames, Source, read_recorded
+from megalopta.camera.sources import Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
-from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 from megalopta.report import style
 from megalopta.reproduction.picture import Figure, write_figure
 from megalopta.sensor import Sensor, changed, load_sensor
@@ -32,22 +29,15 @@ from megalopta.sensor.calibrate.level import Level
 
 _SHOWN = 4
 """Detector whose responses are drawn over time"""
-_THEORY_CYCLES = 0.5
-"""Cycles of the theoretical sinusoid along the row; the dissertation states only: below 1."""
+_METHODS = ("NDM", "NDS")
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
-_MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 
 
 def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> Iterator[Figure]:
     """Yield the figures: 2.14 to 2.17 in one, and 2.18 and 2.19 in one.
 
-    Parameters
-    ----------
-    captured : mapping
-        Frames (passages · 2·FRAMES, 16, 16), as `cut_passages` cuts them, by the
-        plate's speed (mm/s).
-    sensor : Sensor
-        Sensor of the simulation, with the same exposure.
+    `captured`: frames (passages · 2·FRAMES, 16, 16) of `cut_passages` by the plate's speed (mm/s);
+    `sensor`: of the simulation, with the same exposure.
     """
     speeds = sorted(captured)
     slowest = speeds[0]
@@ -59,7 +49,7 @@ def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> 
     yield _passage({name: bench.pooled(frames)[:, 0] for name, frames in counts.items()}, caption)
     direct = [bench.peaks(speed, sensor) for speed in speeds]
     peaks: dict[tuple[str, str], list[Peaks]] = {}
-    for method in _MEANS:
+    for method in _METHODS:
         ours = peaks["simulated", method] = [by_method[method] for by_method in direct]
         peaks["captured", method] = [
             Peaks(
@@ -76,7 +66,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
     maps: dict[tuple[str, str], Floats] = {}
     for name, frames in rows.items():
         maps[name, "counts"] = frames
-        for method in _MEANS:
+        for method in _METHODS:
             responses = bench.detector(method).respond(frames[:, np.newaxis])
             maps[name, method] = responses[:, 0, 1:-1]
 
@@ -84,7 +74,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
         panels = canvas.subplots(len(rows), 4)
         for (name, content), frames in maps.items():
             row = list(rows).index(name)
-            axes = panels[row, ["counts", *_MEANS].index(content)]
+            axes = panels[row, ["counts", *_METHODS].index(content)]
             look: dict[str, Any] = {"aspect": "auto", "interpolation": "nearest"}
             canvas.colorbar(axes.imshow(frames[: bench.FRAMES], **look), ax=axes)
             axes.grid(visible=False)
@@ -118,7 +108,6 @@ def _over_speeds(
 ) -> Figure:
     """Draw peak responses over the speed of the plate (mm/s), by recording and method."""
     velocity = np.array([bench.pixels_per_frame(speed) for speed in speeds])
-    phase = 2 * np.pi * _THEORY_CYCLES / bench.PIXELS
     columns = {
         f"{name}_{method}_{statistic}": np.array([getattr(result, field) for result in over])
         for (name, method), over in peaks.items()
@@ -131,11 +120,8 @@ def _over_speeds(
     ]
 
     def draw(canvas: Canvas) -> None:
-        fine = np.linspace(0, velocity[-1], 201)
-        for axes, (method, mean) in zip(canvas.subplots(1, 2), _MEANS.items(), strict=True):
+        for axes, method in zip(canvas.subplots(1, 2), _METHODS, strict=True):
             ideal = np.array([result.ideal.mean() for result in peaks["simulated", method]])
-            theory = mean(bench.filter_step(method), phase * fine, phase, 1.0)
-            axes.plot(fine, ideal.max() * theory / theory.max(), "--", color=style.BLACK)
             axes.plot(velocity, ideal, "-" if velocity.size > 1 else "_", color=style.GREEN, ms=24)
             looks = (("simulated", "o", style.BLUE), ("captured", "s", style.ORANGE))
             for shift, (name, marker, color) in zip((-0.1, 0.1), looks, strict=True):
@@ -154,9 +140,7 @@ def _over_speeds(
             "Points are the mean and σ of the largest response of one detector while an edge "
             f"crosses, over {crossings} crossings of {detectors} detectors in each of {rows} rows. "
             "The SNR is 20·log10(mean/σ), averaged over the speeds but 0; the dissertation does "
-            f"not define its own: {', '.join(snr)}. Green: without noise. "
-            f"Dashed: the mean response to a sinusoid of {_THEORY_CYCLES:g} cycles along the row, "
-            "scaled to the same height."
+            f"not define its own: {', '.join(snr)}. Green: without noise."
         ),
         draw=draw,
         numbers=pd.DataFrame(
@@ -182,44 +166,34 @@ def reproduce_captured(
     """
     if not all(source.light > 0 for source in sources):
         raise UserError("figures: no speed of the plate; give it with each recording, such as a@5")
-    recorded = [_recorded(source) for source in sources]
-    sensor = _sensor(sources, recorded, device)
+    recorded = [read_recorded(source) for source in sources]
+    first, frame_s = recorded[0], 1 / bench.FRAME_RATE_HZ
+    for source, frames in zip(sources, recorded, strict=True):
+        period_s = np.median(np.diff(frames.times_s)) if len(frames.times_s) > 1 else frame_s
+        if not np.allclose((frames.exposure_s, period_s), frame_s, rtol=0.01):
+            raise UserError(
+                f"{source.path}: frames of {frames.exposure_s:g} s every {period_s:g} s; capture"
+                f" with --rate {bench.FRAME_RATE_HZ:g} --exposure {frame_s:g}"
+            )
+        if device is None and (frames.sensor is None or frames.sensor != first.sensor):
+            raise UserError(
+                f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
+                "with the same settings, or --device"
+            )
+    if device is not None:
+        with refused_as("--device", OSError):
+            sensor = changed(load_sensor(device), exposure_s=first.exposure_s)
+    else:
+        assert first.sensor is not None
+        sensor = changed(first.sensor, counter={"calibrated": False})
     cut: dict[float, list[NDArray[Any]]] = {}
     for source, recording in zip(sources, recorded, strict=True):
-        frames = Level(recording.counts, recording.exposure_s, 0.0, times_s=recording.times_s)
-        counts = comparison.captured_frames(recording, sensor, 0.0) if device else frames
+        counts = Level(recording.counts, recording.exposure_s, 0.0, times_s=recording.times_s)
+        if device:
+            counts = comparison.captured_frames(recording, sensor, 0.0)
         cut.setdefault(source.light, []).append(comparison.passages_at(source.light, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
     ensure_directory(out)
     with working("figures"):
         for figure in captured_figures(captured, sensor):
             yield from write_figure(figure, out)
-
-
-def _recorded(source: Source) -> RecordingFrames:
-    recorded = read_recorded(source)
-    frame_s = float(np.median(np.diff(recorded.times_s))) if len(recorded.times_s) > 1 else 0.1
-    if not np.allclose((recorded.exposure_s, frame_s), 1 / bench.FRAME_RATE_HZ, rtol=0.01):
-        raise UserError(
-            f"{source.path}: frames of {recorded.exposure_s:g} s every {frame_s:g} s; capture with "
-            f"--rate {bench.FRAME_RATE_HZ:g} --exposure {1 / bench.FRAME_RATE_HZ:g}"
-        )
-    return recorded
-
-
-def _sensor(
-    sources: Sequence[Source], recorded: Sequence[RecordingFrames], device: Path | None
-) -> Sensor:
-    """Return the sensor of the simulation: a device file, or the nominal one of all recordings."""
-    first = recorded[0]
-    if device is not None:
-        with refused_as("--device", OSError):
-            return changed(load_sensor(device), exposure_s=first.exposure_s)
-    for source, recording in zip(sources, recorded, strict=True):
-        if recording.sensor is None or recording.sensor != first.sensor:
-            raise UserError(
-                f"{source.path}: another sensor or step than {sources[0].path}; give recordings "
-                "with the same settings, or --device"
-            )
-    assert first.sensor is not None
-    return changed(first.sensor, counter={"calibrated": False})

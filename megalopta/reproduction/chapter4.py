@@ -1,12 +1,7 @@
 """Chapter 4 of the dissertation with the models of this package: its sweeps and Table 4.1.
 
-The sweeps are `sweeps/fig-4.5.yaml` to `fig-4.13.yaml`. Unless a sweep varies it, contrast is 90 %,
-spatial frequency 5 cycles per frame, velocity 5 px per frame, and there are 0.1 dark counts per
-pixel and frame. Pooling levels are those of text or captions.
-
-Each becomes a picture to look at (PNG), one to print (SVG) and its numbers (CSV). The bytes depend
-only on the versions of this package, of NumPy and of matplotlib. Figures of Chapters 2 and 3 are
-scripts in `examples/dissertation`.
+The sweeps are `sweeps/fig-4.5.yaml` to `fig-4.13.yaml`. Pooling levels are those of text or
+captions. Bytes depend only on the versions of this package, of NumPy and of matplotlib.
 """
 
 from collections.abc import Mapping, Sequence
@@ -69,16 +64,14 @@ _QUICK = " Quick form: fewer values, sizes and forests than in the dissertation.
 _DIFFERENT = {
     "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
     "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
-    "choices were made afterwards, from about fifteen variants; where numbers agree, they are "
-    "consistent with the dissertation, not those of its program.",
+    "choices were made afterwards, from about fifteen variants.",
     "The natural column": "The photographs came from the web and are not published. Forests "
     "rendered by this project replace them, with the same fields of view; the rows “photo” use "
-    "their gray values. Thresholds depend on the information on motion per photon.",
+    "their gray values.",
     "Single velocities of IIA": "Interpolation between whole pixels is nearly exact only where the "
     "shift is nearly one pixel of the resized frames.",
     "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every pixel, and "
-    "EMD's passes through zero: the mean has no limit. The quotient of means in the last column "
-    "does not divide by zero.",
+    "EMD's passes through zero: the mean has no limit.",
     "Points of BM without N_2b": "At low velocities BM gives zero in most blocks of the clean "
     "frames, and its error is 0/0.",
 }

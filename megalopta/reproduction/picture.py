@@ -2,21 +2,18 @@
 
 import re
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib import rcParams
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, NullFormatter
 
-from megalopta.core.arrays import Floats
 from megalopta.core.files import atomic_write, write_csv
 from megalopta.report.style import BLACK, house_style
 
@@ -55,10 +52,22 @@ def write_numbers(path: Path, numbers: pd.DataFrame) -> None:
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Draw one figure and write its three files."""
+    """Draw one figure, title above and caption below, and write its three files."""
     png, svg, numbers = paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv")]
+    head, lines = _wrapped(figure.title, _TITLE_CHARACTERS), _wrapped(figure.caption, _CHARACTERS)
+    above = _TITLE_LINE_IN * len(head) + 0.16
+    below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
+    total = below + figure.height_in + above
+    place: dict[str, Any] = {"x": _MARGIN_IN / WIDTH_IN, "va": "top", "color": BLACK}
+    bold: dict[str, Any] = {"fontsize": _TITLE_SIZE, "fontweight": "bold"}
+    small: dict[str, Any] = {"fontsize": _CAPTION_SIZE, "linespacing": 1.3}
     with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+        canvas = Canvas(figsize=(WIDTH_IN, total), dpi=rcParams["savefig.dpi"])
+        FigureCanvasAgg(canvas)
+        drawing = 0.0, below / total, 1.0, figure.height_in / total
+        canvas.set_layout_engine("constrained", rect=drawing)
+        canvas.text(y=1 - _MARGIN_IN / total, s="\n".join(head), **place, **bold)
+        canvas.text(y=(below - _MARGIN_IN) / total, s="\n".join(lines), **place, **small)
         figure.draw(canvas)
         if layout := canvas.get_layout_engine():
             layout.execute(canvas)
@@ -70,50 +79,14 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         pixels: Any = FigureCanvasAgg(canvas)
         with atomic_write(png) as temporary:
             pixels.print_png(temporary, metadata=title, pil_kwargs={"compress_level": 3})
-        lines: Any = FigureCanvasSVG(canvas)
+        vectors: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
-            lines.print_svg(temporary, metadata={**title, "Date": None})
+            vectors.print_svg(temporary, metadata={**title, "Date": None})
     write_numbers(numbers, figure.numbers)
     return paths
 
 
-def new_canvas(title: str, caption: str, height_in: float) -> Canvas:
-    """Return an empty matplotlib figure with a title above and a caption below the drawing.
-
-    Title and caption are wrapped to the width. The drawing is `height_in` high.
-    """
-    head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
-    above = _TITLE_LINE_IN * len(head) + 0.16
-    below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
-    total = below + height_in + above
-    canvas = Canvas(figsize=(WIDTH_IN, total), dpi=rcParams["savefig.dpi"])
-    FigureCanvasAgg(canvas)
-    canvas.set_layout_engine("constrained", rect=(0.0, below / total, 1.0, height_in / total))
-    place: dict[str, Any] = {"x": _MARGIN_IN / WIDTH_IN, "va": "top", "color": BLACK}
-    look: dict[str, Any] = {"fontsize": _TITLE_SIZE, "fontweight": "bold"}
-    canvas.text(y=1 - _MARGIN_IN / total, s="\n".join(head), **place, **look)
-    look = {"fontsize": _CAPTION_SIZE, "linespacing": 1.3}
-    canvas.text(y=(below - _MARGIN_IN) / total, s="\n".join(lines), **place, **look)
-    return canvas
-
-
-def log_decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
-    """Make an axis logarithmic, with labels at decades only, by default such as 10k."""
-    axes.set(**{f"{which}scale": "log"})
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_major_formatter(EngFormatter(sep="") if labels is None else labels)
-    axis.set_minor_formatter(NullFormatter())
-
-
-def draw_interval(
-    axes: Axes, x: Any, middle: Floats, ends: Sequence[Floats] | Floats, **style: Any
-) -> None:
-    """Draw a line with whiskers between the lower and upper ends."""
-    low, high = ends
-    axes.errorbar(x, middle, (middle - low, high - middle), **style)
-
-
-def wrapped(text: str, characters: int) -> list[str]:
+def _wrapped(text: str, characters: int) -> list[str]:
     """Wrap text into lines; a number stays with its unit."""
     held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
     return textwrap.wrap(held, characters, break_on_hyphens=False)

@@ -4,12 +4,13 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, LogLocator
+from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from megalopta.benchmark.panoramas import ROWS
 from megalopta.benchmark.trial import (
@@ -24,7 +25,6 @@ from megalopta.benchmark.trial import (
 )
 from megalopta.core.folders import ensure_directory
 from megalopta.report import style
-from megalopta.reproduction import picture
 from megalopta.reproduction.picture import Figure, write_figure
 
 _LABELS = {
@@ -135,7 +135,7 @@ def _sizes(sweep: Sweep) -> tuple[int, ...]:
 def _caption(sweep: Sweep, table: pd.DataFrame) -> str:
     search, templates = sweep.trial.search, sweep.templates
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
-    bars = f"{100 * search.confidence:g} % intervals"
+    bars = "95 % intervals"
     if len(templates) > 1:
         bars = f"the range over {len(templates)} templates"
     drawn = _first(sweep, table)
@@ -192,19 +192,18 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
         low = ordered["low"].fillna(search.flux_min).where(known)
         high = ordered["high"].fillna(search.flux_max).where(known)
         x = range(len(values)) if is_text else ordered["value"].astype(float)
-        look = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
+        look: dict[str, Any] = {"capsize": 2.5, "elinewidth": 1.2, "label": method}
         look |= style.method_style(str(method))
-        ends = low.to_numpy(), high.to_numpy()
-        picture.draw_interval(axes, x, flux.to_numpy(), ends, **look)
+        axes.errorbar(x, flux, np.stack((flux - low, high - flux)), **look)
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
     axes.set_ylabel(f"$N_{{{search.bits[0]}b}}$ (photons per frame)")
     axes.label_outer()
-    picture.log_decades(axes, "y")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
-    bottom, top = axes.get_ylim()
-    if top < 30 * bottom:  # labels at decades alone would be too few
-        steps = (2.0, 5.0) if top > 4 * bottom else tuple(np.arange(2.0, 10.0))
-        axes.yaxis.set_minor_locator(LogLocator(subs=steps))
+    if axes.get_ylim()[1] < 30 * axes.get_ylim()[0]:  # labels at decades alone would be too few
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.yaxis.set_minor_formatter(EngFormatter(sep=""))
     if is_text:
         axes.set_xticks(range(len(values)), [str(value) for value in values])

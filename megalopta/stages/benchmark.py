@@ -22,12 +22,11 @@ from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import frames_at_once, read_radiance_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import (
-    Bookkeeping,
-    Clip,
     checked_warm_up,
     photon_benchmark,
     work_units,
 )
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
@@ -49,7 +48,7 @@ def benchmark(dataset: Dataset) -> None:
                 photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
                 store[first : first + len(photons)] = photons
     with undamaged(path, "remove it"):
-        light = cast("Clip", open_array(path))
+        light = cast("Frames", open_array(path))
         if light.shape != _shape(settings):
             raise ValueError(f"its frames are {light.shape}, not those of the dataset")
     total = work_units(light.shape, settings.benchmark)
@@ -60,7 +59,8 @@ def benchmark(dataset: Dataset) -> None:
             settings.benchmark,
             settings.seed,
             dataset.sequence,
-            Bookkeeping(advance, partial(_part, parts / settings.benchmark.normalization)),
+            advance,
+            partial(_part, parts / "sums"),
         )
     files.write_json(dataset.result("benchmark.json"), result.to_dict())
     head = ("method", "rows", "columns", "metric", "photons_per_frame", "error", "standard_error")

@@ -93,8 +93,7 @@ def test_results_do_not_depend_on_the_company_of_methods():
         assert alone == tuple(curve for curve in together if curve.method == method.name)
 
 
-@pytest.mark.parametrize("is_smooth", [False, True])
-@pytest.mark.parametrize("per_decade", [1, 3, 8])
+@pytest.mark.parametrize(("per_decade", "is_smooth"), [(1, False), (3, True), (8, False)])
 def test_search_ends_on_any_falling_curve(per_decade, is_smooth):
     rng = np.random.default_rng(2)
     for _ in range(60):

@@ -18,10 +18,6 @@ from .corner import CORNER, beside_a_trunk, flight
 CAMERA = PerspectiveCamera(width=96, height=80, fov_deg=60)
 
 
-FARTHER = ((0.4, 0.0, 1.0), 7.1)
-"""The wall ahead, farther than in the corner"""
-
-
 def counts(light, photons, seed=0):
     return np.random.default_rng(seed).poisson(photons * light).astype(np.uint16)
 
@@ -74,8 +70,8 @@ def test_a_turn_across_the_seam_of_a_panorama():
 def test_a_trunk_that_crosses_every_strip_is_within_the_stated_error():
     """From estimates without strips alone, a heading 120° off is stated to 10°."""
     turn_deg, step_m = (0.5, 0.5, -0.6), (-0.05, 0.0, -0.03)
-    camera, walls = PerspectiveCamera(width=48, height=40, fov_deg=60), (CORNER[0], FARTHER)
-    light = flight(camera, turn_deg, step_m, planes=walls)
+    camera, farther = PerspectiveCamera(width=48, height=40, fov_deg=60), ((0.4, 0.0, 1.0), 7.1)
+    light = flight(camera, turn_deg, step_m, planes=(CORNER[0], farther))
     drawn = counts(beside_a_trunk(camera, light, turn_deg, step_m, -0.09), 100)
     motion, error = camera_motion_with_error(drawn, camera)
     assert 60 < angle_deg(motion.heading, np.array(step_m)) < 3 * error.heading_deg
@@ -96,7 +92,7 @@ def test_what_tells_nothing_is_refused(frames, message):
         likely_camera_motion(frames, CAMERA)
 
 
-def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):
+def seen(rng, turn_deg, step_m, count=300):
     """Points at 2 to 20 m before a camera that moves, as it sees them before and after."""
     directions = rng.normal(size=(count, 3))
     directions[:, 2] = np.abs(directions[:, 2]) + 0.5
@@ -106,20 +102,13 @@ def seen(rng, turn_deg, step_m, noise_rad=0.0, wrong=0.0, count=300):
     points = directions * rng.uniform(2, 20, (count, 1)) - way
     moved = Rotation.from_rotvec(turn, degrees=True).inv().apply(points)
     moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-    moved += noise_rad * rng.normal(size=moved.shape)
-    outlier = rng.random(count) < wrong
-    moved[outlier] += 0.05 * rng.normal(size=(outlier.sum(), 3))
-    return directions, moved / np.linalg.norm(moved, axis=1, keepdims=True), turn, way / step_m
-
-
-def fitted(directions, moved):
-    """Motion of a camera whose image coordinates are directions."""
-    return motion_of_flow(SimpleNamespace(toward=np.copy), directions, moved - directions)
+    return directions, moved, turn, way / step_m
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_motion_without_noise_is_found_exactly(seed):
     directions, moved, turn, way = seen(np.random.default_rng(seed), turn_deg=3, step_m=0.2)
-    found = fitted(directions, moved)
+    camera = SimpleNamespace(toward=np.copy)  # whose image coordinates are directions
+    found = motion_of_flow(camera, directions, moved - directions)
     assert angle_deg(found.heading, way) < 1e-4
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)

@@ -31,12 +31,6 @@ def test_every_method_tells_how_a_texture_is_shifted(name, pair):
     assert np.median(error) <= TOLERANCE_PX.get(name, 0.06)
 
 
-@pytest.mark.parametrize("name", ["BM", "PPM"])
-def test_settings_are_those_of_the_method(name, pair):
-    changed = type(METHODS[name])(block_px=20)
-    np.testing.assert_array_equal(optical_flow(*pair, name, block_px=20), changed.dense(*pair))
-
-
 def test_a_function_and_a_detector_stand_in_the_place_of_a_name(pair):
     np.testing.assert_array_equal(
         optical_flow(*pair, lambda a, b: np.ones((*a.shape, 2))), np.ones((96, 128, 2))

@@ -1,14 +1,10 @@
 """Today's estimators of OpenCV and scikit-image, on textures that drift by known fractions."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import cv2
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.libraries import (
-    LucasKanade,
-)
+from megalopta.flow.detectors.libraries import LucasKanade, one_thread
 from megalopta.flow.detectors.registry import METHODS
 
 from ..textures import drifting_texture
@@ -52,47 +48,16 @@ def test_lucas_kanade_has_no_velocity_exactly_where_the_window_has_no_texture():
     assert not known[:, 8:].any()
 
 
-@pytest.fixture
-def three_threads():
-    before = cv2.getNumThreads()
+def test_estimators_of_opencv_run_in_one_thread_until_the_last_has_left(monkeypatch):
+    before, numbers, set_number = cv2.getNumThreads(), [], cv2.setNumThreads
+    monkeypatch.setattr(cv2, "setNumThreads", lambda n: numbers.append(n) or set_number(n))
     cv2.setNumThreads(3)
-    yield
-    cv2.setNumThreads(before)
-
-
-class _Recorded:
-    """An estimator of OpenCV that notes how many threads it may use."""
-
-    def __init__(self, calc, seen):
-        self._calc, self._seen = calc, seen
-
-    def __call__(self, *args, **keywords):
-        self._seen.append(cv2.getNumThreads())
-        return self._calc(*args, **keywords)
-
-    calc = __call__
-
-
-@pytest.mark.usefixtures("three_threads")
-@pytest.mark.parametrize(
-    ("name", "owner", "function"),
-    [
-        ("LK", cv2, "calcOpticalFlowPyrLK"),
-        ("FB", cv2, "calcOpticalFlowFarneback"),
-        ("DIS", cv2.DISOpticalFlow, "create"),
-    ],
-)
-def test_estimators_of_opencv_run_in_one_thread_each(name, owner, function, monkeypatch):
-    seen = []
-    original = getattr(owner, function)
-    if function == "create":
-        replaced = staticmethod(lambda preset: _Recorded(original(preset).calc, seen))
-    else:
-        replaced = _Recorded(original, seen)
-    monkeypatch.setattr(owner, function, replaced)
-    frames = drifting_texture((1.3, -0.7), frames=8)
-    with ThreadPoolExecutor(2) as pool:
-        both = list(pool.map(METHODS[name].respond, [frames, frames]))
-    np.testing.assert_array_equal(*both)
-    assert seen == [1] * 14
+    with one_thread():
+        for name in ("LK", "FB", "DIS"):
+            METHODS[name].respond(drifting_texture((1.3, -0.7)))
+            assert cv2.getNumThreads() == 1
     assert cv2.getNumThreads() == 3
+    for name in ("LK", "FB", "DIS"):
+        METHODS[name].respond(drifting_texture((1.3, -0.7)))
+    assert numbers == [3, *[1, 3] * 4]
+    cv2.setNumThreads(before)

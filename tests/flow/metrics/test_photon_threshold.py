@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from megalopta.flow.metrics.photon_threshold import (
-    MeasuredErrors,
     Threshold,
     first_crossing,
     threshold,
@@ -17,7 +16,7 @@ def crossing(errors, level=0.25, standard_errors=None, degrees=10, seed=0):
     if standard_errors is None:
         standard_errors = np.zeros_like(errors)
     rng = np.random.default_rng(seed)
-    return threshold(MeasuredErrors(FLUXES, errors, standard_errors, degrees), level, rng)
+    return threshold(FLUXES, errors, standard_errors, degrees, level, rng)
 
 
 @pytest.mark.parametrize("slope", [0.3, 0.5, 2.0])

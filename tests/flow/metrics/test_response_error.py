@@ -6,7 +6,13 @@ import pytest
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.correlation import ElementaryMotionDetector
 from megalopta.flow.detectors.image_interpolation import ImageInterpolation
-from megalopta.flow.metrics.response_error import error_of, error_parts, error_sums, quotient
+from megalopta.flow.metrics.response_error import (
+    METRICS,
+    error_of,
+    error_parts,
+    error_sums,
+    quotient,
+)
 
 PIXELS = ElementaryMotionDetector()
 BLOCKS = BlockMatching()
@@ -20,24 +26,15 @@ def per_frame(sums, metric):
     return quotient(*error_parts(sums, metric))
 
 
-def test_literal_error_is_equation_4_5():
-    ideal, noisy = responses(0), responses(1)
-    expected = [np.mean(np.abs((i - s) / i)[1:-1, 1:-1]) for i, s in zip(ideal, noisy, strict=True)]
-    sums = error_sums(PIXELS, ideal, noisy)
-    np.testing.assert_allclose(per_frame(sums, "literal"), expected, rtol=1e-12)
-    assert error_of(sums, "literal") == pytest.approx(np.mean(expected), rel=1e-12)
-
-
-def test_ratio_error_is_the_quotient_of_the_sums():
+@pytest.mark.parametrize("metric", METRICS)
+def test_errors_are_equation_4_5_and_the_quotient_of_the_sums(metric):
     ideal, noisy = responses(0)[:, 1:-1, 1:-1], responses(1)[:, 1:-1, 1:-1]
+    size = np.abs(ideal) if metric == "ratio" else np.ones(ideal.shape)
+    off = np.abs(ideal - noisy) * size / np.abs(ideal)
     sums = error_sums(PIXELS, responses(0), responses(1))
-    np.testing.assert_allclose(
-        per_frame(sums, "ratio"),
-        np.abs(ideal - noisy).sum(axis=(1, 2)) / np.abs(ideal).sum(axis=(1, 2)),
-    )
-    assert error_of(sums, "ratio") == pytest.approx(
-        np.abs(ideal - noisy).sum() / np.abs(ideal).sum()
-    )
+    expected = off.sum(axis=(1, 2)) / size.sum(axis=(1, 2))
+    np.testing.assert_allclose(per_frame(sums, metric), expected, rtol=1e-12)
+    assert error_of(sums, metric) == pytest.approx(off.sum() / size.sum(), rel=1e-12)
 
 
 def test_a_zero_ideal_response_is_floored_in_literal_and_harmless_in_ratio():

@@ -6,8 +6,6 @@ import pytest
 from megalopta.flow import triangular_pool
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred, sum_frames
 from megalopta.flow.stimuli.photons import (
-    BlackFrameError,
-    divisors,
     draw_counts,
     frame_light,
     resize,
@@ -47,40 +45,8 @@ def test_temporal_pooling_is_the_sum_over_a_sliding_window(dtype, window):
     np.testing.assert_allclose(sum_frames(frames, window), expected)
 
 
-@pytest.mark.parametrize("kind", ["nearest", "area"])
-def test_light_per_sequence_is_one_on_average_over_a_full_turn_and_differs_by_one_factor(kind):
-    pattern = template(30, 90)
-    each = MovingTemplate(pattern, 1, 20, kind)
-    mean = MovingTemplate(pattern, 1, 20, kind, "per_sequence")
-    sums = mean.light(0, 90).sum(axis=(1, 2))
-    assert sums.mean() == pytest.approx(1, rel=1e-12)
-    assert sums.std() > 1e-3  # frames do differ
-    np.testing.assert_allclose(
-        mean.light(0, 90) / sums[:, None, None], each.light(0, 90), rtol=1e-12
-    )
-
-
 def frames(shape=(6, 40, 50)):
     return np.random.default_rng(0).random(shape)
-
-
-def test_light_per_sequence_keeps_how_frames_grow_and_per_frame_does_not():
-    growing = frames() * np.arange(1, 7)[:, None, None]
-    light = frame_light(growing)
-    assert list(frame_light(np.full((2, 20, 20), 255, np.uint8))) == [255 * 400] * 2
-    np.testing.assert_allclose(light, [frame.sum() for frame in growing], rtol=1e-12)
-    assert (light / divisors(light, "per_sequence")).mean() == pytest.approx(1)
-    np.testing.assert_array_equal(light / divisors(light, "per_sequence"), light / light.mean())
-    np.testing.assert_array_equal(light / divisors(light, "per_frame"), 1)
-
-
-def test_one_black_frame_is_refused_only_where_it_is_to_be_scaled():
-    light = np.array([1.0, 0.0, 3.0])
-    np.testing.assert_array_equal(divisors(light, "per_sequence"), 4 / 3)
-    with pytest.raises(BlackFrameError, match="frame 1 is black"):
-        divisors(light, "per_frame")
-    with pytest.raises(BlackFrameError):
-        divisors(np.zeros(3), "per_sequence")
 
 
 def test_counts_of_a_frame_do_not_depend_on_the_chunk_it_is_drawn_in():

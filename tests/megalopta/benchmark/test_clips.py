@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.clips import pairs_below, read_pair, true_flows
-from megalopta.benchmark.scores import score_submission
+from megalopta.benchmark.scores import score_submissions
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png
 
@@ -68,7 +68,7 @@ def test_flow_is_scored_in_the_layout_of_the_truth(tmp_path, layout):
     save(tmp_path / "truth", picture, *frames)
     (frame,) = true_flows(tmp_path / "truth")
     write_flo(tmp_path / "mine" / frame.sequence / f"{frame.name}.flo", FLOW + np.array([3, 4]))
-    scores = score_submission(tmp_path / "mine", tmp_path / "truth")
+    scores = score_submissions([tmp_path / "mine"], tmp_path / "truth")
     for entry in scores.entries:
         assert entry.sequence != "" and entry.errors["all"]["epe_px"] == pytest.approx(5)
 
@@ -102,7 +102,7 @@ def test_codes_of_a_pixel_in_flow_as_png(tmp_path, scale):
     (tmp_path / "flow_occ").mkdir()
     (tmp_path / "a.png").rename(tmp_path / "flow_occ" / "0_10.png")
     write_flo(tmp_path / "mine" / "0_10.flo", FLOW)
-    (overall,) = score_submission(tmp_path / "mine", tmp_path, png_scale=scale).overall
+    *_, overall = score_submissions([tmp_path / "mine"], tmp_path, png_scale=scale).entries
     assert overall.errors["all"]["epe_px"] <= 0.71 / scale
 
 

@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from megalopta.benchmark.ranking import Ranking, RankingFacts
+from megalopta.benchmark.ranking import BOUND, STILL, Ranking, RankingFacts
 from megalopta.benchmark.ranking_page import caution
-from megalopta.benchmark.ranking_run import run_ranking
-from megalopta.benchmark.sequence_errors import BOUND, STILL, in_segments, sequence_truth
+from megalopta.benchmark.ranking_run import run_ranking, sequence_truth
 from megalopta.benchmark.table import MEAN
 from megalopta.cli import main as cli
 from megalopta.config.model import load
@@ -77,13 +76,6 @@ def test_a_broken_run_goes_on_and_gives_the_same(grating, tmp_path, monkeypatch)
     assert len(written) == 2
 
 
-def test_a_segment_is_some_successive_pairs():
-    totals, blocks = np.arange(21.0), np.ones(21)
-    rows = list(in_segments("error", "all", totals, blocks, 10))
-    assert [row[3] for row in rows[:3]] == [0 + 1 + 2, 3 + 4, 5 + 6]
-    assert [sum(values) for values in zip(*(row[3:] for row in rows), strict=True)] == [210, 21]
-
-
 def test_a_board_that_is_flown_past_has_parallax_and_a_camera_that_turns_has_none(
     grating, tmp_path
 ):
@@ -107,7 +99,6 @@ def test_a_board_that_is_flown_past_has_parallax_and_a_camera_that_turns_has_non
     [
         (["--methods", "EMD"], "EMD measures no velocity: choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
-        (["--light-levels", "noon"], "light level 'noon' is unknown"),
         (["--fluxes", "[]"], "give fluxes, or light_levels"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.benchmark.scores import score_submission
+from megalopta.benchmark.scores import score_submissions
 from megalopta.cli import main as cli
 from megalopta.flow.formats import write_flo
 
@@ -56,9 +56,7 @@ def submit(capsys, truth, flow, *words):
 @pytest.fixture
 def told(refused):
     """Submits flow that is refused, and returns what is said."""
-    return lambda truth, flow, *words: refused(
-        "benchmark", "submit", flow, "--truth", truth, *words
-    )
+    return lambda truth, *flows: refused("benchmark", "submit", *flows, "--truth", truth)
 
 
 def test_scores_are_those_of_an_independent_script(tree, tmp_path, capsys):
@@ -108,14 +106,14 @@ def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, cap
     out = tmp_path / "scores.json"
     submit(capsys, truth, "dis", "--out", out)
     *_, entry = json.loads(out.read_text())["entries"]
-    (files,) = score_submission(submitted, truth).overall
+    *_, files = score_submissions([submitted], truth).entries
     assert (entry["program"], entry["pass_name"]) == ("DIS", "clean")
     assert entry["truth_hash"] == files.truth_hash
     for group in ("all", "visible", "occluded"):
         assert entry["errors"][group]["epe_px"] == pytest.approx(
             files.errors[group]["epe_px"], rel=1e-6
         )
-    (still,) = score_submission(lambda a, b: np.zeros((*a.shape, 2)), truth).overall
+    *_, still = score_submissions([lambda a, b: np.zeros((*a.shape, 2))], truth).entries
     speeds = [np.hypot(*motion) for motion in MOTIONS]
     assert still.errors["all"]["epe_px"] == pytest.approx(np.mean(speeds))
 
@@ -144,7 +142,9 @@ def test_mistakes_get_one_sentence(tree, tmp_path, told):
     assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
     path.write_bytes(whole)
     assert "no such folder" in told(truth, tmp_path / "none")
-    assert "gives no dense flow" in told(truth, "BM")
+    path.write_bytes(whole[:-4])  # is not read before
+    assert "BM gives no dense flow" in told(truth, submitted, "BM")
+    path.write_bytes(whole)
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
     assert "holds .flo and .npy: give one format" in told(truth, submitted)
     path.with_suffix(".npy").unlink()

@@ -46,7 +46,7 @@ def test_sweep_survives_yaml(tmp_path):
         ("trial: {methods: BM}", "trial.methods: give a list, got 'BM'"),
         ("trial: {template: {kind: panorama, name: open, contrast: 1}}", "the keys are coding"),
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
-        ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
+        ("{vary: size, values: [15, 60]}", "frames of 15 × 15 px cannot be cut"),
         ("{vary: methods, values: [BM, IM]}", "vary: methods cannot vary within a figure"),
         ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
         (

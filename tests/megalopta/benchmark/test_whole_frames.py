@@ -4,14 +4,12 @@ import csv
 from contextlib import ExitStack
 from dataclasses import replace
 
-import av
 import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from scipy.ndimage import map_coordinates
 
-from megalopta.benchmark.clips import FRAMES, FlowClip, leaves_clip, middle
+from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import TUNED, block_detector, methods_and_baselines, tuned
 from megalopta.benchmark.whole_frames import (
     FAR,
@@ -29,7 +27,7 @@ from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.flow import METHODS, optical_flow
 from megalopta.flow.detectors.gray_detector import GrayDetector, detector_from
-from megalopta.flow.formats import write_flo, write_kitti_png
+from megalopta.flow.formats import write_flo
 
 BASIC = MEDIAN, MEAN, FAR
 GRAY = [name for name, each in METHODS.items() if isinstance(each, GrayDetector)]
@@ -39,7 +37,7 @@ GRAY = [name for name, each in METHODS.items() if isinstance(each, GrayDetector)
 def clip():
     """Noise that moves by (2, 1) px per frame, around the edges."""
     texture = 1 + np.random.default_rng(0).random((96, 120))
-    light = np.stack([np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(FRAMES)])
+    light = np.stack([np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(8)])
     return FlowClip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
 
 
@@ -104,10 +102,9 @@ def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
         assert found[name] == pytest.approx(error), name
 
 
-def test_methods_and_baselines_of_a_board_do_with_its_frames():
-    two, eight = ({each.name: each for each in methods_and_baselines(n)} for n in (2, 8))
+def test_methods_and_baselines_of_a_board_do_with_two_frames():
+    two = {method.name: method for method in methods_and_baselines()}
     assert {"PM", "DIS tuned"} <= set(two) and not {"PPM", "EMD"} & set(two)
-    assert {"PM", "PPM", "DIS tuned"} <= set(eight) and "EMD" not in eight
     assert block_detector("DIS tuned") == block_detector(two["DIS tuned"])
     assert block_detector("DIS √").name == "DIS √"
     denoised = block_detector("DIS NLM")
@@ -117,26 +114,13 @@ def test_methods_and_baselines_of_a_board_do_with_its_frames():
 
 
 @pytest.mark.parametrize("name", TUNED)
-def test_a_tuned_method_has_the_settings_for_the_nearest_light(name):
-    scene = leaves_clip(7, (96, 120))
+def test_a_tuned_method_has_the_settings_for_the_nearest_light(name, clip):
     for flux, nearest in ((0.4, 1.0), (12.0, 10.0)):
-        first, second = scene.counts(flux, 0)[3:5]
+        first, second = clip.counts(flux, 0)[3:5]
         settings = {key: value for key, value in TUNED[name][nearest].items() if key != "error_px"}
         np.testing.assert_array_equal(
             optical_flow(first, second, tuned(name)), optical_flow(first, second, name, **settings)
         )
-
-
-def test_leaves_move_as_their_flow_says():
-    """Nine pixels in ten are found again where the flow leads; the others are hidden, or edges."""
-    scene = leaves_clip(0, (96, 96))
-    assert scene.light.shape == (FRAMES, 96, 96)
-    assert scene.light.mean() == pytest.approx(1)
-    first, second = middle(scene.light, 2)
-    y, x = np.mgrid[:96, :96]
-    places = y + scene.flow[..., 1], x + scene.flow[..., 0]
-    moved = map_coordinates(second, places, order=1, mode="nearest")
-    assert np.quantile(np.abs(moved - first)[8:-8, 8:-8], 0.9) < 0.1 * first.std()
 
 
 def write_pictures(folder, names, clip):
@@ -155,13 +139,6 @@ def middlebury(root, clip, name="Venus"):
     write_flo(truth / "flow10.flo", clip.flow.astype(np.float32))
 
 
-def kitti(root, clip):
-    write_pictures(root / "training/image_2", ("000000_10.png", "000000_11.png"), clip)
-    truth = root / "training/flow_occ"
-    truth.mkdir(parents=True)
-    write_kitti_png(truth / "000000_10.png", clip.flow.astype(np.float32))
-
-
 def measured(folder, *words):
     """Return the rows that `benchmark pairs` writes."""
     out = folder / "errors.csv"
@@ -169,9 +146,8 @@ def measured(folder, *words):
     return list(csv.DictReader(out.read_text().splitlines()))
 
 
-@pytest.mark.parametrize("layout", [middlebury, kitti])
-def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
-    layout(tmp_path / "data", clip)
+def test_a_folder_becomes_a_table_of_error_against_flux(clip, tmp_path, capsys):
+    middlebury(tmp_path / "data", clip)
     rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
     cases = [(row["method"], row["photons_per_px"]) for row in rows]
     assert cases == [("BM", "1"), ("BM", "1000"), ("LK", "1"), ("LK", "1000")]
@@ -231,20 +207,6 @@ def folder(tmp_path):
     return tmp_path / "walk"
 
 
-@pytest.fixture
-def film(tmp_path):
-    with av.open(tmp_path / "walk.mp4", "w") as container:
-        stream = container.add_stream("libx264", rate=25, options={"qp": "0"})
-        stream.width, stream.height, stream.pix_fmt = 120, 96, "yuv420p"
-        for codes in frames(6):
-            frame = av.VideoFrame.from_ndarray(
-                np.vstack([codes, np.full((48, 120), 128, np.uint8)]), "yuv420p"
-            )
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    return tmp_path / "walk.mp4"
-
-
 def moves(first, second):
     return np.broadcast_to(np.float64(MOTION), (*first.shape, 2))
 
@@ -273,10 +235,10 @@ def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
             np.testing.assert_allclose(found, [[distance, distance, 0]] * 3, atol=1e-12)
 
 
-def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
-    words = (film, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
+def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys):
+    words = (folder, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
     rows = measured(tmp_path, *words)
-    assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 4"]
+    assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 2"]
     assert list(rows[0])[4:] == [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
     assert all(
         row["stand_in"] == "not the truth but DIS on the pictures without noise, which favors DIS"
@@ -288,11 +250,9 @@ def test_a_film_becomes_tables_that_say_what_they_are(film, tmp_path, capsys):
     dark, bright = table[1.0], table[1000.0]
     assert (bright < 0.3).all()
     assert (dark > 3 * bright)[["DIS", "LK"]].all()
-    said = capsys.readouterr()
-    assert "NO TRUE FLOW: these are distances, not errors" in said.out
-    assert "mean over 2 pairs, 95 % CI over pairs" in said.out
-    assert "which favors DIS" in said.out and "may share an error" in said.out
-    assert "that of BT.709 is used" in said.err
+    said = capsys.readouterr().out
+    assert "NO TRUE FLOW: these are distances, not errors" in said
+    assert "mean over 2 pairs, 95 % CI over pairs" in said
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):

@@ -15,7 +15,7 @@ FLUXES = np.geomspace(1e3, 1e9, 7)
 def chart(errors, description="a chart", name="chart-7"):
     shape = (60, 60)
     numbers = (*FLUXES,), (*errors,), (*errors / 10,)
-    curve = ErrorCurve("BM", "BM", shape, "literal", *numbers, 1, {})
+    curve = ErrorCurve("BM", shape, "literal", *numbers, 1, {})
     return str(error_chart([curve], [], name, description))
 
 

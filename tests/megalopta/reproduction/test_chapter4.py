@@ -21,9 +21,7 @@ def crossing(flux):
 def curves(flux_of):
     """Curves of all methods in both metrics; ratio needs half of the light."""
     return tuple(
-        ErrorCurve(
-            name, name, (60, 60), metric, (1e5, 1e6), (0.3, 0.2), (0.0, 0.0), 4, {2: threshold}
-        )
+        ErrorCurve(name, (60, 60), metric, (1e5, 1e6), (0.3, 0.2), (0.0, 0.0), 4, {2: threshold})
         for name in METHODS
         for metric, factor in (("literal", 1.0), ("ratio", 0.5))
         for threshold in [crossing(factor * flux_of(name))]
