@@ -28,7 +28,7 @@ from megalopta.sensor.calibrate import crosstalk as estimates
 from megalopta.sensor.calibrate.counts import CountingDevice, calibrate_counts, summed, summed_bits
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
-from megalopta.sensor.calibrate.level import Adc, Level
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
 
@@ -205,24 +205,17 @@ Calibrated = tuple[Calibration, tuple[int, int], list[tuple[float, Step]]]
 """
 
 
-def adc_of(sensor: Sensor) -> Adc:
-    """Return the ADC of a sensor's counters. Raises ValueError if it has none."""
-    counter = sensor.counter
+def _calibrate_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
+    levels, counter = [], sensor.counter
     if not isinstance(counter, AnalogCounter) or counter.adc_bits is None:
         raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
-    top = counter.supply_v / counter.lsb_v
-    return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
-
-
-def _calibrate_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> Calibrated:
-    levels = []
     for source in sources:
         if source.sums:
             raise ValueError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
         recording, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
         assert recording.codes is not None
         levels.append(Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz))
-    device = calibrate_device(levels, adc_of(sensor))
+    device = calibrate_device(levels, counter)
     steps = [
         (level.exposure_s, Step.of(level.light_hz * level.exposure_s, level.signal))
         for level in levels

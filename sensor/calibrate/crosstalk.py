@@ -77,11 +77,6 @@ class Kernel(NamedTuple):
         return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
 
     @property
-    def without_afterpulses(self) -> "Kernel":
-        """Kernel of recordings that do not determine afterpulses."""
-        return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
-
-    @property
     def are_afterpulses_seen(self) -> bool:
         """True if there are afterpulses beyond 3 standard errors."""
         return self.afterpulses > 3 * self.afterpulses_error
@@ -251,13 +246,10 @@ class PairCrosstalk(NamedTuple):
     probability: Floats
     error: Floats
 
-    def some(self, chosen: Mask) -> "PairCrosstalk":
-        """Return a part of the pairs."""
-        return PairCrosstalk._make(values[chosen] for values in self)
-
     def at(self, down: int, right: int) -> "PairCrosstalk":
         """Return the pairs at a distance."""
-        return self.some((self.down == down) & (self.right == right))
+        chosen = (self.down == down) & (self.right == right)
+        return PairCrosstalk._make(values[chosen] for values in self)
 
 
 def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:
