@@ -297,33 +297,22 @@ class Corrected:
 
 
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
-    """Correct frames of readings.
+    """Correct frames of readings, `counts` and `saturated` (T, H, W) as in `Exposure`.
 
-    Raises ValueError if shapes do not match.
-
-    Parameters
-    ----------
-    counts, saturated : (T, H, W)
-        As in `Exposure`.
-    calibration : Calibration
-        Calibration of the same device.
+    By a calibration of the same device. Raises ValueError if shapes do not match.
     """
     curve, gain = calibration.curve, calibration.gain
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
-    if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:
+    if readings.ndim != 3 or readings.shape[1:] != gain.shape:
         raise ValueError(
-            f"counts: shape {readings.shape}; give (frames, rows, columns) of the "
-            f"{calibration.dark.shape} pixels that were calibrated"
+            f"counts: shape {readings.shape}; give (frames, rows, columns) of the {gain.shape} "
+            "pixels that were calibrated"
         )
     if full.shape != readings.shape:
         raise ValueError(f"saturated: shape {full.shape}; give {readings.shape}, as the counts")
-    light = curve.arrivals_of(readings) - calibration.dark
-    detections = light / gain
-    variance = (
-        curve.variance_of(readings)
-        + calibration.dark_variance
-        + detections**2 * calibration.gain_variance
-    ) / gain**2
+    detections = (curve.arrivals_of(readings) - calibration.dark) / gain
+    of_gain = detections**2 * calibration.gain_variance
+    variance = (curve.variance_of(readings) + calibration.dark_variance + of_gain) / gain**2
     filled = full | (readings > curve.largest) | calibration.bad
     detections, variance = filled_in(detections, variance, filled)
     return Corrected(detections, variance, filled, readings >= curve.ambiguous_from)

@@ -291,12 +291,14 @@ def _check(recordings: Sequence[Summed]) -> None:
     if not dark:
         return
     longest = max(dark, key=lambda recording: recording.exposure_s)
-    dark_hz = float(np.median(longest.mean)) / longest.exposure_s
+    dark_counts = float(np.median(longest.mean))
+    if longest.is_binary and dark_counts > 0.9:
+        return
     for recording in recordings:
-        is_full = recording.is_binary and dark_hz * longest.exposure_s > 0.9
-        excess = float(np.median(recording.mean)) - dark_hz * recording.exposure_s
+        share = recording.exposure_s / longest.exposure_s
+        excess = float(np.median(recording.mean)) - dark_counts * share
         error = float(np.sqrt(recording.variance.mean() / recording.frames / recording.total.size))
-        if recording.light_hz and not is_full and excess < _BRIGHTER_Z * error:
+        if recording.light_hz and excess < _BRIGHTER_Z * error:
             raise ValueError(
                 f"{recording}: no brighter than the dark; uncover the sensor or raise the light"
             )
@@ -542,9 +544,10 @@ def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Esti
 
 def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
     """Intercept and slope of rates over light (levels, 1, 1), and the variance of the slope."""
-    s, sx = weight.sum(axis=0), (weight * light).sum(axis=0)
-    sxx = (weight * light * light).sum(axis=0)
-    sy, sxy = (weight * rate).sum(axis=0), (weight * light * rate).sum(axis=0)
+    s, sx, sxx, sy, sxy = (
+        (weight * values).sum(axis=0)
+        for values in (np.ones_like(light), light, light**2, rate, light * rate)
+    )
     det = s * sxx - sx**2
     det = np.where(det > 1e-12 * np.maximum(s * sxx, 1e-300), det, np.nan)
     intercept, slope, variance = (sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det, s / det

@@ -354,15 +354,14 @@ def find_causes(
     `calibration` is the uncertainty that all levels share.
     """
     good = [level.good for level in levels]
-    expected_signals = [np.asarray(level.expected.signal, np.float32) for level in levels]
     has_comb = [
         level.expected.codes is not None
         # what was subtracted has moved the peaks
         and not level.uncertainty.keys() - {"read noise"}
         and bool(pixels.any())
-        and float(signal[:, pixels].mean()) <= _FEW_COUNTS
-        and _clearness(signal[:, pixels]) > _FAINT
-        for level, pixels, signal in zip(levels, good, expected_signals, strict=True)
+        and float(level.expected.signal[:, pixels].mean()) <= _FEW_COUNTS
+        and _clearness(level.expected.signal[:, pixels]) > _FAINT
+        for level, pixels in zip(levels, good, strict=True)
     ]
     captured = features([level.captured for level in levels], good, has_comb)
     known = features([level.expected for level in levels], good, has_comb)

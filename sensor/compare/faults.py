@@ -142,16 +142,17 @@ class Arrangement(NamedTuple):
         )
 
 
+def _turned(frames: NDArray[Any], is_transposed: bool, turns: int) -> NDArray[Any]:
+    frames = frames.swapaxes(1, 2) if is_transposed else frames
+    return np.rot90(frames, turns, axes=(1, 2))
+
+
 def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     """Find the rearrangement of a map (rows, columns) relative to the expected one."""
     plain = _correlation(captured, expected)
     best = Arrangement(_AS_EXPECTED, plain, plain, lambda frames: frames)
     for name, is_transposed, turns in _SYMMETRIES:
-
-        def turned(frames: Any, is_transposed: bool = is_transposed, turns: int = turns) -> Any:
-            frames = frames.swapaxes(1, 2) if is_transposed else frames
-            return np.rot90(frames, turns, axes=(1, 2))
-
+        turned = partial(_turned, is_transposed=is_transposed, turns=turns)
         candidate = turned(captured[np.newaxis])[0]
         if candidate.shape == expected.shape:
             correlation = _correlation(candidate, expected)
@@ -161,11 +162,12 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
                 best = Arrangement(name, correlation, plain, turned)
     if best.is_other:
         return best
-    for lines, axis in (("rows", 1), ("columns", 2)):
-        maps = (captured, expected) if axis == 1 else (captured.T, expected.T)
+    for lines, axis, maps in (
+        ("rows", 1, (captured, expected)),
+        ("columns", 2, (captured.T, expected.T)),
+    ):
         order = _order(*maps)
-        moved = int((order != np.arange(len(order))).sum())
-        if moved:
+        if moved := int((order != np.arange(len(order))).sum()):
             name = f"{moved} of {len(order)} {lines} in another order"
             correlation = _correlation(maps[0][order], maps[1])
             return Arrangement(name, correlation, plain, partial(np.take, indices=order, axis=axis))

@@ -267,7 +267,7 @@ def _chance(power: Floats, series: int) -> Floats:
 
 def _note_line_noise(level: Residual, standardized: Standardized, signal: Floats) -> None:
     """Note noise that all pixels, or those of a row or column, share, once."""
-    variance = float(np.asarray(signal, np.float32).var(axis=0)[level.good].mean())
+    variance = np.asarray(signal, np.float32).var(axis=0)[level.good]
     common, error = standardized.far_correlation()
     lines = {}
     for name in ("row", "column"):
@@ -280,7 +280,7 @@ def _note_line_noise(level: Residual, standardized: Standardized, signal: Floats
     ):
         is_new = kind not in {fault.kind for fault in level.faults}
         if is_new and excess > max(_NOISE_Z * sigma, _SMALLEST_SHARE):
-            noise = excess * variance
+            noise = excess * float(variance.mean())
             level.uncertainty["variance"] = level.uncertainty.get("variance", 0.0) + 2 * noise
             level.uncertainty["read noise"] = 2 * noise
             level.note(kind, f"{pixels} fluctuate together by {np.sqrt(noise):.2g} counts")

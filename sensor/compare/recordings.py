@@ -46,41 +46,43 @@ class Comparison:
     def causes(self) -> tuple[two_sample.Difference, ...]:
         """Quantities that explain the difference and exceed the margin, largest first."""
         real = [cause for cause in self.significant if not cause.is_equivalent]
-        return tuple(sorted(real, key=lambda each: -each.size))
+        return tuple(sorted(real, key=lambda cause: -cause.size))
 
     @property
     def significant(self) -> list[two_sample.Difference]:
         """Quantities that explain the difference."""
-        if not self.explained.is_different and not self.explained.alone:
-            return beyond_chance(self.differences)  # of a scene
-        if not self.explained.accepted:
-            return []
-        names = self.explained.accepted[0].names
-        return [each for each in self.differences if each.name in names]
+        if not self.explained.is_different and not self.explained.alone:  # of a scene
+            limit = FALSE_ALARMS / _FAMILIES / max(len(self.differences), 1)
+            return [difference for difference in self.differences if difference.p < limit]
+        names = self.explained.accepted[0].names if self.explained.accepted else ()
+        return [difference for difference in self.differences if difference.name in names]
+
+    @property
+    def _faults(self) -> list[str]:
+        """Phrases on what was found before anything was fitted."""
+        order = [str(self.arrangement)] if self.arrangement.is_other else []
+        return [*order, *map(str, self.faults)]
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Sentences on every significant difference."""
-        sentences = [str(self.arrangement)] if self.arrangement.is_other else []
-        sentences += map(str, self.faults)
-        sentences += map(str, self.significant)
+        """Phrases on every significant difference."""
+        phrases = [*self._faults, *map(str, self.significant)]
         if self.explained.is_unexplained:
-            sentences.append(_NONE)
+            phrases.append(_NONE)
         for name, test in self.tests.items():
             if test.differs.any():
                 many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
                 where = readout.pixels_of(np.asarray(test.differs.any(axis=0)))
-                sentences.append(f"the {name} differs in {many} tests, of {where}")
-        return tuple(sentences)
+                phrases.append(f"the {name} differs in {many} tests, of {where}")
+        return tuple(phrases)
 
     @property
     def sentence(self) -> str:
         """Summary of the differences and their size."""
-        named = [str(self.arrangement)] if self.arrangement.is_other else []
-        named += map(str, self.faults)
+        named = self._faults
         if self.causes:
             alternatives = self.explained.accepted[1:]
-            or_else = "".join(f", or else {' and '.join(each.names)}" for each in alternatives)
+            or_else = "".join(f", or else {' and '.join(other.names)}" for other in alternatives)
             named.append("; ".join(map(str, self.causes)) + or_else)
         if self.explained.is_unexplained:
             named.append(_NONE if not named else _NONE_OF_REST)
@@ -88,7 +90,7 @@ class Comparison:
             return f"Captured: {'; '.join(named)}."
         if not self.alarms:
             return "No difference is statistically significant."
-        largest = max(self.significant, key=lambda each: each.size, default=None)
+        largest = max(self.significant, key=lambda difference: difference.size, default=None)
         first = self.alarms[0]
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
         return f"Differences are statistically significant but small: {first}{limit}."
@@ -96,12 +98,6 @@ class Comparison:
 
 _NONE = "none of the known causes explains the difference"
 _NONE_OF_REST = "none of the known causes explains the rest of the difference"
-
-
-def beyond_chance(tested: Sequence[two_sample.Difference]) -> list[two_sample.Difference]:
-    """Return the significant differences of one family of tests."""
-    limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
-    return [each for each in tested if each.p < limit]
 
 
 def compare_recordings(
@@ -135,15 +131,15 @@ def compare_recordings(
         raise ValueError(
             f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
         )
-    for pair in zip(captured, expected, strict=True):
-        shapes = [level.readings.shape[1:] for level in pair]
-        if shapes[0] != shapes[1]:
-            raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
-        fewest = min(len(level.readings) for level in pair)
-        if fewest < _FEWEST_FRAMES:
-            raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
-    shape = captured[0].readings.shape[1:]
-    errors = errors or [np.zeros(shape)] * len(captured)
+    for first, second in zip(captured, expected, strict=True):
+        (n, *shape), (m, *other) = first.readings.shape, second.readings.shape
+        if shape != other:
+            raise ValueError(
+                f"frames of {tuple(shape)} and of {tuple(other)} pixels; give the same"
+            )
+        if min(n, m) < _FEWEST_FRAMES:
+            raise ValueError(f"{min(n, m)} frames; compare {_FEWEST_FRAMES} or more")
+    errors = errors or [np.zeros(level.readings.shape[1:]) for level in captured]
     unknown = ~np.isfinite(np.sum(errors, axis=0))
     levels = [
         Residual(first, second, model, rate_hz, error, unknown)

@@ -1,4 +1,4 @@
-"""Tests of pixels against exact ones, and their p-values where nothing differs."""
+"""Tests of pixels against exact ones, and p-values where nothing differs."""
 
 import numpy as np
 import pytest
@@ -14,6 +14,8 @@ from megalopta.sensor.compare.two_sample import (
     mean_test,
     variance_test,
 )
+
+from .faulty import CAMERAS, compared
 
 
 def test_means_are_tested_as_scipy_does():
@@ -82,6 +84,16 @@ def test_small_differences_are_equivalent_though_beyond_chance():
 def test_too_few_frames_are_refused():
     with pytest.raises(ValueError, match="30 frames"):
         compare_recordings(counted(40.0, 30, 1), counted(40.0, 100, 2), _uniform(16))
+
+
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 253), marks=pytest.mark.slow)])
+def test_p_values_of_one_device_are_even(seeds):
+    """Kolmogorov-Smirnov's test, with a false alarm of 1e-6."""
+    camera = CAMERAS["counts"]._replace(shape=(12, 12), levels=CAMERAS["counts"].levels[:2])
+    found = [compared(seed, camera) for seed in seeds]
+    assert kstest([comparison.explained.p for comparison in found], "uniform").pvalue > 1e-6
+    # stated at 1 %; 14 alarms of 250 have a chance below 1e-6
+    assert sum(bool(comparison.alarms) for comparison in found) < 3 + len(found) // 22
 
 
 def _uniform(side):
