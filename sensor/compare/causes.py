@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,13 +90,13 @@ def features(
     return Features(
         np.concatenate(values),
         block_diag(*covariances),
-        np.array([len(recordings[number].readings) for number in level], np.int64),
+        np.array([len(recordings[number].readings) for number in level.tolist()], np.int64),
         level,
         np.array([kind for number in used for kind in "MVCK"[: 3 + has_comb[number]]], np.str_),
     )
 
 
-def _of_frames(signal: Floats, good: Mask, has_comb: bool) -> list[float]:
+def _of_frames(signal: NDArray[Any], good: Mask, has_comb: bool) -> list[float]:
     n = len(signal)
     mean = signal.mean(axis=0, dtype=np.float64)
     noise = np.where(good, signal - mean, 0)
@@ -106,7 +106,7 @@ def _of_frames(signal: Floats, good: Mask, has_comb: bool) -> list[float]:
     return [*means, _clearness(signal[:, good])] if has_comb else means
 
 
-def _clearness(signal: Floats) -> float:
+def _clearness(signal: NDArray[Any]) -> float:
     """Clearness of the comb of pixels (n, P), without bias."""
     n = len(signal)
     power = np.square(np.abs(np.exp(2j * np.pi * signal).mean(axis=0)))
