@@ -189,13 +189,14 @@ def compare_recordings(
     # tests of every pixel that is left
     p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
     for level in levels:
-        first, second = map(
-            two_sample.Sample.of, (level.captured.readings, level.expected.readings)
+        samples = (
+            two_sample.Sample.of(level.captured.readings),
+            two_sample.Sample.of(level.expected.readings),
         )
         is_tested = level.good & (not are_dependent)
-        p = two_sample.mean_test(first, second, level.error)
+        p = two_sample.mean_test(*samples, level.error)
         p_values["mean"].append(np.where(is_tested, p, np.nan))
-        p = two_sample.variance_test(first, second)
+        p = two_sample.variance_test(*samples)
         p_values["variance"].append(np.where(is_tested, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
     pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}

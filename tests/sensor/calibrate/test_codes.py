@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.sensor import changed, expose_adc, preset
+from megalopta.sensor import DeadTime, changed, expose_adc, preset
 from megalopta.sensor.calibrate.comb import Curve
 from megalopta.sensor.calibrate.crosstalk import neighbor_kernel
 from megalopta.sensor.calibrate.device import calibrate_device
@@ -23,7 +23,7 @@ def device(seed=4, kind="paralyzable", dead_time_s=1e-6, afterpulsing=None, **co
         preset("spadcam"),
         device_seed=seed,
         counter={"step_sigma_v": 3e-4, "offset_sigma_v": 1e-3, **counter},
-        dead_time={"kind": kind, "dead_time_s": dead_time_s},
+        dead_time=DeadTime(kind=kind, dead_time_s=dead_time_s),
         afterpulsing=afterpulsing or {},
     )
 
