@@ -244,10 +244,13 @@ class PairCrosstalk(NamedTuple):
     probability: Floats
     error: Floats
 
+    def some(self, chosen: Mask) -> "PairCrosstalk":
+        """Return a part of the pairs."""
+        return PairCrosstalk._make(values[chosen] for values in self)
+
     def at(self, down: int, right: int) -> "PairCrosstalk":
         """Return the pairs at a distance."""
-        chosen = (self.down == down) & (self.right == right)
-        return PairCrosstalk._make(values[chosen] for values in self)
+        return self.some((self.down == down) & (self.right == right))
 
 
 def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:

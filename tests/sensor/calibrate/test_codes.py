@@ -28,10 +28,16 @@ def device(seed=4, kind="paralyzable", dead_time_s=1e-6, afterpulsing=None, **co
     )
 
 
+def efficiency_of(sensor):
+    """Events per photon on the active area."""
+    curve = sensor.efficiency
+    return float(np.interp(NANOMETERS, curve.wavelengths_nm, curve.values))
+
+
 def levels_of(sensor, frames=120, shape=(8, 8)):
     """Dark frames of nine exposures, flats of six lights, photons per second on a pixel."""
     levels = []
-    efficiency = float(sensor.photon_detection_efficiency(np.array(NANOMETERS)))
+    efficiency = efficiency_of(sensor)
     flats = [(2e-4, light_hz) for light_hz in LIGHTS_HZ]
     for exposure_s, light_hz in [*((exposure_s, 0.0) for exposure_s in DARK_S), *flats]:
         exposed = changed(sensor, exposure_s=exposure_s)
@@ -45,10 +51,9 @@ def levels_of(sensor, frames=120, shape=(8, 8)):
 def true_values(sensor, shape):
     """What its calibration should find, by quantity."""
     pattern = draw_fixed_pattern(sensor, shape)
-    efficiency = float(sensor.photon_detection_efficiency(np.array(NANOMETERS)))
     return {
         "dark_counts_hz": pattern.dark_counts_hz,
-        "efficiency": pattern.efficiency_factor * efficiency,
+        "efficiency": pattern.efficiency_factor * efficiency_of(sensor),
         "step_v": pattern.counters.step_v,
         "leak_v_s": pattern.counters.leaked_v / sensor.exposure_s,
         "dead_time_s": np.full(shape, sensor.dead_time.dead_time_s),
