@@ -22,7 +22,7 @@ from megalopta.sensor.calibrate import crosstalk as estimates
 from megalopta.sensor.calibrate.counts import CountingDevice, calibrate_counts, summed, summed_bits
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
-from megalopta.sensor.calibrate.level import Adc, Level
+from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
 
@@ -191,17 +191,10 @@ _Calibrated = tuple[Calibration, tuple[int, ...], list[tuple[float, Step]]]
 """Calibration, (rows, columns), and for EMVA 1288 exposure (s) and readings of each recording"""
 
 
-def adc_of(sensor: Sensor) -> Adc:
-    """Return the ADC of a sensor's counters. Raises ValueError if it has none."""
-    counter = sensor.counter
+def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> _Calibrated:
+    levels, steps, counter = [], [], sensor.counter
     if not isinstance(counter, AnalogCounter) or counter.adc_bits is None:
         raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
-    top = counter.supply_v / counter.lsb_v
-    return Adc(counter.lsb_v, top, top - counter.swing_v / counter.lsb_v)
-
-
-def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> _Calibrated:
-    levels, steps = [], []
     for source in sources:
         if source.sums:
             raise ValueError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
@@ -210,7 +203,7 @@ def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) ->
         level = Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz)
         levels.append(level)
         steps.append((level.exposure_s, Step.of(light_hz * level.exposure_s, level.signal)))
-    device = calibrate_device(levels, adc_of(sensor))
+    device = calibrate_device(levels, counter)
     return calibration_of_codes(device, sensor, beam.wavelength_nm), device.hot.shape, steps
 
 

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.calibrate.level import Drops, inverses, unit_diagonal
 
@@ -165,7 +165,7 @@ def _powers(
 
 
 class _State(NamedTuple):
-    """Estimates so far."""
+    """Estimates so far; events of readings are (k, E): k candidate numbers for each."""
 
     solution: Floats
     """(P, 3) offset, leak and step"""
@@ -174,144 +174,108 @@ class _State(NamedTuple):
     slope_error: float = np.inf
     may_slope: bool = True
 
-
-class _Readings(NamedTuple):
-    """Voltage drops of pixels, and how often each was seen, (E,).
-
-    Weights and event numbers below are (k, E): k candidate numbers for each reading.
-    """
-
-    level: NDArray[np.int64]
-    pixel: NDArray[np.int64]
-    drop_v: Floats
-    times: Floats
-    exposure_s: Floats
-    pixels: int
-    fewest: int
-    """Readings of fewer events are excluded from the line."""
-
-    def at(self, entries: Mask) -> "_Readings":
-        return self._replace(**{name: getattr(self, name)[entries] for name in self._fields[:5]})
-
-    def sums(self, values: Floats) -> Floats:
-        """Sums of values (k, E) over the readings of each pixel, (P,)."""
-        weights = self.times * values.sum(axis=0)
-        return np.bincount(self.pixel, weights, self.pixels).astype(np.float64)
-
-    def normal_matrix(self, weights: Floats, columns: list[Floats]) -> Floats:
-        """Matrix of the normal equations of each pixel."""
-        normal = np.empty((self.pixels, len(columns), len(columns)))
-        for row, first in enumerate(columns):
-            for column, second in enumerate(columns[: row + 1]):
-                product = self.sums(weights * first * second)
-                normal[:, row, column] = normal[:, column, row] = product
-        return normal
-
-    def steps(self, state: _State) -> Floats:
+    def steps(self, drops: Drops) -> Floats:
         """Drop of each reading due to events, in steps, (E,)."""
-        offset_v, leak_v_s, step_v = state.solution[self.pixel].T
-        return np.asarray((self.drop_v - offset_v - leak_v_s * self.exposure_s) / step_v)
+        offset_v, leak_v_s, step_v = self.solution[drops.pixel].T
+        return np.asarray((drops.drop_v - offset_v - leak_v_s * drops.entry_exposure_s) / step_v)
 
-    def nearest(self, state: _State) -> Floats:
+    def nearest(self, drops: Drops) -> Floats:
         """Number of events of the peak nearest to each reading, (1, E)."""
-        step_v = state.solution[self.pixel, 2]
-        return np.rint(state.curve.numbers(self.steps(state), step_v)).clip(0)[np.newaxis]
+        step_v = self.solution[drops.pixel, 2]
+        return np.rint(self.curve.numbers(self.steps(drops), step_v)).clip(0)[np.newaxis]
 
-    def columns(self, state: _State, numbers: Floats) -> list[Floats]:
+    def columns(self, drops: Drops, numbers: Floats) -> list[Floats]:
         """Derivatives of readings with respect to offset, leak, step and slope, each (k, E)."""
-        step_v, ones = state.solution[self.pixel, 2], np.ones_like(numbers)
-        steps, bend = state.curve.steps(numbers, step_v), state.curve.bend(numbers, step_v)
-        return [ones, ones * self.exposure_s, steps, step_v * bend]
+        step_v, ones = self.solution[drops.pixel, 2], np.ones_like(numbers)
+        steps, bend = self.curve.steps(numbers, step_v), self.curve.bend(numbers, step_v)
+        return [ones, ones * drops.entry_exposure_s, steps, step_v * bend]
 
-    def residuals(self, state: _State, columns: list[Floats]) -> Floats:
+    def residuals(self, drops: Drops, columns: list[Floats]) -> Floats:
         """Difference of each drop from the line through the first three columns."""
-        parts = zip(columns[:3], state.solution[self.pixel].T, strict=True)
-        return np.asarray(self.drop_v - sum(column * value for column, value in parts))
+        parts = zip(columns[:3], self.solution[drops.pixel].T, strict=True)
+        return np.asarray(drops.drop_v - sum(column * value for column, value in parts))
 
 
 def fit_comb(drops: Drops, step_v: Floats, offset_v: Floats, swing_v: float) -> CombFit:
     """Fit the comb of each pixel from approximate steps and offsets, each (P,) in V."""
-    readings = _Readings(
-        drops.level, drops.pixel, drops.drop_v, drops.times, drops.exposure_s[drops.level],
-        step_v.size, int(drops.is_cut),
-    )  # fmt: skip
     solution = np.stack([offset_v, np.zeros_like(step_v), step_v], axis=-1)
     start = _State(solution, 0.1 * step_v, Curve(swing_v))
-    state = _started(readings, start)
+    state = _started(drops, start)
     # readings between two peaks would bend the curve
-    straight = _started(readings, start._replace(may_slope=False))
+    straight = _started(drops, start._replace(may_slope=False))
     is_clear = bool(np.median(state.noise / state.solution[:, 2]) < _CLEAR)
     if is_clear:
-        weights = np.ones(len(readings.pixel))
+        weights = np.ones(len(drops.pixel))
         # peaks counted wrongly from some depth on also fit a slope, with more noise
         straight = straight._replace(may_slope=True)
         for _ in range(_ROUNDS_OF_START):
-            straight = _regressed(readings, weights, readings.nearest(straight), straight)
+            straight = _regressed(drops, weights, straight.nearest(drops), straight)
         state = min(state, straight, key=lambda fitted: float(np.median(fitted.noise)))
-        numbers = readings.nearest(state)
+        numbers = state.nearest(drops)
     else:
         state = straight
         for _ in range(_MOST_ROUNDS):
             before = state.solution
-            state = _regressed(readings, *_posterior(drops, readings, state), state)
+            state = _regressed(drops, *_posterior(drops, state), state)
             scale = np.abs(state.solution).max(axis=0)
             if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
                 break
-        weights, numbers = _posterior(drops, readings, state)
+        weights, numbers = _posterior(drops, state)
     counts = np.zeros_like(drops.mean_v)
-    expected = (weights * numbers).sum(axis=0) * readings.times
-    np.add.at(counts, (readings.level, readings.pixel), expected)
-    used = weights * (numbers >= readings.fewest)
+    expected = (weights * numbers).sum(axis=0) * drops.times
+    np.add.at(counts, (drops.level, drops.pixel), expected)
+    used = weights * (numbers >= drops.is_cut)
     # the inverse of the observed information plus the share of the slope's error
-    columns = readings.columns(state, numbers)
-    complete = readings.normal_matrix(used, columns) / state.noise[:, None, None] ** 2
+    columns = state.columns(drops, numbers)
+    complete = drops.normal_matrix(used, columns) / state.noise[:, None, None] ** 2
     information = complete[:, :3, :3]
     if len(weights) > 1:
         # less the information that is missing because event numbers are unknown
-        pulls = readings.residuals(state, columns) / state.noise[readings.pixel] ** 2 * (used > 0)
+        pulls = state.residuals(drops, columns) / state.noise[drops.pixel] ** 2 * (used > 0)
         scores = np.stack(columns[:3]) * pulls
         mean = (weights * scores).sum(axis=1)
         missing = np.empty_like(information)
         for row, column in np.ndindex(3, 3):
             product = (weights * scores[row] * scores[column]).sum(axis=0)
             product -= mean[row] * mean[column]
-            missing[:, row, column] = readings.sums(product[np.newaxis])
+            missing[:, row, column] = drops.sums(product[np.newaxis])
         information = information - missing
     covariance = inverses(information)
     if np.isfinite(state.slope_error):
         moved = state.slope_error * _solved(complete[:, :3, :3], complete[:, :3, 3])
         covariance = covariance + moved[:, :, None] * moved[:, None, :]
     return CombFit(
-        state.solution, covariance, state.noise, counts, readings.sums(used), state.curve,
+        state.solution, covariance, state.noise, counts, drops.sums(used), state.curve,
         state.slope_error, is_clear,
     )  # fmt: skip
 
 
-def _started(readings: _Readings, state: _State) -> _State:
+def _started(drops: Drops, state: _State) -> _State:
     """Add readings by events and exposure, each assigned with the fit of the smaller ones."""
-    deepest = max(float((readings.drop_v / state.solution[readings.pixel, 2]).max()), _FEW_EVENTS)
+    exposure_s = drops.entry_exposure_s
+    deepest = max(float((drops.drop_v / state.solution[drops.pixel, 2]).max()), _FEW_EVENTS)
     most = np.geomspace(_FEW_EVENTS, 2 * deepest, _STAGES)
-    longest_s = np.geomspace(readings.exposure_s.min(), readings.exposure_s.max(), _STAGES)
-    for events, exposure_s in zip(most, longest_s * (1 + 1e-9), strict=True):
-        short = readings.at(readings.exposure_s <= exposure_s)
+    longest_s = np.geomspace(exposure_s.min(), exposure_s.max(), _STAGES) * (1 + 1e-9)
+    for events, longest in zip(most, longest_s, strict=True):
+        short = drops.at(exposure_s <= longest)
         for _ in range(_ROUNDS_OF_START):
-            numbers = short.nearest(state)
+            numbers = state.nearest(short)
             # not by drops: of the last peak only low readings would remain
             state = _regressed(short, (numbers <= events).astype(float), numbers, state)
     return state
 
 
-def _posterior(drops: Drops, readings: _Readings, state: _State) -> tuple[Floats, Floats]:
+def _posterior(drops: Drops, state: _State) -> tuple[Floats, Floats]:
     """Probabilities of the event numbers near each reading, and these numbers, (3, E)."""
-    step_v, steps = state.solution[readings.pixel, 2], readings.steps(state)
+    step_v, steps = state.solution[drops.pixel, 2], state.steps(drops)
     numbers = np.rint(state.curve.numbers(steps, step_v)) + _NEIGHBORS[:, None]
     # mean number of events of each level and pixel
     offset_v, leak_v_s, steps_v = state.solution.T
     mean_steps = (drops.mean_v - offset_v - leak_v_s * drops.exposure_s[:, None]) / steps_v
     mean = np.maximum(state.curve.numbers(mean_steps, steps_v), 1e-3)
-    width = (state.noise / steps_v)[readings.pixel]
+    width = (state.noise / steps_v)[drops.pixel]
     logs = -0.5 * ((steps - state.curve.steps(numbers, step_v)) / width) ** 2
-    logs += numbers * np.log(mean[readings.level, readings.pixel]) - gammaln(numbers.clip(0) + 1)
+    logs += numbers * np.log(mean[drops.level, drops.pixel]) - gammaln(numbers.clip(0) + 1)
     logs = np.where(numbers < 0, -np.inf, logs)
     best = logs.max(axis=0)
     # a reading far above the level of no counts has no event number
@@ -321,17 +285,17 @@ def _posterior(drops: Drops, readings: _Readings, state: _State) -> tuple[Floats
     return weights / weights.sum(axis=0), numbers
 
 
-def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _State) -> _State:
+def _regressed(drops: Drops, weights: Floats, numbers: Floats, state: _State) -> _State:
     """Least squares of each pixel, residual noise, and the common slope."""
-    weights = weights * (numbers >= readings.fewest)
-    columns = readings.columns(state, numbers)
+    weights = weights * (numbers >= drops.is_cut)
+    columns = state.columns(drops, numbers)
     line = columns[:3]
-    normal = readings.normal_matrix(weights, line)
-    right = np.stack([readings.sums(weights * part * readings.drop_v) for part in line], axis=-1)
+    normal = drops.normal_matrix(weights, line)
+    right = np.stack([drops.sums(weights * part * drops.drop_v) for part in line], axis=-1)
     regular = np.linalg.cond(unit_diagonal(normal)[0]) < 1e12
     fitted = state._replace(solution=_solved(normal, right))
-    squares = readings.sums(weights * readings.residuals(fitted, line) ** 2)
-    frames = np.maximum(readings.sums(weights) - 3, 1)
+    squares = drops.sums(weights * fitted.residuals(drops, line) ** 2)
+    frames = np.maximum(drops.sums(weights) - 3, 1)
     state = state._replace(
         solution=np.where(regular[:, None], fitted.solution, state.solution),
         noise=np.sqrt(np.maximum(squares / frames, 1e-18)),
@@ -339,9 +303,9 @@ def _regressed(readings: _Readings, weights: Floats, numbers: Floats, state: _St
     if not state.may_slope:
         return state
     # move the slope by the projection of residuals on the bend of the curve
-    columns = readings.columns(state, numbers)
-    information = readings.normal_matrix(weights, columns) / state.noise[:, None, None] ** 2
-    score = readings.sums(weights * columns[3] * readings.residuals(state, columns))
+    columns = state.columns(drops, numbers)
+    information = drops.normal_matrix(weights, columns) / state.noise[:, None, None] ** 2
+    score = drops.sums(weights * columns[3] * state.residuals(drops, columns))
     influence = _solved(information[:, :3, :3], information[:, :3, 3])
     left = information[:, 3, 3] - np.einsum("pi,pi->p", information[:, 3, :3], influence)
     known = regular & (left > _DETERMINED * information[:, 3, 3])

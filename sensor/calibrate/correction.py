@@ -1,13 +1,8 @@
 """Corrected frames: linearize, subtract dark, divide by flat, fill in unusable pixels.
 
-Dark frames are taken without light, flat frames under uniform light; both may be captured or
-simulated, and more frames reduce the error. Their light is steady, so their means are linearized.
-
-**The response curve** is the reading of a pixel over its arrivals. It is that of the device model:
-dead time of either kind, afterpulses, crosstalk under uniform light, gate, and the counter with its
-capacity and steps. Its inverse undoes all of these at once. With paralyzable dead time, or a
-counter that wraps, a reading can stand for several brightnesses; the dimmest is taken, and
-ambiguous readings are flagged.
+The response curve is the reading of a pixel over its arrivals, of the device model, with all its
+effects under uniform light. With paralyzable dead time, or a counter that wraps, a reading can
+stand for several brightnesses; the dimmest is taken, and ambiguous readings are flagged.
 
 A reading scatters by σ, so any function of it, such as the inverse of the curve, has a bias of half
 its curvature times σ². This is subtracted from arrivals and from their variance.
@@ -192,16 +187,16 @@ def calibrate(
     hot_times : float
         Pixels with surely more dark counts than this many times the median are hot.
     """
-    shapes = {"dark": np.shape(dark_frames), "flat": np.shape(flat_frames)}
-    for name, shape in shapes.items():
+    shapes = np.shape(dark_frames), np.shape(flat_frames)
+    for name, shape in zip(("dark", "flat"), shapes, strict=True):
         if len(shape) != 3 or shape[0] < 2:
             raise ValueError(
                 f"{name} frames: shape {shape}; give (frames, rows, columns), two or more"
             )
-    if shapes["dark"][1:] != shapes["flat"][1:]:
+    if shapes[0][1:] != shapes[1][1:]:
         raise ValueError(
-            f"dark frames of {shapes['dark'][1:]} and flat frames of {shapes['flat'][1:]} pixels: "
-            "give those of one device"
+            f"dark frames of {shapes[0][1:]} and flat frames of {shapes[1][1:]} pixels: give those "
+            "of one device"
         )
 
     def chunks(frames: Any) -> Iterator[Floats]:
@@ -223,13 +218,7 @@ def simulated_calibration(
 ) -> Calibration:
     """Calibrate a simulated device from frames in the dark and at half of the largest reading.
 
-    Parameters
-    ----------
-    shape : (rows, columns)
-    frames : int
-        Number of frames of each kind.
-    hot_times : float
-        As for `calibrate`.
+    So many frames of each kind, of `shape` (rows, columns); `hot_times` as for `calibrate`.
     """
     curve = response_curve(sensor)
     detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0])
@@ -237,23 +226,21 @@ def simulated_calibration(
 
     def drawn(name: str, rate_hz: Floats) -> Iterator[NDArray[Any]]:
         for first in range(0, frames, _FRAMES_AT_ONCE):
-            several = min(_FRAMES_AT_ONCE, frames - first)
-            rates_hz = np.broadcast_to(rate_hz, (several, *shape))
+            rates_hz = np.broadcast_to(rate_hz, (min(_FRAMES_AT_ONCE, frames - first), *shape))
             stream = f"calibration {name}"
             yield expose_rate(rates_hz, sensor, seed=seed, stream=stream, first_frame=first).counts
 
     dark = _mean(drawn("dark", np.zeros(shape)), curve)
-    flat = _mean(drawn("flat", np.full(shape, detections / sensor.exposure_s) * factor), curve)
+    flat = _mean(drawn("flat", detections / sensor.exposure_s * factor), curve)
     return _of_means(curve, dark, flat, detections, hot_times)
 
 
 class _Mean(NamedTuple):
+    """Mean arrivals over frames, the variance of that mean, and mean readings."""
+
     arrivals: Floats
-    """Mean over frames"""
     variance: Floats
-    """Variance of that mean"""
     readings: Floats
-    """Mean over frames"""
     frames: int
 
 
@@ -310,33 +297,22 @@ class Corrected:
 
 
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
-    """Correct frames of readings.
+    """Correct frames of readings, `counts` and `saturated` (T, H, W) as in `Exposure`.
 
-    Raises ValueError if shapes do not match.
-
-    Parameters
-    ----------
-    counts, saturated : (T, H, W)
-        As in `Exposure`.
-    calibration : Calibration
-        Calibration of the same device.
+    By a calibration of the same device. Raises ValueError if shapes do not match.
     """
+    curve, gain = calibration.curve, calibration.gain
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
-    if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:
+    if readings.ndim != 3 or readings.shape[1:] != gain.shape:
         raise ValueError(
-            f"counts: shape {readings.shape}; give (frames, rows, columns) of the "
-            f"{calibration.dark.shape} pixels that were calibrated"
+            f"counts: shape {readings.shape}; give (frames, rows, columns) of the {gain.shape} "
+            "pixels that were calibrated"
         )
     if full.shape != readings.shape:
         raise ValueError(f"saturated: shape {full.shape}; give {readings.shape}, as the counts")
-    curve, gain = calibration.curve, calibration.gain
-    light = curve.arrivals_of(readings) - calibration.dark
-    detections = light / gain
-    variance = (
-        curve.variance_of(readings)
-        + calibration.dark_variance
-        + detections**2 * calibration.gain_variance
-    ) / gain**2
+    detections = (curve.arrivals_of(readings) - calibration.dark) / gain
+    of_gain = detections**2 * calibration.gain_variance
+    variance = (curve.variance_of(readings) + calibration.dark_variance + of_gain) / gain**2
     filled = full | (readings > curve.largest) | calibration.bad
     detections, variance = filled_in(detections, variance, filled)
     return Corrected(detections, variance, filled, readings >= curve.ambiguous_from)

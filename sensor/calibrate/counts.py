@@ -4,21 +4,16 @@ Arrivals of rate r = d + η·φ, with d dark counts, η the efficiency and φ th
 M(r), without dead time r·T. Of binary frames a share p = 1 − exp(−r·T) is 1, whatever the dead
 time; so r = −ln(1 − p)/T, with the variance p/((1 − p)·n)/T² of n frames.
 
-    dark counts    exact intervals of Poisson or binomial sums (Garwood; Clopper and Pearson),
-                   through the inverse of M; needs the dark
-    dead time      saturation curve (`saturation`) of 2048 pixels at most; needs counts, two lights
-    efficiency     weighted line through rates over light; needs light, and the dark or two lights
-    bad pixels     dead: no counts under light; stuck: one reading in all frames; saturated in every
-                   recording. Hot: dark counts surely above ten times the median
-    telegraph      readings in the dark correlated from frame to frame (`pixels`), with the two
-                   rates between which dark counts switch
+    dark counts    exact intervals of Poisson or binomial sums (Garwood 1936; Clopper and Pearson
+                   1934), through the inverse of M
+    dead time      saturation curve (`saturation`) of 2048 pixels at most
+    efficiency     weighted line through rates over light
 
 Variance beyond that of independent events (afterpulses, crosstalk), by its mean over the array,
-widens intervals. The uncertainty of the dead time is part of those of rates. Crosstalk and
-afterpulses, p per avalanche, make arrivals a = r + p·m from m counted avalanches per second, fewer
-of which come from busy pixels: lights are scaled to a, by (1 − p)/(1 − p·m/a), before dead time is
-fitted. A dead time whose curve does not fit is not stated. Pixels of a level are
-omitted where a counter was at its capacity, or fewer than ten binary frames were 0.
+widens intervals. Crosstalk and afterpulses, p per avalanche, make arrivals a = r + p·m from m
+counted avalanches per second, fewer of which come from busy pixels: lights are scaled to a, by
+(1 − p)/(1 − p·m/a), before dead time is fitted. Pixels of a level are omitted where a counter was
+at its capacity, or fewer than ten binary frames were 0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +28,7 @@ from scipy.stats import beta
 from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance
 from megalopta.sensor.calibrate import crosstalk, pixels, saturation
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
-from megalopta.sensor.calibrate.level import check_steadiness, drift
+from megalopta.sensor.calibrate.level import check_steadiness, conditions
 
 _FEWEST_FRAMES = 50
 _MOST_COUNTS = 2**25
@@ -80,8 +75,7 @@ class Summed(NamedTuple):
 
     def __str__(self) -> str:
         """Short description for readers."""
-        light = f"light of {self.light_hz:g}" if self.light_hz else "dark"
-        return f"{light}, exposure of {self.exposure_s:g} s"
+        return conditions(self.light_hz, self.exposure_s)
 
 
 def summed(
@@ -110,7 +104,7 @@ def summed(
         exposure_s, light_hz, is_binary, n, mean * n, variance, largest.astype(np.float64),
         at_largest, correlation, kernel,
     )  # fmt: skip
-    _check_drift(recording, readings.mean(axis=(1, 2), dtype=np.float64))
+    check_steadiness(recording, readings.mean(axis=(1, 2), dtype=np.float64), variance)
     return recording
 
 
@@ -134,13 +128,8 @@ def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: floa
         np.where(is_seen, total, n), pixels.uncorrelated(total.shape, n), None,
     )  # fmt: skip
     if len(sums) >= _FEWEST_FRAMES:
-        _check_drift(recording, sums.mean(axis=(1, 2), dtype=np.float64) / bits)
+        check_steadiness(recording, sums.mean(axis=(1, 2), dtype=np.float64) / bits, variance)
     return recording
-
-
-def _check_drift(recording: Summed, frame_means: Floats) -> None:
-    sigma = float(np.sqrt(recording.variance.mean()))
-    check_steadiness(recording, drift(frame_means), sigma)
 
 
 class Switching(NamedTuple):
@@ -194,7 +183,6 @@ class CountingDevice:
 class _Recorded(NamedTuple):
     """Recordings as all estimators use them, (levels,) or maps (levels, rows, columns)."""
 
-    mean: Floats
     total: Floats
     frames: Floats
     exposure_s: Floats
@@ -205,15 +193,15 @@ class _Recorded(NamedTuple):
     """Variance over that of independent events"""
     is_binary: bool
 
-
-class _NotDeterminedError(Exception):
-    """Why recordings do not determine an estimate."""
+    @property
+    def mean(self) -> Floats:
+        """Mean readings."""
+        return self.total / self.frames[:, None, None]
 
 
 def calibrate_counts(
-    recordings: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None,
-    *, hot_times: float = 10.0,
-) -> CountingDevice:  # fmt: skip
+    recordings: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None
+) -> CountingDevice:
     """Estimate what the recordings determine, with 95 % CI.
 
     Parameters
@@ -222,21 +210,20 @@ def calibrate_counts(
         Recordings of one camera.
     known : (seconds, kind), optional
         Dead time that corrects counts if recordings do not determine it.
-    hot_times : float
-        Pixels surely above this many times the median dark counts are hot.
 
     Raises ValueError if recordings are of different arrays, or light has no effect.
     """
     _check(recordings)
     is_binary = recordings[0].is_binary
-
-    def stacked(name: str) -> Floats:
-        return np.array([getattr(recording, name) for recording in recordings], np.float64)
-
-    total, largest, light_hz = stacked("total"), stacked("largest"), stacked("light_hz")
-    frames = stacked("frames")[:, None, None]
+    total, largest, at_largest = (
+        np.array([getattr(recording, name) for recording in recordings])
+        for name in ("total", "largest", "at_largest")
+    )
+    frames, exposure_s, light_hz = np.array(
+        [(recording.frames, recording.exposure_s, recording.light_hz) for recording in recordings]
+    ).T
     # share of frames at the largest reading of the pixel
-    share = stacked("at_largest") / frames
+    share = at_largest / frames[:, None, None]
     # pixels that show no light
     counts = total[light_hz > 0 if light_hz.any() else light_hz == 0].sum(axis=0)
     typical = float(np.median(counts))
@@ -246,7 +233,7 @@ def calibrate_counts(
     stuck = frozen & ~dead & (counts > 0)
     # the counter's capacity: the largest reading, if pixels pile up there while readings vary
     capacity: int | None = 1
-    within = frames - total >= _FEWEST_ZEROS
+    within = frames[:, None, None] - total >= _FEWEST_ZEROS
     if not is_binary:
         top = largest.max()
         piled = ((largest == top) & (share > _PILED)).mean(axis=(1, 2))
@@ -254,44 +241,39 @@ def calibrate_counts(
         capacity = int(top) if top > 1 and several else None
         within = largest < (np.inf if capacity is None else capacity)
     used = within & ~dead & ~stuck
-    recorded = _Recorded(
-        mean=stacked("mean"), total=total, frames=stacked("frames"),
-        exposure_s=stacked("exposure_s"), light_hz=light_hz, used=used,
-        spread=np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)]),
-        is_binary=is_binary,
-    )  # fmt: skip
+    spread = np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)])
+    recorded = _Recorded(total, frames, exposure_s, light_hz, used, spread, is_binary)
     kernels = [recording.kernel for recording in recordings if recording.kernel is not None]
     kernel = crosstalk.mean_kernel(kernels) if kernels else None
-    # dead time, dark counts, efficiency
+    # dead time, dark counts, efficiency, or why they are not known
     refused: dict[str, str] = {}
+    fitted = _dead_time(recorded, kernel)
     dead_time: DeadTimeEstimate | None = None
-    dark: Estimate | None = None
-    efficiency: Estimate | None = None
-    hot = np.zeros(dead.shape, np.bool_)
-    try:
-        dead_time, scaled_hz = _dead_time(recorded, kernel)
-        recorded = recorded._replace(light_hz=scaled_hz)
-    except _NotDeterminedError as reason:
-        refused["dead time"] = str(reason)
+    if isinstance(fitted, str):
+        refused["dead time"] = fitted
+    else:
+        dead_time = fitted[0]
+        recorded = recorded._replace(light_hz=fitted[1])
     applied = dead_time
     if dead_time is None and known is not None and not is_binary:
         applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
-    try:
-        dark = _dark_counts(recorded, applied)
-        hot = pixels.hot_pixels(dark.low, dark.value, dark.high, hot_times)
-        hot |= np.isnan(dark.value)  # saturated in the dark
-    except _NotDeterminedError as reason:
-        refused["dark counts"] = str(reason)
+    dark, efficiency = _dark_counts(recorded, applied), _efficiency(recorded, applied)
     telegraph = _telegraph(recordings, recorded, applied)
-    try:
-        efficiency = _efficiency(recorded, applied)
-    except _NotDeterminedError as reason:
-        refused["efficiency"] = str(reason)
-    if telegraph is not None and efficiency is not None:
+    hot = np.zeros(dead.shape, np.bool_)
+    if isinstance(dark, str):
+        refused["dark counts"] = dark
+    else:
+        hot = pixels.hot_pixels(dark.low, dark.value, dark.high)
+        hot |= np.isnan(dark.value)  # saturated in the dark
+    if isinstance(efficiency, str):
+        refused["efficiency"] = efficiency
+    elif telegraph is not None:
         # how many of their counts under light were dark ones is not known
         efficiency = efficiency.where(~telegraph.pixels)
     return CountingDevice(
-        dark_counts_hz=dark, efficiency=efficiency, dead_time=dead_time, capacity=capacity,
+        dark_counts_hz=None if isinstance(dark, str) else dark,
+        efficiency=None if isinstance(efficiency, str) else efficiency,
+        dead_time=dead_time, capacity=capacity,
         dead=dead, stuck=stuck, telegraph=telegraph, kernel=kernel,
         reading=np.where(stuck, largest[0], np.where(dead, 0.0, -1.0)),
         saturated=~used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
@@ -309,12 +291,14 @@ def _check(recordings: Sequence[Summed]) -> None:
     if not dark:
         return
     longest = max(dark, key=lambda recording: recording.exposure_s)
-    dark_hz = float(np.median(longest.mean)) / longest.exposure_s
+    dark_counts = float(np.median(longest.mean))
+    if longest.is_binary and dark_counts > 0.9:
+        return
     for recording in recordings:
-        is_full = recording.is_binary and dark_hz * longest.exposure_s > 0.9
-        excess = float(np.median(recording.mean)) - dark_hz * recording.exposure_s
+        share = recording.exposure_s / longest.exposure_s
+        excess = float(np.median(recording.mean)) - dark_counts * share
         error = float(np.sqrt(recording.variance.mean() / recording.frames / recording.total.size))
-        if recording.light_hz and not is_full and excess < _BRIGHTER_Z * error:
+        if recording.light_hz and excess < _BRIGHTER_Z * error:
             raise ValueError(
                 f"{recording}: no brighter than the dark; uncover the sensor or raise the light"
             )
@@ -333,34 +317,28 @@ def _excess(recording: Summed, used: Mask) -> float:
 
 def _dead_time(
     recorded: _Recorded, kernel: crosstalk.Kernel | None
-) -> tuple[DeadTimeEstimate, Floats]:
-    """Dead time from the saturation curve, and lights scaled to all arrivals.
-
-    Busy neighbors fire fewer others, and busy pixels count fewer afterpulses. How many afterpulses
-    the dead time hides depends on their delay, which frames do not show.
-    """
+) -> tuple[DeadTimeEstimate, Floats] | str:
+    """Dead time from the saturation curve, and lights scaled to all arrivals; or why not."""
     if recorded.is_binary:
-        raise _NotDeterminedError("bits do not show it; give that of the data sheet")
+        return "bits do not show it; give that of the data sheet"
     lit = recorded.light_hz > 0
     good = np.flatnonzero(recorded.used[lit].sum(axis=0) > 1)
     if len(np.unique(recorded.light_hz[lit])) < 2 or not good.size:
-        raise _NotDeterminedError(
-            "needs counts under two lights, the brighter of which loses some to it"
-        )
+        return "needs counts under two lights, the brighter of which loses some to it"
     if _nonlinearity(recorded, None) < _SEEN:
-        raise _NotDeterminedError("no counts are lost to it; record brighter light")
+        return "no counts are lost to it; record brighter light"
     fitted = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
     fired, fired_error = kernel.echoes if kernel else (0.0, 0.0)
-    dead_time, misfit, live = _fitted_dead_time(
-        recorded, fitted, fired, 1.0, _ROUNDS if fired else 1
-    )
+    rounds = _ROUNDS if fired else 1
+    dead_time, misfit, live = _fitted_dead_time(recorded, fitted, fired, 1.0, rounds)
     if misfit.is_clear:
-        raise _NotDeterminedError(
+        return (
             f"{dead_time.kind}, {1e9 * dead_time.seconds:.3g} ns, fits best, but counts differ "
             f"from its curve by {100 * misfit.share:+.2g} %, as with recharging, twilight pulses, "
             "or lights that are not as stated; no interval holds"
         )
     if kernel:
+        # how many afterpulses the dead time hides depends on their delay, which frames do not show
         longer = _fitted_dead_time(recorded, fitted, fired + fired_error, live, 1)[0]
         hidden = _HIDDEN * (kernel.afterpulses + fired_error) * dead_time.seconds
         error = np.hypot(longer.seconds - dead_time.seconds, max(hidden, 0.0))
@@ -429,12 +407,9 @@ def _nonlinearity(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> fl
 
 
 def _rates(
-    recorded: _Recorded,
-    level: int,
-    counts: Floats,
-    dead_time: DeadTimeEstimate | None,
+    recorded: _Recorded, level: int, counts: Floats, dead_time: DeadTimeEstimate | None,
     errors: float = 0.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Rate of arrivals (Hz) behind mean readings, for a dead time so many errors longer."""
     exposure_s = recorded.exposure_s[level]
     if recorded.is_binary:
@@ -455,13 +430,12 @@ def _variance(
     arrivals = np.maximum(rate_hz * exposure_s, 0.3 / frames)
     if recorded.is_binary:
         return np.asarray(np.expm1(arrivals) / frames / exposure_s**2)
-    spread = recorded.spread[level]
-    if dead_time is None:
-        return np.asarray(spread * arrivals / frames / exposure_s**2)
-    grid_hz, mean, variance = _counted(dead_time, exposure_s)
-    slope = np.interp(rate_hz, grid_hz, np.maximum(np.gradient(mean, grid_hz), 1e-12))
-    of_counts = np.where(rate_hz < grid_hz[0], arrivals, np.interp(rate_hz, grid_hz, variance))
-    return np.asarray(spread * of_counts / frames / slope**2)
+    of_counts, slope = arrivals, np.full(rate_hz.shape, exposure_s)
+    if dead_time is not None:
+        grid_hz, mean, variance = _counted(dead_time, exposure_s)
+        slope = np.interp(rate_hz, grid_hz, np.maximum(np.gradient(mean, grid_hz), 1e-12))
+        of_counts = np.where(rate_hz < grid_hz[0], arrivals, np.interp(rate_hz, grid_hz, variance))
+    return np.asarray(recorded.spread[level] * of_counts / frames / slope**2)
 
 
 def _counted(
@@ -476,11 +450,11 @@ def _counted(
     return grid_hz, np.maximum.accumulate(mean), variance
 
 
-def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:
-    """Dark counts from recordings in the dark, with exact intervals."""
+def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate | str:
+    """Dark counts from recordings in the dark, with exact intervals, or why not."""
     is_dark = recorded.light_hz == 0
     if not is_dark.any():
-        raise _NotDeterminedError("need a recording in the dark")
+        return "need a recording in the dark"
     used, times_s = recorded.used[is_dark], recorded.exposure_s[is_dark, None, None]
     frames = recorded.frames[is_dark, None, None] * used
     total, number = (recorded.total[is_dark] * used).sum(axis=0), frames.sum(axis=0)
@@ -498,7 +472,7 @@ def _dark_counts(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Est
 
     value, ends = rate_of(total), garwood_interval(total)
     scale = np.sqrt(recorded.spread[is_dark].max()) * np.ones(total.shape)
-    if recorded.is_binary:  # Clopper and Pearson (1934)
+    if recorded.is_binary:  # Clopper and Pearson
         several = np.maximum(number, 1)
         low = beta.ppf(0.025, np.maximum(total, 1e-9), several - total + 1)
         high = beta.isf(0.025, total + 1, np.maximum(several - total, 1e-9))
@@ -535,25 +509,25 @@ def _telegraph(
     return Switching(marked, low_hz, high_hz, frames * recording.exposure_s)
 
 
-def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate:
-    """Slope of rates over light, by weighted least squares."""
+def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Estimate | str:
+    """Slope of rates over light, by weighted least squares, or why not."""
     lights = np.unique(recorded.light_hz)
     if len(lights) < 2:
         need = "the dark or a second light" if lights.max() else "a recording under uniform light"
-        raise _NotDeterminedError(f"needs {need}")
+        return f"needs {need}"
     if abs(_nonlinearity(recorded, dead_time)) > _NOT_LINEAR:
-        raise _NotDeterminedError(
+        return (
             "rates are not proportional to light; check the lights, or record dimmer and brighter "
             "ones, so that dead time is found"
         )
     used, brightest = recorded.used.astype(np.float64), lights.max()
     light = (recorded.light_hz / brightest)[:, None, None]
 
-    def rates(errors: float = 0.0) -> Floats:
+    def rates(errors: float) -> Floats:
         levels = enumerate(recorded.mean)
         return np.array([_rates(recorded, at, mean, dead_time, errors) for at, mean in levels])
 
-    rate_hz = fitted_hz = rates()
+    rate_hz = fitted_hz = rates(0.0)
     for _ in range(_ROUNDS):
         variance = [_variance(recorded, at, rate, dead_time) for at, rate in enumerate(fitted_hz)]
         weight = used / np.array(variance)
@@ -570,9 +544,10 @@ def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Esti
 
 def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
     """Intercept and slope of rates over light (levels, 1, 1), and the variance of the slope."""
-    s, sx = weight.sum(axis=0), (weight * light).sum(axis=0)
-    sxx = (weight * light * light).sum(axis=0)
-    sy, sxy = (weight * rate).sum(axis=0), (weight * light * rate).sum(axis=0)
+    s, sx, sxx, sy, sxy = (
+        (weight * values).sum(axis=0)
+        for values in (np.ones_like(light), light, light**2, rate, light * rate)
+    )
     det = s * sxx - sx**2
     det = np.where(det > 1e-12 * np.maximum(s * sxx, 1e-300), det, np.nan)
     intercept, slope, variance = (sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det, s / det

@@ -1,26 +1,24 @@
 """Crosstalk and afterpulsing of an array, from its dark counts: three ways.
 
-**Coincidences** (`neighbor_kernel`). The covariance of two pixels is their coincidences less the
-expected ones. In a wide array in which an avalanche fires a pixel at offset δ with probability
-k(δ), Poisson primaries make
+**Coincidences** (`neighbor_kernel`). In a wide array in which an avalanche fires a pixel at offset
+δ with probability k(δ), Poisson primaries make covariances
 
     C(δ) = Σ_j G(j)·G(j + δ)·D        G = (1 − k)⁻¹, D = m·(1 − Σ k²)
 
-for mean counts m. Pairs of one offset and its opposite give C(δ)/m, solved for k over offsets up to
-two pixels. The covariance of distant pixels (temperature, stray light) is subtracted. Variance
-beyond that of crosstalk is due to afterpulses. With a mean number p of them, all within the
-exposure, G is (1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
+for mean counts m. Pairs of one offset and its opposite give C(δ)/m, less that of distant pixels
+(temperature, stray light), solved for k over offsets up to two pixels. Variance beyond that of
+crosstalk is due to afterpulses. With a mean number p of them, all within the exposure, G is
+(1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
 
-**Hot pixels** (`crosstalk_of_hot_pixels`). A hot pixel adds a share of its counts to those of its
-neighbors. So the rate of a pixel is a level common to all plus shares of the rates around it. They
-minimize the sum of absolute residuals, which pixels that are hot themselves hardly affect. Shares
-are estimated apart for pixels of even and odd rows and columns: where pixels are laid out in pairs,
-light reaches the partner more easily. Rates r are those of dark carriers λ and of all that is
-fired, r = λ + C·r: a share is the probability that an avalanche fires a neighbor.
+**Hot pixels** (`crosstalk_of_hot_pixels`). The rate of a pixel is a level common to all plus shares
+of the rates around it. They minimize the sum of absolute residuals, which pixels that are hot
+themselves hardly affect. Where pixels are laid out in pairs, light reaches the partner more easily:
+shares are estimated apart for pixels of even and odd rows and columns. Rates r are those of dark
+carriers λ and of all that is fired, r = λ + C·r: a share is the probability that an avalanche fires
+a neighbor.
 
 **Pairs** (`fit_crosstalk`): measured probabilities that an avalanche in one of two pixels fires the
-other; the mean over the pairs at each distance that `Crosstalk` knows, not weighted: what differs
-between pairs, not counting, is most of their scatter.
+other; their mean at each distance, not weighted, as pairs differ by more than counting errors.
 
 Source: coincidences, Restelli et al., Proc. SPIE 6372 (2006); the branching process, as in
 `sensor/effects/crosstalk.py`.
@@ -75,11 +73,6 @@ class Kernel(NamedTuple):
     def total_error(self) -> float:
         """Standard error of the mean number of fired neighbors."""
         return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
-
-    @property
-    def without_afterpulses(self) -> "Kernel":
-        """Kernel of recordings that do not determine afterpulses."""
-        return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
 
     @property
     def are_afterpulses_seen(self) -> bool:

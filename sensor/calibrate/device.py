@@ -11,7 +11,6 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
 from megalopta.sensor.calibrate.level import (
-    Adc,
     Drops,
     Level,
     check_levels,
@@ -20,6 +19,7 @@ from megalopta.sensor.calibrate.level import (
 )
 from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
+from megalopta.sensor.spad.counters import AnalogCounter
 
 _95 = 1.959964
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
@@ -50,7 +50,7 @@ class Estimate:
         """Return a value with the interval of this standard error."""
         error = np.where(error > 0, error, np.nan)
         value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
-        return cls(*(each.reshape(shape) for each in (value, value - spread, value + spread)))
+        return cls(*(end.reshape(shape) for end in (value, value - spread, value + spread)))
 
     @property
     def median(self) -> float:
@@ -60,7 +60,7 @@ class Estimate:
     def where(self, known: Mask, value: float = np.nan) -> "Estimate":
         """Return the estimate with another value, and interval, where it is not known."""
         ends = self.value, self.low, self.high
-        return Estimate(*(np.where(known, each, value) for each in ends))
+        return Estimate(*(np.where(known, end, value) for end in ends))
 
     def scaled(self, factor: Floats | float) -> "Estimate":
         """Return the estimate in another unit."""
@@ -106,40 +106,39 @@ class Device:
         """True if the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
-    def counts_of(self, level: Level, adc: Adc) -> Floats:
+    def counts_of(self, level: Level, counter: AnalogCounter) -> Floats:
         """Counts, not rounded, from the ADC codes of frames (n, rows, columns)."""
         leaked_v = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
-        drop_v = (adc.top - level.readings) * adc.lsb_v
+        drop_v = counter.supply_v - level.readings * counter.lsb_v
         steps = (drop_v - self.offset_v.value - leaked_v) / self.step_v.value
         return self.curve.numbers(steps, self.step_v.value)
 
 
-def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10.0) -> Device:
+def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
     """Estimate all parameters that dark and lit levels determine, with 95 % CI.
 
     Parameters
     ----------
     levels : sequence of Level
         Dark frames at three or more exposures; flat frames at two or more light levels, or none.
-    hot_times : float
-        Pixels significantly above this many times the median dark counts are hot.
+    counter : AnalogCounter
+        Its supply, swing and ADC.
 
     Raises ValueError if the recordings are insufficient (`check_levels`), or the shortest dark
     exposure is too long to determine the level of no counts.
     """
-    check_levels(levels, adc)
-    rows, columns = levels[0].readings.shape[1:]
-    shape = rows, columns
-    drops = drops_of(levels, adc)
+    check_levels(levels, counter)
+    shape = levels[0].readings.shape[1], levels[0].readings.shape[2]
+    drops = drops_of(levels, counter)
     # steps: about, from photon transfer; then from the period of the comb
     transfer = photon_transfer(drops)
     typical_v = float(np.median(transfer.step_v))
     low, high = np.percentile(transfer.step_v, (16, 84)) / typical_v
     error = float(np.median(transfer.step_error_v)) / typical_v
     scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
-    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(rows * columns))
+    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(np.prod(shape)))
     within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
-    is_shallow = drops.mean_v[drops.level, drops.pixel] < _SHALLOW * adc.swing_v
+    is_shallow = drops.mean_v[drops.level, drops.pixel] < _SHALLOW * counter.swing_v
     step_v, noise = comb_period(drops.at(is_shallow), typical_v, within)
     # outputs that the ADC cuts off look like a peak; the variance reveals them
     noise = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
@@ -154,7 +153,7 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
             "shorter ones, with few or no counts per frame"
         )
     # offset, leak, step and read noise
-    fit = fit_comb(drops, step_v, transfer.offset_v, adc.swing_v)
+    fit = fit_comb(drops, step_v, transfer.offset_v, counter.swing_v)
     if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(noise):
         raise ValueError(
             "the peaks of the comb cannot be followed through the swing, as if the step changed by "
@@ -170,7 +169,7 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     failed |= drops.frames.sum(axis=0) == 0
     errors[failed], drops.frames[:, failed] = np.nan, 0
     offset, leak, step = _estimates(fit.solution, errors, shape)
-    read_v = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
+    read_v = np.sqrt(np.maximum(fit.noise_v**2 - counter.lsb_v**2 / 12, 0))
     read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
     read_noise = Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape)
     # efficiency and dead time
@@ -203,7 +202,7 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     device = Device(
         offset_v=offset, leak_v_s=leak, step_v=step, read_noise_v=read_noise, dark_counts_hz=dark,
         efficiency=efficiency, dead_time_s=dead_time, dead_time_kind=kind, kind_ratio=ratio,
-        misfit=deviation, hot=hot_pixels(dark.low, dark.value, dark.high, hot_times),
+        misfit=deviation, hot=hot_pixels(dark.low, dark.value, dark.high),
         counts=counts, drops=drops, curve=fit.curve, slope_error=fit.slope_error,
     )  # fmt: skip
     # crosstalk and afterpulses
@@ -211,7 +210,7 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     for level, frames in zip(levels, counts.frames, strict=True):
         if level.is_dark:
             # pixels with a failed fit have no counts
-            readings = np.nan_to_num(np.rint(device.counts_of(level, adc)))
+            readings = np.nan_to_num(np.rint(device.counts_of(level, counter)))
             good = (frames.reshape(shape) > 0) & (readings.mean(axis=0) > 0)
             with suppress(ValueError):  # too few pixels remain at this exposure
                 kernels.append(neighbor_kernel(readings, good))
@@ -219,7 +218,9 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
         return device
     kernel = mean_kernel(kernels)
     # readings that noise moves to the next peak vary as afterpulses do
-    return replace(device, kernel=kernel if fit.is_clear else kernel.without_afterpulses)
+    if not fit.is_clear:
+        kernel = kernel._replace(afterpulses=np.nan, afterpulses_error=np.nan)
+    return replace(device, kernel=kernel)
 
 
 def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list[Estimate]:

@@ -8,20 +8,17 @@ With µ_p photons on a pixel in an exposure, µ_y the mean and σ_y² the tempor
     η = R/K   quantum efficiency; one event is one electron
     σ_d       σ_y.dark/K, temporal dark noise, with σ²_y.dark of 0.24 DN² or more: rounding hides
               what is less
-    µ_p.min   (σ_d + ½)/η, absolute sensitivity threshold: about where the SNR is 1, which is at
-              (√(σ_d² + ¼) + ½)/η
+    µ_p.min   (σ_d + ½)/η, absolute sensitivity threshold: about where the SNR is 1
     µ_p.sat   light at which σ_y² is largest; µ_e.sat = η·µ_p.sat, SNR_max = √µ_e.sat
     DR        µ_p.sat/µ_p.min
     DSNU      s_y.dark/K
     PRNU      standard deviation over pixels of y_50 − y_dark over its mean, at half of saturation
     LE        mean of |deviation from a line| over the line, from 5 to 95 % of saturation
 
-Events are whole numbers, so that rounding adds no noise, 1/12 DN² in the standard, to counts.
-The standard has s²_y.50 − s²_y.dark in place of the variance of differences; the two agree where
-sensitivity and dark counts are independent, and differ where hot pixels saturate. Pixels whose dark
-signal exceeds a tenth of saturation are not part of PRNU. With dead time the response is no line,
-and K is too small in bright light, so that η = R/K is too large. `without_dead_time` returns the
-factors by which R and K of a calibrated device rise where its dead time ends; LE stays as it is.
+Rounding adds no noise, 1/12 DN² in the standard, to counts. The standard has s²_y.50 − s²_y.dark in
+place of the variance of differences; the two differ where hot pixels saturate. Pixels whose dark
+signal exceeds a tenth of saturation are not part of PRNU. With dead time K is too small in bright
+light, and η too large (`without_dead_time`).
 
 Source: EMVA Standard 1288, Release 4.0 Linear (2021).
 """
@@ -185,10 +182,10 @@ def device_steps(
 
     Raises ValueError if its readings do not saturate at any light that can be computed.
     """
-    device = _Device.of(sensor, shape, wavelength_nm)
+    device, efficiency = _middle(sensor, shape, wavelength_nm)
     end, peak, scan = 0.0, 0.0, 1.0
-    while scan * float(device.efficiency.max()) < _MOST_ARRIVALS:
-        noise = device.steps_at([scan])[0].noise
+    while scan * float(efficiency.max()) < _MOST_ARRIVALS:
+        noise = _exact_steps(device, efficiency, [scan])[0].noise
         if noise > peak:
             end, peak = scan * _STEP, noise
         elif noise < 0.5 * peak:
@@ -196,7 +193,8 @@ def device_steps(
         scan *= _STEP
     else:
         raise ValueError("readings do not saturate; give the counter a capacity")
-    return device.steps_at([0.0])[0], device.steps_at(np.linspace(0, end, _STEPS + 1)[1:])
+    dark, *steps = _exact_steps(device, efficiency, np.linspace(0, end, _STEPS + 1))
+    return dark, steps
 
 
 def without_dead_time(
@@ -209,31 +207,28 @@ def without_dead_time(
     """
     if not sensor.dead_time.is_on:
         return 1.0, 1.0
+    device, efficiency = _middle(sensor, shape, wavelength_nm)
     photons = [0.0, *(step.photons for step in steps)]
-    dark, *lit = _Device.of(sensor, shape, wavelength_nm).steps_at(photons)
+    dark, *lit = _exact_steps(device, efficiency, photons)
     dead = emva(dark, lit)
     dim = [0.0, _DIM * dead.saturation_photons]
-    low, high = _Device.of(without(sensor, "dead_time"), shape, wavelength_nm).steps_at(dim)
+    low, high = _exact_steps(without(device, "dead_time"), efficiency, dim)
     rise = high.level - low.level
     return rise / dim[1] / dead.responsivity, (high.noise - low.noise) / rise / dead.gain
 
 
-class _Device(NamedTuple):
-    """Middle of a device, whose readings under even light are computed."""
+def _middle(sensor: Sensor, shape: tuple[int, int], wavelength_nm: float) -> tuple[Sensor, Floats]:
+    """Middle of a device, and the efficiency of its pixels."""
+    if sensor.measured.is_on:
+        sensor = changed(sensor, measured={"fit": "center"})
+    side = min(shape[0], _SIDE), min(shape[1], _SIDE)
+    efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
+    return sensor, efficiency * draw_fixed_pattern(sensor, side).efficiency_factor
 
-    sensor: Sensor
-    efficiency: Floats
-    """(rows, columns)"""
 
-    @classmethod
-    def of(cls, sensor: Sensor, shape: tuple[int, int], wavelength_nm: float) -> "_Device":
-        if sensor.measured.is_on:
-            sensor = changed(sensor, measured={"fit": "center"})
-        side = min(shape[0], _SIDE), min(shape[1], _SIDE)
-        efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
-        return cls(sensor, efficiency * draw_fixed_pattern(sensor, side).efficiency_factor)
-
-    def steps_at(self, photons: Sequence[float] | Floats) -> list[Step]:
-        light = np.asarray(photons, np.float64)
-        rates = light[:, None, None] / self.sensor.exposure_s * self.efficiency
-        return list(map(Step, light.tolist(), *reading_moments(rates, self.sensor)))
+def _exact_steps(
+    device: Sensor, efficiency: Floats, photons: Sequence[float] | Floats
+) -> list[Step]:
+    light = np.asarray(photons, np.float64)
+    rates_hz = light[:, None, None] / device.exposure_s * efficiency
+    return list(map(Step, light.tolist(), *reading_moments(rates_hz, device)))

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.sensor.spad.counters import AnalogCounter
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
@@ -100,8 +101,13 @@ class Level:
 
     def __str__(self) -> str:
         """Short description for readers."""
-        light = "dark" if self.is_dark else f"light of {self.light_hz:g}"
-        return f"{light}, exposure of {self.exposure_s:g} s"
+        return conditions(self.light_hz, self.exposure_s)
+
+
+def conditions(light_hz: float, exposure_s: float) -> str:
+    """Return in words how a recording was taken."""
+    light = f"light of {light_hz:g}" if light_hz else "dark"
+    return f"{light}, exposure of {exposure_s:g} s"
 
 
 class Drift(NamedTuple):
@@ -124,34 +130,19 @@ def drift(series: Floats) -> Drift:
     return Drift(float(second.mean() - first.mean()), float(error))
 
 
-def check_steadiness(recording: object, drifted: Drift, pixel_sigma: float) -> None:
+def check_steadiness(recording: object, frame_means: Floats, variance: Floats) -> None:
     """Refuse a recording that drifts; ValueError names it.
 
-    `pixel_sigma` is the standard deviation of a pixel, RMS over the pixels.
+    `frame_means` (n,), and the variance of each pixel.
     """
-    if abs(drifted.z) > _LARGEST_DRIFT_Z and abs(drifted.change) > _SMALLEST_DRIFT * pixel_sigma:
+    drifted, sigma = drift(frame_means), float(np.sqrt(variance.mean()))
+    if abs(drifted.z) > _LARGEST_DRIFT_Z and abs(drifted.change) > _SMALLEST_DRIFT * sigma:
         raise ValueError(
             f"{recording}: drifts; the second half differs from the first by "
-            f"{drifted.change / max(pixel_sigma, 1e-300):+.2g} times the noise of a pixel, "
+            f"{drifted.change / max(sigma, 1e-300):+.2g} times the noise of a pixel, "
             f"{abs(drifted.z):.0f} standard errors; let light and temperature settle and capture "
             "again"
         )
-
-
-class Adc(NamedTuple):
-    """Converter of codes to volts below the output after reset."""
-
-    lsb_v: float
-    """Voltage between two codes (V)."""
-    top: float
-    """Code of the nominal output after reset."""
-    bottom: float
-    """Code at the nominal bottom of the swing."""
-
-    @property
-    def swing_v(self) -> float:
-        """Largest voltage drop of the output (V)."""
-        return (self.top - self.bottom) * self.lsb_v
 
 
 class Drops(NamedTuple):
@@ -182,11 +173,31 @@ class Drops(NamedTuple):
         names = self._fields[:4]
         return self._replace(**{name: getattr(self, name)[entries] for name in names})
 
+    @property
+    def entry_exposure_s(self) -> Floats:
+        """Exposure of each entry, (E,)."""
+        return self.exposure_s[self.level]
 
-def drops_of(levels: Sequence[Level], adc: Adc) -> Drops:
+    def sums(self, values: Floats) -> Floats:
+        """Return sums of values (k, E) over the readings of each pixel, (P,)."""
+        weights = self.times * values.sum(axis=0)
+        return np.bincount(self.pixel, weights, self.frames.shape[1]).astype(np.float64)
+
+    def normal_matrix(self, weights: Floats, columns: Sequence[Floats]) -> Floats:
+        """Return the matrix of the normal equations of each pixel; weights, columns (k, E)."""
+        normal = np.empty((self.frames.shape[1], len(columns), len(columns)))
+        for row, first in enumerate(columns):
+            for column, second in enumerate(columns[: row + 1]):
+                product = self.sums(weights * first * second)
+                normal[:, row, column] = normal[:, column, row] = product
+        return normal
+
+
+def drops_of(levels: Sequence[Level], counter: AnalogCounter) -> Drops:
     """Return the voltage drops, without pixels near their bottom at a level."""
     pixels = levels[0].readings[0].size
-    lowest = adc.top - _DEEPEST * (adc.top - adc.bottom)
+    top = counter.supply_v / counter.lsb_v
+    lowest = top - _DEEPEST * counter.swing_v / counter.lsb_v
     entries, maps = [], []
     for number, level in enumerate(levels):
         codes = level.readings.reshape(len(level.readings), pixels)
@@ -202,57 +213,53 @@ def drops_of(levels: Sequence[Level], adc: Adc) -> Drops:
     frames, mean, variance = np.array(list(zip(*maps, strict=True)), np.float64)
     exposure_s, light_hz = np.array([(level.exposure_s, level.light_hz) for level in levels]).T
     return Drops(
-        level_of, pixel, (adc.top - code) * adc.lsb_v, times.astype(float), frames,
-        (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2, exposure_s, light_hz,
-        is_cut=bool(code.max(initial=0) >= np.rint(adc.top)),
+        level_of, pixel, (top - code) * counter.lsb_v, times.astype(float), frames,
+        (top - mean) * counter.lsb_v, variance * counter.lsb_v**2, exposure_s, light_hz,
+        is_cut=bool(code.max(initial=0) >= np.rint(top)),
     )  # fmt: skip
 
 
-def check_levels(levels: Sequence[Level], adc: Adc) -> None:
+def check_levels(levels: Sequence[Level], counter: AnalogCounter) -> None:
     """Reject recordings that cannot determine a device.
 
     Raises ValueError if levels are of different arrays, have too few frames, drift or are
     saturated, if all dark exposures are equal, or if light has no effect.
     """
-    shapes = sorted({level.readings.shape[1:] for level in levels if level.readings.ndim == 3})
-    if len(shapes) != 1 or any(level.readings.ndim != 3 for level in levels):
-        raise ValueError(
-            f"recordings of {', '.join(map(str, shapes)) or 'no'} pixels; give frames of one device"
-        )
+    shapes = sorted({level.readings.shape[1:] for level in levels})
+    if len(shapes) != 1 or len(shapes[0]) != 2:
+        raise ValueError(f"recordings of {shapes} pixels; give frames of one device")
     for level in levels:
         if len(level.readings) < _FEWEST_FRAMES:
             raise ValueError(
                 f"{level}: {len(level.readings)} frames; capture {_FEWEST_FRAMES} or more"
             )
-        series = level.readings.mean(axis=(1, 2), dtype=np.float64)
-        pixel = float(np.sqrt(level.readings.var(axis=0, dtype=np.float64).mean()))
-        check_steadiness(level, drift(series), pixel)
-    dark = sorted({level.exposure_s for level in levels if level.is_dark})
-    if len(dark) < _FEWEST_DARK_EXPOSURES:
+        frame_means = level.readings.mean(axis=(1, 2), dtype=np.float64)
+        check_steadiness(level, frame_means, level.readings.var(axis=0, dtype=np.float64))
+    dark = [level for level in levels if level.is_dark]
+    lit = [level for level in levels if not level.is_dark]
+    if (exposures := len({level.exposure_s for level in dark})) < _FEWEST_DARK_EXPOSURES:
         raise ValueError(
-            f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
+            f"dark frames of {exposures} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
             "that leak differs from dark counts"
         )
-    lit = [level for level in levels if not level.is_dark]
-    at_bottom = {id(level): np.median(level.readings) <= adc.bottom for level in levels}
-    if all(at_bottom.values()):
-        raise ValueError("all levels are saturated; expose for less or lower the light")
-    if lit and all(at_bottom[id(level)] for level in lit):
-        raise ValueError("flat frames are saturated; expose for less or lower the light")
+    # rates of codes, of levels that are not saturated
+    top = counter.supply_v / counter.lsb_v
+    dark_hz, lit_hz = (
+        [
+            (top - float(level.readings.mean())) / level.exposure_s
+            for level in kind
+            if np.median(level.readings) > top - counter.swing_v / counter.lsb_v
+        ]
+        for kind in (dark, lit)
+    )
+    if not dark_hz or (lit and not lit_hz):
+        raise ValueError("dark or flat frames are saturated; expose for less or lower the light")
     if not lit:
         return
     brightest = min(lit, key=lambda level: float(level.readings.mean()))
     frame_means = brightest.readings.mean(axis=(1, 2))
     error = float(frame_means.std(ddof=1)) / np.sqrt(len(frame_means))
-    dark_hz, light_hz = (
-        max(
-            (adc.top - float(level.readings.mean())) / level.exposure_s
-            for level in levels
-            if level.is_dark == is_dark and not at_bottom[id(level)]
-        )
-        for is_dark in (True, False)
-    )
-    if (light_hz - dark_hz) * brightest.exposure_s < _DARKEST_Z * error:
+    if (max(lit_hz) - max(dark_hz)) * brightest.exposure_s < _DARKEST_Z * error:
         raise ValueError(
             f"{brightest}: no brighter than the dark; uncover the sensor or raise the light"
         )
@@ -286,18 +293,18 @@ def photon_transfer(drops: Drops) -> PhotonTransfer:
     exposure = ones * (drops.exposure_s / drops.exposure_s.max())[:, None]
     line, covariance = _weighted_fits([ones, exposure], drops.mean_v, precision)
     offset, offset_error = line[:, 0], np.sqrt(covariance[:, 0, 0])
-    columns = [ones, drops.mean_v - offset]
-    scale = [np.abs(column).max(axis=0) + 1e-30 for column in columns]
-    columns = [column / size for column, size in zip(columns, scale, strict=True)]
+    # variance over mean, in units of the largest mean
+    size = np.abs(drops.mean_v - offset).max(axis=0) + 1e-30
+    columns = [ones, (drops.mean_v - offset) / size]
     floor = 1e-3 * float(np.median(drops.variance_v2)) + 1e-18
     expected = np.maximum(drops.variance_v2, floor)
     for _ in range(_ROUNDS):
         weight = np.where(used, (np.maximum(drops.frames, 2) - 1) / (2 * expected**2), 0)
         line, covariance = _weighted_fits(columns, drops.variance_v2, weight)
-        expected = np.maximum(columns[0] * line[:, 0] + columns[1] * line[:, 1], floor)
-    read, step = line.T / scale
-    step_error = np.sqrt(covariance[:, 1, 1]) / scale[1]
-    return PhotonTransfer(step, step_error, read.clip(0), offset, offset_error)
+        read, step = line.T
+        expected = np.maximum(columns[0] * read + columns[1] * step, floor)
+    step_error = np.sqrt(covariance[:, 1, 1]) / size
+    return PhotonTransfer(step / size, step_error, read.clip(0), offset, offset_error)
 
 
 def _weighted_fits(

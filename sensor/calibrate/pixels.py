@@ -1,12 +1,10 @@
 """Single pixels: dead or stuck ones, hot ones, and telegraph noise.
 
-**Telegraph noise**, from readings of consecutive frames. Readings of independent events are
-uncorrelated from frame to frame. A rate that switches between two levels correlates them: with a
-trap that is active half of the time and correlated over τ, the covariance of frames k apart is
-(A/2)²·exp(−k·T/τ), A the difference of the two mean readings. The decay of all marked pixels
-together gives τ, the size of each pixel's covariances its A. Both are too small by a relative 2·τ/T
-over the number of frames, as the mean is that of the same frames. Fluctuations that all pixels
-share correlate readings, too: they have to be taken out before.
+Readings of independent events are uncorrelated from frame to frame. A rate that switches between
+two levels correlates them: with a trap that is active half of the time and correlated over τ, the
+covariance of frames k apart is (A/2)²·exp(−k·T/τ), A the difference of the two mean readings. τ and
+A are too small by a relative 2·τ/T over the number of frames, as the mean is that of the same
+frames. Fluctuations that all pixels share have to be taken out before.
 """
 
 from collections.abc import Sequence
@@ -37,7 +35,7 @@ def constant_pixels(recordings: Sequence[NDArray[np.generic]]) -> Mask:
     return np.asarray(np.logical_and.reduce([(each == first).all(axis=0) for each in recordings]))
 
 
-def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float) -> Mask:
+def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float = 10.0) -> Mask:
     """Mark pixels with surely more dark counts than `times` the median, by 95 % CI (low, high).
 
     NaN: unknown. Where most pixels have no count, the median is 0, though the array has dark

@@ -107,7 +107,7 @@ _WITHIN = 0.25
 
 
 class Coincidences(NamedTuple):
-    """Crosstalk of all pairs of pixels, (M,)."""
+    """Crosstalk of all pairs of channels, (M,)."""
 
     first: Ints
     second: Ints

@@ -6,30 +6,24 @@
     C    covariance of a pixel with its right and lower neighbors
     K    |mean of exp(2πi·x)|², the clearness of the comb, for codes of few counts
 
-Each is computed in blocks of frames. Their scatter in both recordings gives the covariance of a
-level's features, with so few blocks that Hotelling's T² has the distribution F, not χ²: estimated
-covariances are multiplied by what gives χ² the chance of T². Calibration adds the errors of its
-maps, common fluctuations add theirs.
+Their scatter over few blocks of frames gives their covariance, so that Hotelling's T² has the
+distribution F, not χ²: covariances are multiplied by what gives χ² the chance of T². Errors of the
+calibration and common fluctuations are added.
 
-**Causes.** Dark counts, efficiency, dead time, afterpulsing and crosstalk change the moments of
-events by closed forms (`expectations`), with a parabola through two changes of about the fitted
-size. A step of 1 + δ multiplies means by it and variances by its square; an offset adds to all
-means; read noise of variance q adds q to all variances and multiplies K by exp(−4π²·q).
-
-**Choice.** `p` is the chance of the difference between recordings of one device. A difference is
-stated where that is below `FALSE_ALARMS` even if the model errs by `_ERRORS`. The fewest causes, at
-most two, whose χ² has a chance above `REFUTED` explain it. If other sets of as many do so nearly as
-well, the cause is ambiguous. If no set does, none of the known causes explains it. Predicted
-changes are allowed an error of `MODEL_ERROR`, those of covariances, which are first-order, of three
-times as much.
+**Choice.** A difference is stated where its chance is below `FALSE_ALARMS` even if the model errs
+by `_ERRORS`. The fewest causes, at most two, whose χ² has a chance above `REFUTED` explain it, and
+those of as many that do nearly as well are told. Predicted changes are allowed an error of
+`MODEL_ERROR`, those of covariances, which are first-order, of three times as much.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
 from itertools import combinations, pairwise
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.ndimage import convolve
 from scipy.stats import chi2, f, norm
@@ -37,7 +31,6 @@ from scipy.stats import chi2, f, norm
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.change import changed
-from megalopta.sensor.compare.model import Change, Uncertainty
 from megalopta.sensor.compare.residual import Residual
 from megalopta.sensor.compare.two_sample import BLOCKS, Difference
 from megalopta.sensor.effects.crosstalk import neighborhoods
@@ -76,71 +69,60 @@ class Features(NamedTuple):
     """(F,)"""
     level: Ints
     """(F,) number of the level"""
-    kind: tuple[str, ...]
+    kind: NDArray[np.str_]
     """(F,) one of M, V, C, K"""
-
-    def of(self, kind: str) -> Mask:
-        """Return True for one kind of features, (F,)."""
-        return np.array([feature == kind for feature in self.kind])
 
 
 def features(
-    levels: Sequence[Residual], side: Literal["captured", "expected"], has_comb: Sequence[bool]
+    recordings: Sequence[Level], good: Sequence[Mask], has_comb: Sequence[bool]
 ) -> Features:
-    """Return the features of the good pixels of captured or expected frames of all levels."""
-    values, covariances, places, frames = [], [], [], []
-    kinds: list[str] = []
-    for number, (level, comb) in enumerate(zip(levels, has_comb, strict=True)):
-        recording: Level = getattr(level, side)
-        good = level.good
-        if good.sum() < 2:
-            continue
-        names = ("M", "V", "C", "K") if comb else ("M", "V", "C")
-        edges = np.linspace(0, len(recording.readings), BLOCKS + 1).astype(int)
-        blocks = np.array(
-            [
-                _of_frames(np.asarray(recording.signal[first:end], np.float32), good, comb)
-                for first, end in pairwise(edges)
-            ]
-        )
+    """Return the features of the good pixels of the recordings of all levels."""
+    used = [number for number, pixels in enumerate(good) if pixels.sum() > 1]
+    values, covariances = [np.zeros(0)], []
+    for number in used:
+        readings = recordings[number].signal
+        edges = np.linspace(0, len(readings), BLOCKS + 1).astype(int)
+        frames = (np.asarray(readings[start:end], np.float32) for start, end in pairwise(edges))
+        blocks = np.array([_of_frames(part, good[number], has_comb[number]) for part in frames])
         values.append(blocks.mean(axis=0))
-        covariances.append(np.cov(blocks.T) * len(recording.readings) / BLOCKS)
-        places += [number] * len(names)
-        frames += [len(recording.readings)] * len(names)
-        kinds += names
-    if not values:
-        return Features(np.zeros(0), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), ())
-    total = block_diag(*covariances)
-    return Features(np.concatenate(values), total, np.array(frames), np.array(places), tuple(kinds))
+        covariances.append(np.cov(blocks.T) * len(readings) / BLOCKS)
+    level = np.repeat(np.array(used, np.int64), [3 + has_comb[number] for number in used])
+    return Features(
+        np.concatenate(values),
+        block_diag(*covariances),
+        np.array([len(recordings[number].readings) for number in level.tolist()], np.int64),
+        level,
+        np.array([kind for number in used for kind in "MVCK"[: 3 + has_comb[number]]], np.str_),
+    )
 
 
-def _of_frames(signal: Floats, good: Mask, comb: bool) -> Floats:
+def _of_frames(signal: NDArray[Any], good: Mask, has_comb: bool) -> list[float]:
     n = len(signal)
     mean = signal.mean(axis=0, dtype=np.float64)
     noise = np.where(good, signal - mean, 0)
     variance = np.square(noise).sum(axis=0) / (n - 1)
     near = (noise[:, :, :-1] * noise[:, :, 1:]).sum() + (noise[:, :-1] * noise[:, 1:]).sum()
-    values = [mean[good].mean(), variance[good].mean(), near / (n - 1) / good.sum()]
-    if comb:
-        wave = np.exp(2j * np.pi * signal[:, good]).mean(axis=0)
-        values.append(((n * np.square(np.abs(wave)) - 1) / (n - 1)).mean())
-    return np.array(values, np.float64)
+    means = [mean[good].mean(), variance[good].mean(), near / (n - 1) / good.sum()]
+    return [*means, _clearness(signal[:, good])] if has_comb else means
+
+
+def _clearness(signal: NDArray[Any]) -> float:
+    """Clearness of the comb of pixels (n, P), without bias."""
+    n = len(signal)
+    power = np.square(np.abs(np.exp(2j * np.pi * signal).mean(axis=0)))
+    return float(((n * power - 1) / (n - 1)).mean())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cause:
-    """A parameter of the device that may differ."""
+    """Parameter of the device that may differ."""
 
     name: str
-    parameter: str = ""
-    """Field of `Uncertainty`"""
     unit: str
     expected: float
     """Value of the known device"""
-    signature: Callable[[float], Floats | float] = lambda _: 0.0
-    """Returns the change of all features by a change of the parameter"""
-    is_gain: bool = False
-    """True if a change multiplies all counts by 1 more than itself"""
+    signature: Callable[[float], Floats | float]
+    """Change of all features by a change of the parameter; 0 of the step, which multiplies them"""
     is_relative: bool = False
     """True if changes are relative to the expected value"""
     is_square: bool = False
@@ -187,12 +169,13 @@ class _Expected:
         total, gain = np.zeros_like(features.values), 1.0
         for cause, size in zip(causes, sizes, strict=True):
             total = total + cause.signature(float(size))
-            gain *= 1 + float(size) if cause.is_gain else 1.0
+            gain *= 1 + float(size) if cause.name == "step" else 1.0
         if gain == 1:
             return total
-        power = np.select([features.of("M"), features.of("V") | features.of("C")], [1, 2])
+        # means by the step, variances by its square
+        power = np.select([features.kind == "M", features.kind != "K"], [1, 2])
         total = total * gain**power + features.values * (gain**power - 1)
-        for at in np.flatnonzero(features.of("K")):  # the comb of Poisson counts, by a wrong step
+        for at in np.flatnonzero(features.kind == "K"):  # Poisson counts, by a wrong step
             mean = self.means[features.level[at]]
             blur = np.exp(-2 * mean * (1 - np.cos(2 * np.pi * (gain - 1))))
             total[at] += features.values[at] * (float(blur.mean()) - 1)
@@ -207,57 +190,52 @@ class _Expected:
             slopes.append((self.change(causes, moved) - base) / cause.small)
         return np.array(slopes).T
 
+    def of_events(
+        self, parameter: str, step: float, is_linear: bool = False
+    ) -> Callable[[float], Floats]:
+        """Return the signature of a parameter that changes the moments of events.
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _OfEvents:
-    """Signature of a parameter that changes the moments of events, by their closed forms."""
+        By their closed forms: a parabola through two changes of about the size, in powers of two of
+        a step, or a line, as tables of afterpulses take seconds.
+        """
 
-    expected: _Expected
-    parameter: str
-    """Field of `Change`"""
-    step: float
-    """Change through which, and twice which, a parabola is laid"""
-    is_linear: bool = False
-    """True if one change has to do: tables of afterpulses take seconds"""
-    parabolas: dict[float, tuple[Floats, Floats]] = field(default_factory=dict)
-    """Slope and curvature of the features, by the step"""
+        @cache
+        def parabola(step: float) -> tuple[Floats, Floats]:
+            first = self._moved(parameter, step)
+            second = 2 * first if is_linear else self._moved(parameter, 2 * step)
+            return (4 * first - second) / (2 * step), (second - 2 * first) / (2 * step**2)
 
-    def __call__(self, size: float) -> Floats:
-        """Return the change by a parabola through two changes of about this size."""
-        step = self.step
-        largest = 0.0 if self.is_linear else _LARGEST_STEP * self.step
-        while abs(size) > 2.5 * step and step < largest:
-            step *= 2
-        if step not in self.parabolas:
-            first = self._moved(step)
-            second = 2 * first if self.is_linear else self._moved(2 * step)
-            slope, bend = (4 * first - second) / (2 * step), (second - 2 * first) / (2 * step**2)
-            self.parabolas[step] = slope, bend
-        slope, bend = self.parabolas[step]
-        return slope * size + bend * size**2
+        def signature(size: float) -> Floats:
+            width, widest = step, step if is_linear else _LARGEST_STEP * step
+            while abs(size) > 2.5 * width and width < widest:
+                width *= 2
+            slope, bend = parabola(width)
+            return slope * size + bend * size**2
 
-    def _moved(self, size: float) -> Floats:
-        features = self.expected.features
+        return signature
+
+    def _moved(self, parameter: str, size: float) -> Floats:
+        """Change of the features by the closed forms of events."""
+        features = self.features
         moved = np.zeros_like(features.values)
-        for number, level in enumerate(self.expected.levels):
-            is_of_level = features.level == number
-            if not is_of_level.any():
-                continue
+        for number in np.unique(features.level):
+            level, is_of_level = self.levels[number], features.level == number
             model, good, exposure_s = level.model, level.good, level.expected.exposure_s
-            before, after = (
-                model.moments(exposure_s, level.light_hz, change)
-                for change in (Change(), Change(**{self.parameter: size}))
-            )
+            before = model.moments(exposure_s, level.light_hz)
+            after = model.moments(exposure_s, level.light_hz, parameter, size)
             for kind, unchanged, changed_ in zip("MV", before, after, strict=True):
-                moved[is_of_level & features.of(kind)] = float((changed_ - unchanged)[good].mean())
-            if self.parameter == "neighbors":
+                change = float((changed_ - unchanged)[good].mean())
+                moved[is_of_level & (features.kind == kind)] = change
+            if parameter == "crosstalk":
                 variance = float(before[1][good].mean())
-                moved[is_of_level & features.of("C")] = variance * _coincidences(size, level, good)
+                share = _coincidences(size, level)
+                moved[is_of_level & (features.kind == "C")] = variance * share
         return moved
 
 
-def _coincidences(neighbors: float, level: Residual, good: Mask) -> float:
+def _coincidences(neighbors: float, level: Residual) -> float:
     """Covariance with the right and lower neighbor over the variance, by crosstalk."""
+    good, parts = level.good, level.parts
     crosstalk = changed(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
     weights = neighborhoods(crosstalk).mean(axis=(0, 1))
     # each of four nearest neighbors gets a share; both directions of a pair covary
@@ -265,8 +243,8 @@ def _coincidences(neighbors: float, level: Residual, good: Mask) -> float:
     share = neighbors * nearest / 4 / weights.sum()
     pairs = (good[:, :-1] & good[:, 1:]).sum() + (good[:-1] & good[1:]).sum()
     # of avalanches that crosstalk adds, dead time leaves as many as of more light
-    parts = level.parts
-    counted = float((parts.light + parts.dark)[good].sum() / max(parts.mean[good].sum(), 1e-300))
+    added = (parts["efficiency"] + parts["dark counts"])[good].sum()
+    counted = float(added / max(parts["step"][good].sum(), 1e-300))
     return float(2 * share * counted * pairs / good.sum())
 
 
@@ -275,69 +253,63 @@ def _causes_of(expected: _Expected) -> tuple[Cause, ...]:
     levels, features = expected.levels, expected.features
     model = levels[0].model
     sensor = model.sensor
-    good = [level.good for level in levels]
-    lit = [
-        float(level.light_hz[pixels].mean()) / level.expected.light_hz
-        for level, pixels in zip(levels, good, strict=True)
-        if pixels.any() and level.expected.light_hz
+    efficiencies = [
+        float(level.light_hz[level.good].mean()) / level.expected.light_hz
+        for level in levels
+        if level.good.any() and level.expected.light_hz
     ]
+    dark_pixels = next((level.good for level in levels if level.good.any()), levels[0].good)
     dead_s, carriers = sensor.dead_time.dead_time_s, sensor.afterpulsing.mean_carriers
-    neighbors = sensor.crosstalk.mean_fired_neighbors
+    neighbors, read_noise = sensor.crosstalk.mean_fired_neighbors, 0.0
+    if isinstance(sensor.counter, AnalogCounter):  # with rounding by the ADC
+        rounding_v = sensor.counter.lsb_v / 12**0.5
+        read_noise = float(
+            np.hypot(sensor.counter.read_noise_v, rounding_v) / sensor.counter.step_v
+        )
 
-    def of_events(parameter: str, step: float, is_linear: bool = False) -> _OfEvents:
-        return _OfEvents(expected=expected, parameter=parameter, step=step, is_linear=is_linear)
+    def noisier(variance: float) -> Floats:
+        clearness = np.expm1(np.clip(-4 * np.pi**2 * variance, -50, 1))
+        kinds = [features.kind == "V", features.kind == "K"]
+        return np.select(kinds, [variance, features.values * clearness])
 
-    causes = [
+    causes = (
         Cause(
-            name="dark counts", parameter="dark_counts", unit="Hz", is_relative=True,
-            expected=model.dark_hz(next((pixels for pixels in good if pixels.any()), good[0])),
-            signature=of_events("dark_counts", 0.1),
+            name="dark counts", unit="Hz", expected=model.dark_hz(dark_pixels), is_relative=True,
+            signature=expected.of_events("dark counts", 0.1),
         ),
         Cause(
-            name="efficiency", parameter="efficiency", unit="events per photon", is_relative=True,
-            expected=lit[0] if lit else 0.0, signature=of_events("efficiency", 0.1),
+            name="efficiency", unit="events per photon", is_relative=True,
+            expected=efficiencies[0] if efficiencies else 0.0,
+            signature=expected.of_events("efficiency", 0.1),
         ),
         Cause(
             name="dead time", unit="s", expected=dead_s, least=1e-9, lowest=-dead_s,
             small=1e-3 * (dead_s or 1e-7),
-            signature=of_events("dead_time_s", 0.1 * max(dead_s, 1e-7)),
+            signature=expected.of_events("dead time", 0.1 * max(dead_s, 1e-7)),
         ),
         Cause(  # frames do not show the delay, which is assumed
             name="afterpulsing", expected=carriers, least=0.02, lowest=-carriers,
             unit=f"carriers per event at a delay of {1e6 * model.delay_s:.3g} µs",
-            signature=of_events("carriers", 0.05, is_linear=True),
+            signature=expected.of_events("afterpulsing", 0.05, is_linear=True),
         ),
         Cause(
             name="crosstalk", unit="neighbors per event", expected=neighbors, least=0.02,
-            lowest=-neighbors, signature=of_events("neighbors", 0.02),
+            lowest=-neighbors, signature=expected.of_events("crosstalk", 0.02),
         ),
-        Cause(name="step", parameter="step", unit="counts per event", expected=1.0, is_gain=True),
-    ]  # fmt: skip
-    if not any(level.expected.light_hz for level in levels):
-        del causes[1]
-    if levels[0].expected.codes is None:
-        return tuple(causes)
-    counter, noise = sensor.counter, 0.0
-    if isinstance(counter, AnalogCounter):  # with rounding by the ADC
-        noise = float(np.hypot(counter.read_noise_v, counter.lsb_v / 12**0.5) / counter.step_v)
-
-    def noisier(variance: float) -> Floats:
-        clearness = np.expm1(np.clip(-4 * np.pi**2 * variance, -50, 1))
-        return np.select(
-            [features.of("V"), features.of("K")], [variance, features.values * clearness]
-        )
-
-    return (
-        *causes,
+        Cause(name="step", unit="counts per event", expected=1.0, signature=lambda _: 0.0),
         Cause(
-            name="offset", parameter="offset", unit="counts", expected=0.0, least=1.0,
-            lowest=-20.0, signature=lambda counts: np.where(features.of("M"), counts, 0),
+            name="offset", unit="counts", expected=0.0, least=1.0, lowest=-20.0,
+            signature=lambda counts: np.where(features.kind == "M", counts, 0),
         ),
         Cause(
-            name="read noise", parameter="read_noise", unit="counts", expected=noise, least=0.05,
-            lowest=-1.0, is_square=True, signature=noisier,
+            name="read noise", unit="counts", expected=read_noise, least=0.05, lowest=-1.0,
+            is_square=True, signature=noisier,
         ),
     )  # fmt: skip
+    unseen = set() if any(level.expected.light_hz for level in levels) else {"efficiency"}
+    if levels[0].expected.codes is None:
+        unseen |= {"offset", "read noise"}
+    return tuple(cause for cause in causes if cause.name not in unseen)
 
 
 class Explanation(NamedTuple):
@@ -374,23 +346,31 @@ class Causes:
         return self.is_different and not self.accepted
 
 
-def find_causes(levels: Sequence[Residual], *, margin: float, calibration: Uncertainty) -> Causes:
+def find_causes(
+    levels: Sequence[Residual], *, margin: float, calibration: dict[str, float]
+) -> Causes:
     """Fit the parameters of a device to captured and expected levels and their good pixels.
 
     `calibration` is the uncertainty that all levels share.
     """
+    good = [level.good for level in levels]
     has_comb = [
+        level.expected.codes is not None
         # what was subtracted has moved the peaks
-        _has_comb(level) and not any(level.uncertainty._replace(read_noise=0.0))
-        for level in levels
+        and not level.uncertainty.keys() - {"read noise"}
+        and bool(pixels.any())
+        and float(level.expected.signal[:, pixels].mean()) <= _FEW_COUNTS
+        and _clearness(level.expected.signal[:, pixels]) > _FAINT
+        for level, pixels in zip(levels, good, strict=True)
     ]
-    captured, known = (
-        features(levels, "captured", has_comb),
-        features(levels, "expected", has_comb),
-    )
+    captured = features([level.captured for level in levels], good, has_comb)
+    known = features([level.expected for level in levels], good, has_comb)
     if not known.values.size:
         return Causes()
-    means = [np.asarray(level.expected.signal.mean(axis=0))[level.good].clip(0) for level in levels]
+    means = [
+        np.asarray(level.expected.signal.mean(axis=0))[pixels].clip(0)
+        for level, pixels in zip(levels, good, strict=True)
+    ]
     expected = _Expected(known, levels, means)
     causes = _causes_of(expected)
     # in recordings of one device, covariances of single frames are equal
@@ -398,25 +378,30 @@ def find_causes(levels: Sequence[Residual], *, margin: float, calibration: Uncer
     counted = (captured.covariance + known.covariance) / 2 * frames
     # fluctuations of levels, and the calibration
     doubted = np.zeros_like(counted)
-    is_squared = known.of("V") | known.of("C")
-    for number, level in enumerate([*levels, None]):
-        uncertainty = calibration if level is None else level.uncertainty
-        is_of_level = np.full(len(doubted), True) if level is None else known.level == number
-        doubted += np.diag((uncertainty.variance * (is_of_level & is_squared)) ** 2)
+    is_squared = (known.kind == "V") | (known.kind == "C")
+    doubts = [(known.level == number, level.uncertainty) for number, level in enumerate(levels)]
+    for is_of_level, uncertainty in (*doubts, (known.level >= 0, calibration)):
+        doubted += np.diag((uncertainty.get("variance", 0.0) * (is_of_level & is_squared)) ** 2)
         for cause in causes:
-            size = getattr(uncertainty, cause.parameter) if cause.parameter else 0.0
-            if size:
+            if size := uncertainty.get(cause.name, 0.0):
                 moved = np.where(is_of_level, expected.change([cause], np.array([size])), 0.0)
                 doubted += np.outer(moved, moved)
     fit = _Fit(captured.values - known.values, counted, doubted, expected)
     p = fit.explained(()).p
     # errors of the model are forgiven
-    off = np.select([known.of(kind) for kind in _ERRORS], list(_ERRORS.values()))
+    off = np.select([known.kind == kind for kind in _ERRORS], list(_ERRORS.values()))
     common = np.array([means[level].mean() for level in known.level])
-    off = np.where(known.of("C"), _COMMON_ERROR * common, off * np.abs(known.values))
+    off = np.where(known.kind == "C", _COMMON_ERROR * common, off * np.abs(known.values))
     fit = fit._replace(doubted=doubted + np.diag(off**2))
     p_forgiven = fit.explained(()).p
-    accepted = _accepted(fit, causes) if p_forgiven < FALSE_ALARMS else ()
+    # smallest sets of causes that are not refuted, the best first
+    accepted: list[Explanation] = []
+    for many in range(1, _MOST + 1) if p_forgiven < FALSE_ALARMS else ():
+        fits = [fit.explained(subset) for subset in combinations(causes, many)]
+        accepted = sorted((e for e in fits if e.p > REFUTED), key=lambda e: e.chi_square)
+        if accepted:
+            break
+    accepted = [e for e in accepted if e.chi_square - accepted[0].chi_square < _AS_GOOD]
     names = accepted[0].names if accepted else ()
     chosen = tuple(cause for name in names for cause in causes if cause.name == name)
     alone = []
@@ -425,29 +410,7 @@ def find_causes(levels: Sequence[Residual], *, margin: float, calibration: Uncer
         explanation, at = fit.explained(fitted), fitted.index(cause)
         size, error = float(explanation.sizes[at]), float(explanation.errors[at])
         alone.append(cause.difference(size, error, margin))
-    return Causes(p, p_forgiven, accepted, tuple(alone))
-
-
-def _has_comb(level: Residual) -> bool:
-    good = level.good
-    if level.expected.codes is None or not good.any():
-        return False
-    signal = np.asarray(level.expected.signal, np.float32)[:, good]
-    if float(signal.mean()) > _FEW_COUNTS:
-        return False
-    n = len(signal)
-    power = np.square(np.abs(np.exp(2j * np.pi * signal).mean(axis=0)))
-    return float(((n * power - 1) / (n - 1)).mean()) > _FAINT
-
-
-def _accepted(fit: "_Fit", causes: Sequence[Cause]) -> tuple[Explanation, ...]:
-    """Smallest sets of causes that are not refuted, the best first."""
-    for many in range(1, _MOST + 1):
-        fits = [fit.explained(subset) for subset in combinations(causes, many)]
-        held = sorted((e for e in fits if e.p > REFUTED), key=lambda e: e.chi_square)
-        if held:
-            return tuple(e for e in held if e.chi_square - held[0].chi_square < _AS_GOOD)
-    return ()
+    return Causes(p, p_forgiven, tuple(accepted), tuple(alone))
 
 
 def _inverse(covariance: Floats) -> Floats:
@@ -473,8 +436,8 @@ class _Fit(NamedTuple):
         doubted, covariance = self.doubted, self.counted + self.doubted
         for _ in range(_ROUNDS if causes else 0):
             base = self.expected.change(causes, sizes)
-            is_common = self.expected.features.of("C")
-            error = np.where(is_common, 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
+            is_covariance = self.expected.features.kind == "C"
+            error = np.where(is_covariance, 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
             doubted = self.doubted + np.diag(error**2)
             covariance = self.counted + doubted
             slopes = self.expected.slopes(causes, sizes, base)

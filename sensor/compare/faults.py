@@ -1,18 +1,13 @@
 """Faults of the readout: how they are told, codes of the ADC, and the order of the pixels.
 
-    stuck bit        0 or 1 in every code, although expected to be both
-    missing codes    hardly seen between two frequent codes
-    uneven codes     even codes more frequent than odd ones, or less
-
 A comb of counts is smoother than one code only if read noise exceeds half a code; therefore the
-expected recording, with the same comb, must not show the same.
+expected recording, with the same comb, must not show the same faults of codes.
 
-**Order of the pixels**: rotated, mirrored, or with rows or columns swapped. The fixed pattern of a
-device is its fingerprint. Spearman's rank correlation of two maps measures whether bright pixels
-agree; it is insensitive to gain, offset and hot pixels. Of the 8 symmetries of the square, one with
-a clearly higher correlation is named, and undone. Otherwise rows, or columns, are assigned to those
-most like them. Each cycle of this order, such as two swapped lines, is judged by its own lines: in
-a large array they hardly change the correlation of the whole.
+The fixed pattern of a device is its fingerprint. Spearman's rank correlation of two maps is
+insensitive to gain, offset and hot pixels. Of the 8 symmetries of the square, one with a clearly
+higher correlation is named, and undone. Otherwise rows, or columns, are assigned to those most like
+them. Each cycle of this order, such as two swapped lines, is judged by its own lines: in a large
+array they hardly change the correlation of the whole.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -61,46 +56,32 @@ def pixels_of(mask: Mask) -> str:
     return f"{'pixel' if len(places) == 1 else 'pixels'} {listed(places)}"
 
 
-class StuckBit(NamedTuple):
-    """Bit of the ADC that does not change."""
-
-    bit: int
-    is_one: bool
-
-    def on(self, codes: NDArray[Any]) -> NDArray[Any]:
-        """Return codes as this ADC gives them."""
-        mask = codes.dtype.type(1 << self.bit)
-        return np.asarray(codes | mask if self.is_one else codes & ~mask)
-
-    def __str__(self) -> str:
-        return f"bit {self.bit} of the ADC is stuck at {int(self.is_one)}"
-
-
-def stuck_bits(histograms: Floats) -> list[StuckBit]:
-    """Find the bits that never change in captured codes, by `code_histograms`."""
-    codes, stuck = np.arange(histograms.shape[1]), []
+def stuck_bits(histograms: Floats) -> dict[int, bool]:
+    """Find the values of bits that never change in captured codes, by `code_histograms`."""
+    codes, stuck = np.arange(histograms.shape[1]), {}
     for bit in range(int(codes[-1]).bit_length()):
         is_one = (codes >> bit) & 1 == 1
         share, usual = histograms[:, is_one].sum(axis=1) / histograms.sum(axis=1)
         if share in (0.0, 1.0) and abs(usual - share) > _RARE:
-            stuck.append(StuckBit(bit, bool(share == 1.0)))
+            stuck[bit] = bool(share == 1.0)
     return stuck
 
 
-def uneven_codes(histograms: Floats) -> Fault | None:
-    """Find missing and uneven codes, by `code_histograms`."""
+def uneven_codes(histograms: Floats) -> list[Fault]:
+    """Find missing or uneven codes, by `code_histograms`."""
     middle, least = histograms[:, 1:-1], np.minimum(histograms[:, :-2], histograms[:, 2:])
     missing = (least[0] > _FREQUENT) & (middle[0] < _MISSING * least[0])
     missing &= middle[1] > 0.3 * least[1]
     if missing.any():
-        return Fault("missing codes", f"the ADC lacks codes: {listed(np.flatnonzero(missing) + 1)}")
+        text = f"the ADC lacks codes: {listed(np.flatnonzero(missing) + 1)}"
+        return [Fault("missing codes", text)]
     (excess, error), (usual, usual_error) = map(_parity, histograms)
     share, error = excess - usual, float(np.hypot(error, usual_error))
-    if abs(share) > _UNEVEN_Z * error and abs(share) > _SMALLEST_UNEVENNESS:
-        which = "even" if share > 0 else "odd"
-        text = f"{which} codes of the ADC are {100 * abs(share):.2g} % wider than others"
-        return Fault("uneven codes", text)
-    return None
+    if abs(share) <= max(_UNEVEN_Z * error, _SMALLEST_UNEVENNESS):
+        return []
+    which = "even" if share > 0 else "odd"
+    text = f"{which} codes of the ADC are {100 * abs(share):.2g} % wider than others"
+    return [Fault("uneven codes", text)]
 
 
 def code_histograms(*recordings: Sequence[NDArray[Any]]) -> Floats:
@@ -161,16 +142,17 @@ class Arrangement(NamedTuple):
         )
 
 
+def _turned(frames: NDArray[Any], is_transposed: bool, turns: int) -> NDArray[Any]:
+    frames = frames.swapaxes(1, 2) if is_transposed else frames
+    return np.rot90(frames, turns, axes=(1, 2))
+
+
 def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     """Find the rearrangement of a map (rows, columns) relative to the expected one."""
     plain = _correlation(captured, expected)
     best = Arrangement(_AS_EXPECTED, plain, plain, lambda frames: frames)
     for name, is_transposed, turns in _SYMMETRIES:
-
-        def turned(frames: Any, is_transposed: bool = is_transposed, turns: int = turns) -> Any:
-            frames = frames.swapaxes(1, 2) if is_transposed else frames
-            return np.rot90(frames, turns, axes=(1, 2))
-
+        turned = partial(_turned, is_transposed=is_transposed, turns=turns)
         candidate = turned(captured[np.newaxis])[0]
         if candidate.shape == expected.shape:
             correlation = _correlation(candidate, expected)
@@ -180,11 +162,12 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
                 best = Arrangement(name, correlation, plain, turned)
     if best.is_other:
         return best
-    for lines, axis in (("rows", 1), ("columns", 2)):
-        maps = (captured, expected) if axis == 1 else (captured.T, expected.T)
+    for lines, axis, maps in (
+        ("rows", 1, (captured, expected)),
+        ("columns", 2, (captured.T, expected.T)),
+    ):
         order = _order(*maps)
-        moved = int((order != np.arange(len(order))).sum())
-        if moved:
+        if moved := int((order != np.arange(len(order))).sum()):
             name = f"{moved} of {len(order)} {lines} in another order"
             correlation = _correlation(maps[0][order], maps[1])
             return Arrangement(name, correlation, plain, partial(np.take, indices=order, axis=axis))

@@ -2,30 +2,16 @@
 
 Without common fluctuations the mean over N pixels of standardized readings z (`residual`) has the
 variance 1/N in every frame, and its periodogram is exponential.
-
-    repeated frames    frames equal to the one before, more than in the expected recording
-    missing frames     gaps in the times of frames
-    drift              second half against the first (`calibrate.level`)
-    flicker            line in the periodogram of the mean of z
-    banding            line in periodograms of the means of rows, less that of all
-    row, column noise  correlation of pixels of one line, four or more pixels apart
-    dependent frames   correlation of all pixels with the frame before, as by image lag or a running
-                       mean, beyond that of the expected recording
-
-Drift of the light leaves darkness unchanged. Drift of the gain is in proportion to all counts, of
-the dark counts in proportion to these, and of the offset the same in every recording. The amplitude
-that fits all recordings names the cause; if none fits clearly, no cause is named.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from scipy.stats import gamma, norm
 
-from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.calibrate.level import Drift, drift
-from megalopta.sensor.compare.model import Varying
 from megalopta.sensor.compare.residual import Residual, Standardized
 
 _CHANCE = 1e-6
@@ -33,6 +19,13 @@ _CHANCE = 1e-6
 _DRIFT_Z = 5.0
 _SMALLEST_DRIFT = 0.01
 _CLEARLY_BETTER = 16.0
+_DRIFTING = {
+    "efficiency": "light",
+    "step": "gain",
+    "dark counts": "dark counts",
+    "offset": "offset",
+}
+"""What drifts, by the parameter of the device that changes as it does"""
 _MOST_LINES = 3
 _MOST_LOST = 4
 """Frames made over frames kept above which times are not used."""
@@ -115,19 +108,19 @@ def steady(levels: Sequence[Residual]) -> None:
     _remove_drifts(levels)
     for level in levels:
         _remove_lines(level)
-        standardized, change = level.standardized, level.parts.shape_of(level.moving)
+        standardized, change = level.standardized, level.parts[level.moving]
         correlation, error = standardized.far_correlation()
         if correlation > _NOISE_Z * error and correlation > _SMALLEST_SHARE:
             reach = max(standardized.reach(change), 1e-12)
             size = float(np.sqrt(correlation)) / reach
             level.subtract((standardized.mean / reach)[:, None, None] * change)
-            _add_uncertainty(level, size / np.sqrt(len(standardized.z)), 2 * size)
+            _doubt_rest(level, size / np.sqrt(len(standardized.z)), 2 * size)
             amount = _amount(level.moving, size)
             level.note("common noise", f"all pixels fluctuate together by {amount}")
         signal = level.captured.signal
         # between the peaks of the comb, noise of the readout is not hidden by that of counting;
         # what was subtracted has moved the peaks
-        is_readout_seen = level.captured.codes is not None and not any(level.uncertainty)
+        is_readout_seen = level.captured.codes is not None and not level.uncertainty
         _note_line_noise(level, standardized, signal)
         if is_readout_seen:
             signal = np.asarray(signal - np.rint(signal), np.float32)
@@ -140,65 +133,60 @@ def _remove_drifts(levels: Sequence[Residual]) -> None:
     drifts = [drift(readings.mean) for readings in standardized]
     if not any(abs(change.z) > _DRIFT_Z for change in drifts):
         return
-    causes = [Varying.LIGHT, Varying.GAIN, Varying.DARK_COUNTS]
-    if any(level.captured.codes is not None for level in levels):
-        causes.append(Varying.OFFSET)
     pairs = list(zip(levels, standardized, strict=True))
     reach = {
-        cause: np.array([readings.reach(level.parts.shape_of(cause)) for level, readings in pairs])
-        for cause in causes
+        parameter: np.array([readings.reach(level.parts[parameter]) for level, readings in pairs])
+        for parameter in _DRIFTING
     }
-    causes_left = _drifting(drifts, reach, np.array([level.captured.is_dark for level in levels]))
-    shape = causes_left[0] if len(causes_left) == 1 else Varying.GAIN
-    name = {1: causes_left[0].word, 2: "light or gain"}.get(len(causes_left), "readings")
+    causes = _drifting(levels, drifts, reach)
+    shape = causes[0] if len(causes) == 1 else "step"
+    name = {1: _DRIFTING[causes[0]], 2: "light or gain"}.get(len(causes), "readings")
     for at, (level, change) in enumerate(zip(levels, drifts, strict=True)):
-        relative = 2 * change.change / max(reach[Varying.GAIN][at], 1e-12)
+        relative = 2 * change.change / max(reach["step"][at], 1e-12)
         is_seen = abs(change.z) > _DRIFT_Z and abs(relative) > _SMALLEST_DRIFT
         if not is_seen or reach[shape][at] <= 0:
             continue
-        size, counts = 2 * change.change / reach[shape][at], level.parts.shape_of(shape)
+        size, counts = 2 * change.change / reach[shape][at], level.parts[shape]
         ramp = np.linspace(-0.5, 0.5, len(level.captured.readings))
         level.subtract(size * ramp[:, None, None] * counts)
-        # an offset is in counts; others are relative, and make it uncertain in proportion
-        in_counts = abs(size) * float(counts.mean())
-        for cause in causes_left:
-            of_cause = in_counts if cause == Varying.OFFSET else abs(size)
-            level.uncertainty = level.uncertainty.added(**{cause.parameter: of_cause})
-        is_offset = causes_left == (Varying.OFFSET,)
-        amount = f"{size:+.2g} counts" if is_offset else f"{100 * size:+.2g} %"
+        for cause in causes:
+            in_counts = abs(size) * float(counts.mean())
+            level.doubt(cause, in_counts if cause == "offset" else abs(size))
+        amount = f"{size:+.2g} counts" if causes == ("offset",) else f"{100 * size:+.2g} %"
         level.note(f"drift of {name}", f"{name} drifts by {amount}")
 
 
 def _drifting(
-    drifts: Sequence[Drift], reach: Mapping[Varying, Floats], is_dark: Mask
-) -> tuple[Varying, ...]:
-    """Quantity whose drift by one amount fits all levels clearly best, or those that may be it."""
+    levels: Sequence[Residual], drifts: Sequence[Drift], reach: dict[str, Floats]
+) -> tuple[str, ...]:
+    """Parameter whose drift by one amount fits all levels clearly best, or those that may be it."""
+    is_dark = np.array([level.captured.is_dark for level in levels])
     change, error = np.array([(drift.change, max(drift.error, 1e-12)) for drift in drifts]).T
     moved = np.abs(change / error) > _DRIFT_Z
-    gain = reach[Varying.GAIN]
-    if not is_dark.any():
-        return Varying.LIGHT, Varying.GAIN
     if not (moved & is_dark).any():
-        seen = change[moved] / np.maximum(gain[moved], 1e-12)
-        would = np.abs(seen).min() * gain[is_dark] / error[is_dark]
-        return (Varying.LIGHT,) if (would > _DRIFT_Z).any() else (Varying.LIGHT, Varying.GAIN)
+        # darkness would show as large a drift of the gain
+        seen = change[moved] / np.maximum(reach["step"][moved], 1e-12)
+        would = np.abs(seen).min() * reach["step"][is_dark] / error[is_dark]
+        return ("efficiency",) if (would > _DRIFT_Z).any() else ("efficiency", "step")
     misfit = {}
-    for cause, reached in reach.items():
+    for parameter, reached in reach.items():
         use = reached / error
         size = float((use * change / error).sum() / max((use**2).sum(), 1e-300))
         # recordings may drift by different amounts: of those that a cause moves, a tenth is free
         slack = np.hypot(error, 0.1 * size * reached)
-        misfit[cause] = float((((change - size * reached) / slack) ** 2).sum())
-    best, second = sorted(misfit, key=lambda cause: misfit[cause])[:2]
+        misfit[parameter] = float((((change - size * reached) / slack) ** 2).sum())
+    if all(level.captured.codes is None for level in levels):
+        del misfit["offset"]
+    best, second = sorted(misfit, key=lambda parameter: misfit[parameter])[:2]
     is_clear = misfit[second] - misfit[best] > _CLEARLY_BETTER
     fits = misfit[best] < 5 * len(drifts) + _CLEARLY_BETTER
-    return (best,) if is_clear and fits else tuple(Varying)
+    return (best,) if is_clear and fits else tuple(_DRIFTING)
 
 
 def _remove_lines(level: Residual) -> None:
     """Subtract flicker and banding, and note them."""
     moving, captured = level.moving, level.captured
-    change, n = level.parts.shape_of(moving), len(captured.readings)
+    change, n = level.parts[moving], len(captured.readings)
     # lost frames count: they would break the phase of a line
     places = np.arange(n)
     if captured.times_s is not None and n > 1:
@@ -221,21 +209,21 @@ def _remove_lines(level: Residual) -> None:
         fitted = fitted / max(standardized.reach(change), 1e-12)
         level.subtract(fitted[:, :, None] * change)
         size = float(np.sqrt(2 * np.square(fitted).mean()))
-        _add_uncertainty(level, size / (np.pi * max(cycles * n, 1.0)), size)
+        _doubt_rest(level, size / (np.pi * max(cycles * n, 1.0)), size)
         name = "row banding" if is_banding else "flicker"
         text = f"{name} of {cycles / captured.interval_s:.3g} Hz, ±{_amount(moving, size)}"
         level.note(name, text)
 
 
-def _add_uncertainty(level: Residual, left: float, removed: float) -> None:
+def _doubt_rest(level: Residual, left: float, removed: float) -> None:
     """Note what the removal of a fluctuation of an amplitude leaves uncertain."""
-    counts = removed * float(level.parts.shape_of(level.moving)[level.good].mean())
-    sizes = {level.moving.parameter: left, "variance": _LEFT * counts**2 / 2}
-    level.uncertainty = level.uncertainty.added(**sizes)
+    counts = removed * float(level.parts[level.moving][level.good].mean())
+    level.doubt(level.moving, left)
+    level.doubt("variance", _LEFT * counts**2 / 2)
 
 
-def _amount(moving: Varying, size: float) -> str:
-    return f"{size:.2g} counts" if moving == Varying.OFFSET else f"{100 * size:.2g} %"
+def _amount(moving: str, size: float) -> str:
+    return f"{size:.2g} counts" if moving == "offset" else f"{100 * size:.2g} %"
 
 
 def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] | None:
@@ -281,14 +269,18 @@ def _note_line_noise(level: Residual, standardized: Standardized, signal: Floats
     """Note noise that all pixels, or those of a row or column, share, once."""
     variance = np.asarray(signal, np.float32).var(axis=0)[level.good]
     common, error = standardized.far_correlation()
-    for name in ("all", "row", "column"):
-        share, of_line = (common, 0.0) if name == "all" else standardized.line_correlation(name)
-        excess = share if name == "all" else share - max(common, 0.0)
-        kind = "common noise" if name == "all" else f"{name} noise"
+    lines = {}
+    for name in ("row", "column"):
+        share, of_line = standardized.line_correlation(name)
+        lines[name] = share - max(common, 0.0), np.hypot(of_line, error)
+    for kind, pixels, (excess, sigma) in (
+        ("common noise", "all pixels", (common, error)),
+        ("row noise", "pixels of each row", lines["row"]),
+        ("column noise", "pixels of each column", lines["column"]),
+    ):
         is_new = kind not in {fault.kind for fault in level.faults}
-        if is_new and excess > max(_NOISE_Z * np.hypot(of_line, error), _SMALLEST_SHARE):
+        if is_new and excess > max(_NOISE_Z * sigma, _SMALLEST_SHARE):
             noise = excess * float(variance.mean())
-            total = level.uncertainty.variance + 2 * noise
-            level.uncertainty = level.uncertainty._replace(variance=total, read_noise=2 * noise)
-            who = "all pixels" if name == "all" else f"pixels of each {name}"
-            level.note(kind, f"{who} fluctuate together by {np.sqrt(noise):.2g} counts")
+            level.uncertainty["variance"] = level.uncertainty.get("variance", 0.0) + 2 * noise
+            level.uncertainty["read noise"] = 2 * noise
+            level.note(kind, f"{pixels} fluctuate together by {np.sqrt(noise):.2g} counts")

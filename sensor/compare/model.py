@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,72 +42,6 @@ def level_of_codes(
     )
 
 
-class Varying(Enum):
-    """Quantity that changes the counts of all pixels, or of a line."""
-
-    LIGHT = "light", "efficiency"
-    GAIN = "gain", "step"
-    DARK_COUNTS = "dark counts", "dark_counts"
-    OFFSET = "offset", "offset"
-
-    def __init__(self, word: str, parameter: str) -> None:
-        self.word = word
-        self.parameter = parameter
-        """Field of `Uncertainty` that it makes uncertain"""
-
-
-class Uncertainty(NamedTuple):
-    """Uncertainty of a recording's parameters, by fluctuations or calibration."""
-
-    dark_counts: float = 0.0
-    efficiency: float = 0.0
-    step: float = 0.0
-    """Relative"""
-    offset: float = 0.0
-    """Counts"""
-    read_noise: float = 0.0
-    variance: float = 0.0
-    """Counts²"""
-
-    def added(self, **sizes: float) -> "Uncertainty":
-        """Return these with further uncertainties of some parameters."""
-        sums = {name: float(np.hypot(getattr(self, name), size)) for name, size in sizes.items()}
-        return self._replace(**sums)
-
-
-class Parts(NamedTuple):
-    """Expected counts of one level, and how they follow light and dark counts (rows, columns)."""
-
-    mean: Floats
-    light: Floats
-    """Derivative with respect to the logarithm of the light, in counts"""
-    dark: Floats
-    """Derivative with respect to the logarithm of dark counts"""
-
-    def shape_of(self, cause: Varying) -> Floats:
-        """Return the change of counts if a cause changes by its own size (an offset by 1)."""
-        match cause:
-            case Varying.LIGHT:
-                return self.light
-            case Varying.GAIN:
-                return self.mean
-            case Varying.DARK_COUNTS:
-                return self.dark
-        return np.ones_like(self.dark)
-
-
-class Change(NamedTuple):
-    """Changed parameters of a device."""
-
-    dark_counts: float = 0.0
-    efficiency: float = 0.0
-    """Relative changes"""
-    dead_time_s: float = 0.0
-    carriers: float = 0.0
-    neighbors: float = 0.0
-    """Differences"""
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
     """Device, and its detection rates (n or 1, rows, columns), Hz, at each level."""
@@ -125,8 +58,9 @@ class Model:
             rates_hz = np.broadcast_to(rate_hz, level.readings.shape)
             if level.codes is not None:
                 codes = expose_adc(rates_hz, sensor, seed=seed, stream=stream, together=_TOGETHER)
-                conditions = level.exposure_s, level.light_hz, level.times_s
-                levels.append(level_of_codes(codes, sensor, *conditions))
+                levels.append(
+                    level_of_codes(codes, sensor, level.exposure_s, level.light_hz, level.times_s)
+                )
             else:
                 exposure = expose_rate(rates_hz, sensor, seed=seed, stream=stream)
                 # if a capture has no saturation mask, saturated counts are compared as they are
@@ -134,27 +68,36 @@ class Model:
                 levels.append(replace(level, readings=exposure.counts, saturated=saturated))
         return levels
 
-    def moments(self, exposure_s: float, light_hz: Floats, change: Change) -> tuple[Floats, Floats]:
+    def moments(
+        self, exposure_s: float, light_hz: Floats, parameter: str = "", size: float = 0.0
+    ) -> tuple[Floats, Floats]:
         """Return mean and variance of counts, (rows, columns) each, of a changed device.
 
         Of an analog counter, those of events: noise and rounding are the same in both recordings.
+        Dark counts and efficiency change relatively, dead time (s), afterpulsing and crosstalk by a
+        difference.
         """
-        sensor, fields = self.sensor, dict[str, Any](exposure_s=exposure_s)
-        if change.dead_time_s:
-            seconds = max(sensor.dead_time.dead_time_s + change.dead_time_s, 0.0)
-            kind = sensor.dead_time.kind
-            kind = "nonparalyzable" if kind == "ideal" else kind
-            fields["dead_time"] = {"kind": kind, "dead_time_s": seconds}
-        if change.carriers:
-            carriers = max(sensor.afterpulsing.mean_carriers + change.carriers, 0.0)
-            fields["afterpulsing"] = {"mean_carriers": carriers, "delay_s": self.delay_s}
-        if change.neighbors:
-            neighbors = max(sensor.crosstalk.mean_fired_neighbors + change.neighbors, 0.0)
-            fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
-        rate_hz = light_hz * (1 + change.efficiency) + change.dark_counts * self._dark_hz(light_hz)
+        sensor = self.sensor
+        fields: dict[str, Any] = {}
+        match parameter:
+            case "dark counts":
+                light_hz = light_hz + size * self._dark_hz(light_hz)
+            case "efficiency":
+                light_hz = light_hz * (1 + size)
+            case "dead time":
+                kind = sensor.dead_time.kind
+                kind = "nonparalyzable" if kind == "ideal" else kind
+                seconds = max(sensor.dead_time.dead_time_s + size, 0.0)
+                fields["dead_time"] = {"kind": kind, "dead_time_s": seconds}
+            case "afterpulsing":
+                carriers = max(sensor.afterpulsing.mean_carriers + size, 0.0)
+                fields["afterpulsing"] = {"mean_carriers": carriers, "delay_s": self.delay_s}
+            case "crosstalk":
+                neighbors = max(sensor.crosstalk.mean_fired_neighbors + size, 0.0)
+                fields["crosstalk"] = {"mean_fired_neighbors": neighbors}
         moments_of = event_moments if self.volts_per_count else reading_moments
-        rates_hz = np.maximum(rate_hz, 0)[np.newaxis]
-        mean, variance = moments_of(rates_hz, changed(sensor, **fields))
+        rates_hz = np.maximum(light_hz, 0)[np.newaxis]
+        mean, variance = moments_of(rates_hz, changed(sensor, exposure_s=exposure_s, **fields))
         return mean[0], variance[0]
 
     def dark_hz(self, pixels: Mask) -> float:

@@ -1,21 +1,6 @@
-"""Faults of lines and single pixels, listed and located, and uneven light.
+"""Faults of lines and single pixels, and uneven light, from deviations of the means of pixels.
 
-    dead               almost no counts, though many are expected; a whole line: dead row, column
-    stuck              one reading in all frames of all recordings, which is not that of no counts
-    line               rows and columns that differ by one voltage (offset), or in proportion to
-                       light, dark counts or both
-    hot, deviating     single pixels far from what the others' means let expect
-    uneven light       a smooth surface in every lit recording alike, and not in the dark
-
-Differences of pixels from a robust fit to their expected means, these squared, and the means of
-their neighbors, in standard errors, show lines and pixels in spite of a wrong global parameter. The
-standard error is that of counting and calibration, or the scatter of pixels about that fit where
-larger.
-
-**Uneven light.** Deviations of pixels under light, relative to their expected signal, are fitted by
-a surface of mean 0: tilt and curvature in rows and columns. An efficiency that changed smoothly
-would look the same. The surface is subtracted, so that it is neither taken for a fault of lines nor
-of the device.
+Uneven light is a surface of mean 0 in the lit recordings; a smooth efficiency would look the same.
 """
 
 from collections.abc import Sequence
@@ -26,7 +11,6 @@ import numpy as np
 from megalopta.core.arrays import Floats, Mask, mean_and_variance, robust_sigma
 from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
-from megalopta.sensor.compare.model import Parts, Varying
 from megalopta.sensor.compare.residual import Residual
 
 _OF_LINE = 0.75
@@ -55,8 +39,8 @@ class Deviations(NamedTuple):
     """(rows, columns)"""
     error: Floats
     good: Mask
-    parts: Parts
-    """Expected counts of the level"""
+    parts: dict[str, Floats]
+    """As of the level"""
     is_dark: bool
 
 
@@ -139,7 +123,7 @@ def uneven_light(deviating: Sequence[Deviations]) -> tuple[Floats, Fault] | None
     columns, values, sigma = (
         np.concatenate([part[level.good] for part, level in zip(maps, lit, strict=True)])
         for maps in (
-            [shapes * level.parts.light[:, :, None] for level in lit],
+            [shapes * level.parts["efficiency"][:, :, None] for level in lit],
             [level.counts for level in lit],
             [level.error for level in lit],
         )
@@ -156,11 +140,7 @@ def uneven_light(deviating: Sequence[Deviations]) -> tuple[Floats, Fault] | None
     )
 
 
-_NAMES = {
-    Varying.GAIN: "gain",
-    Varying.LIGHT: "efficiency",
-    Varying.DARK_COUNTS: "dark count rate",
-}
+_NAMES = {"step": "gain", "efficiency": "efficiency", "dark counts": "dark count rate"}
 
 
 def odd_lines(
@@ -178,27 +158,26 @@ def odd_lines(
             line = np.zeros(shape, np.bool_)
             line[(index,) if axis == 0 else (slice(None), index)] = True
             # best of four causes, and its size
-            cause_and_size, smallest = (Varying.OFFSET, 0.0), np.inf
-            for cause in (Varying.OFFSET, Varying.LIGHT, Varying.DARK_COUNTS, Varying.GAIN):
+            cause, size, smallest = "offset", 0.0, np.inf
+            for parameter in ("offset", "efficiency", "dark counts", "step"):
                 products = squares = total = 0.0
                 for level in deviating:
                     use = line & level.good
-                    x, y = level.parts.shape_of(cause)[use], level.counts[use]
+                    x, y = level.parts[parameter][use], level.counts[use]
                     w = 1 / level.error[use] ** 2
                     products += float((w * x * y).sum())
                     squares += float((w * x * x).sum())
                     total += float((w * y * y).sum())
                 if squares > 0 and total - products**2 / squares < smallest:
-                    cause_and_size = cause, products / squares
+                    cause, size = parameter, products / squares
                     smallest = total - products**2 / squares
-            cause, size = cause_and_size
-            if cause == Varying.OFFSET and abs(size) >= _SMALLEST_OFFSET:
+            if cause == "offset" and abs(size) >= _SMALLEST_OFFSET:
                 offsets.append(np.where(line, size, 0.0))
                 unit = f"{size:+.2g} counts"
                 if volts_per_count:  # counts lower the output
                     unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
-            elif cause != Varying.OFFSET and abs(size) >= _SMALLEST_OF_LINE:
+            elif cause != "offset" and abs(size) >= _SMALLEST_OF_LINE:
                 masked |= line
                 text = f"{_NAMES[cause]} of {name} {index} differs by {100 * size:+.2g} %"
                 faults.append(Fault(f"odd {name}", text))
@@ -230,7 +209,7 @@ def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
         far &= np.abs(deviating.counts) > _LARGE * np.maximum(reference, 0)
         odd |= far
         if deviating.is_dark:
-            hot |= far & (deviating.counts > (_HOT - 1) * deviating.parts.dark)
+            hot |= far & (deviating.counts > (_HOT - 1) * deviating.parts["dark counts"])
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))

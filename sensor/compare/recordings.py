@@ -1,17 +1,6 @@
 """Comparison of a captured and a simulated recording: faults first, then the parameters.
 
-Steps, each of which leaves to the next what it cannot explain:
-
-1. repeated and missing frames (`in_time`), bits and codes of the ADC (`faults`)
-2. order of the pixels (`faults`), which is undone
-3. dead and stuck lines and pixels (`pattern`), which are masked
-4. frames that depend on those before, beside which no test that assumes independent ones is made;
-   drift, flicker, banding, common noise (`in_time`), which are subtracted
-5. light that is uneven over the array (`pattern`), which is subtracted
-6. rows and columns with an offset, which is subtracted; telegraph noise, hot and deviating pixels,
-   which are masked (`pattern`)
-7. parameters of the device that explain the rest, or none (`causes`)
-8. tests of every pixel that is left (`two_sample`)
+Each step leaves to the next what it cannot explain.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +13,7 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
 from megalopta.sensor.compare.causes import Causes, find_causes
-from megalopta.sensor.compare.model import Model, Uncertainty, level_of_codes
+from megalopta.sensor.compare.model import Model, level_of_codes
 from megalopta.sensor.compare.residual import Residual
 
 FALSE_ALARMS = 0.01
@@ -33,6 +22,8 @@ MARGIN = 0.05
 """Negligible relative difference."""
 _FAMILIES = 5
 _FEWEST_FRAMES = 3 * two_sample.BLOCKS
+_LIKE_NOISE = {"missing codes", "uneven codes"}
+"""Faults that change readings as noise of some codes would"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,48 +39,50 @@ class Comparison:
     differences: tuple[two_sample.Difference, ...]
     """Quantities of the device, or of a scene"""
     tests: Mapping[str, two_sample.PixelTest]
-    """Tests of mean, variance and histogram of pixels at all levels, (levels, rows, columns)"""
+    """Tests of mean and variance of pixels at all levels, (levels, rows, columns)"""
     margin: float
 
     @property
     def causes(self) -> tuple[two_sample.Difference, ...]:
         """Quantities that explain the difference and exceed the margin, largest first."""
         real = [cause for cause in self.significant if not cause.is_equivalent]
-        return tuple(sorted(real, key=lambda each: -each.size))
+        return tuple(sorted(real, key=lambda cause: -cause.size))
 
     @property
     def significant(self) -> list[two_sample.Difference]:
         """Quantities that explain the difference."""
-        if not self.explained.is_different and not self.explained.alone:
-            return beyond_chance(self.differences)  # of a scene
-        if not self.explained.accepted:
-            return []
-        names = self.explained.accepted[0].names
-        return [each for each in self.differences if each.name in names]
+        if not self.explained.is_different and not self.explained.alone:  # of a scene
+            limit = FALSE_ALARMS / _FAMILIES / max(len(self.differences), 1)
+            return [difference for difference in self.differences if difference.p < limit]
+        names = self.explained.accepted[0].names if self.explained.accepted else ()
+        return [difference for difference in self.differences if difference.name in names]
+
+    @property
+    def _faults(self) -> list[str]:
+        """Phrases on what was found before anything was fitted."""
+        order = [str(self.arrangement)] if self.arrangement.is_other else []
+        return [*order, *map(str, self.faults)]
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Sentences on every significant difference."""
-        sentences = [str(self.arrangement)] if self.arrangement.is_other else []
-        sentences += map(str, self.faults)
-        sentences += map(str, self.significant)
+        """Phrases on every significant difference."""
+        phrases = [*self._faults, *map(str, self.significant)]
         if self.explained.is_unexplained:
-            sentences.append(_NONE)
+            phrases.append(_NONE)
         for name, test in self.tests.items():
             if test.differs.any():
                 many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
                 where = readout.pixels_of(np.asarray(test.differs.any(axis=0)))
-                sentences.append(f"the {name} differs in {many} tests, of {where}")
-        return tuple(sentences)
+                phrases.append(f"the {name} differs in {many} tests, of {where}")
+        return tuple(phrases)
 
     @property
     def sentence(self) -> str:
         """Summary of the differences and their size."""
-        named = [str(self.arrangement)] if self.arrangement.is_other else []
-        named += map(str, self.faults)
+        named = self._faults
         if self.causes:
             alternatives = self.explained.accepted[1:]
-            or_else = "".join(f", or else {' and '.join(each.names)}" for each in alternatives)
+            or_else = "".join(f", or else {' and '.join(other.names)}" for other in alternatives)
             named.append("; ".join(map(str, self.causes)) + or_else)
         if self.explained.is_unexplained:
             named.append(_NONE if not named else _NONE_OF_REST)
@@ -97,7 +90,7 @@ class Comparison:
             return f"Captured: {'; '.join(named)}."
         if not self.alarms:
             return "No difference is statistically significant."
-        largest = max(self.significant, key=lambda each: each.size, default=None)
+        largest = max(self.significant, key=lambda difference: difference.size, default=None)
         first = self.alarms[0]
         limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
         return f"Differences are statistically significant but small: {first}{limit}."
@@ -105,12 +98,6 @@ class Comparison:
 
 _NONE = "none of the known causes explains the difference"
 _NONE_OF_REST = "none of the known causes explains the rest of the difference"
-
-
-def beyond_chance(tested: Sequence[two_sample.Difference]) -> list[two_sample.Difference]:
-    """Return the significant differences of one family of tests."""
-    limit = FALSE_ALARMS / _FAMILIES / max(len(tested), 1)
-    return [each for each in tested if each.p < limit]
 
 
 def compare_recordings(
@@ -144,15 +131,15 @@ def compare_recordings(
         raise ValueError(
             f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
         )
-    for pair in zip(captured, expected, strict=True):
-        shapes = [level.readings.shape[1:] for level in pair]
-        if shapes[0] != shapes[1]:
-            raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
-        fewest = min(len(level.readings) for level in pair)
-        if fewest < _FEWEST_FRAMES:
-            raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
-    shape = captured[0].readings.shape[1:]
-    errors = errors or [np.zeros(shape)] * len(captured)
+    for first, second in zip(captured, expected, strict=True):
+        (n, *shape), (m, *other) = first.readings.shape, second.readings.shape
+        if shape != other:
+            raise ValueError(
+                f"frames of {tuple(shape)} and of {tuple(other)} pixels; give the same"
+            )
+        if min(n, m) < _FEWEST_FRAMES:
+            raise ValueError(f"{min(n, m)} frames; compare {_FEWEST_FRAMES} or more")
+    errors = errors or [np.zeros(level.readings.shape[1:]) for level in captured]
     unknown = ~np.isfinite(np.sum(errors, axis=0))
     levels = [
         Residual(first, second, model, rate_hz, error, unknown)
@@ -160,13 +147,13 @@ def compare_recordings(
             captured, expected, model.rates_hz, errors, strict=True
         )
     ]
-    # 1. frames and codes
+    # frames and codes
     for level in levels:
         in_time.check_frames(level)
     faults = _merged(levels)
-    of_codes, is_uneven = _check_codes(levels)
+    of_codes = _check_codes(levels)
     faults += of_codes
-    # 2. order of the pixels; the dark level of the most counts shows the pattern best
+    # order of the pixels; the dark level of the most counts shows the pattern best
     clearest = max(
         levels, key=lambda level: float(level.expected.readings.sum()) * level.expected.is_dark
     )
@@ -175,47 +162,44 @@ def compare_recordings(
     )
     for level in levels if order.is_other else ():
         level.captured = level.captured.mapped(order.undone)
-    # 3. dead and stuck pixels
+    # dead and stuck pixels, which are masked
     masked, unresponsive = pattern.unresponsive(levels)
     _mask(levels, masked)
     faults += unresponsive
     causes, are_dependent = Causes(), False
     if not is_scene:
-        # 4. steadiness
+        # steadiness; of frames that depend on those before, no test that assumes otherwise is made
         dependences = [in_time.check_dependence(level) for level in levels]
         are_dependent = any(dependences)
         if not are_dependent:
             in_time.steady(levels)
-            for level in levels if is_uneven else ():  # as noise of some codes would
-                noise = model.counts_per_code**2
-                level.uncertainty = level.uncertainty._replace(read_noise=noise)
+        if not are_dependent and {fault.kind for fault in of_codes} & _LIKE_NOISE:
+            for level in levels:
+                level.uncertainty["read noise"] = model.counts_per_code**2
         faults += _merged(levels)
-        # 5. uneven light
         uneven = pattern.uneven_light([pattern.deviations(level) for level in levels])
         if uneven is not None:
-            faults.append(uneven[1])
+            surface, fault = uneven
+            faults.append(fault)
             for level in levels:
-                level.subtract((uneven[0] * level.parts.light).astype(np.float32))
-        # 6. lines and single pixels
+                level.subtract((surface * level.parts["efficiency"]).astype(np.float32))
         faults += _check_pixels(levels, are_dependent)
-        # 7. parameters of the device, beside errors of the calibration
         if not are_dependent:
             causes = find_causes(levels, margin=margin, calibration=_calibration_errors(levels))
-    # 8. tests of every pixel
-    p_values = []
+    # tests of every pixel that is left
+    p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
     for level in levels:
-        first, second = level.captured.readings, level.expected.readings
-        samples = two_sample.Sample.of(first), two_sample.Sample.of(second)
-        tests = (
-            two_sample.mean_test(*samples, level.error),
-            two_sample.variance_test(*samples),
-            two_sample.histogram_test(first, second),
+        samples = (
+            two_sample.Sample.of(level.captured.readings),
+            two_sample.Sample.of(level.expected.readings),
         )
         is_tested = level.good & (not are_dependent)
-        p_values.append([np.where(is_tested, p, np.nan) for p in tests])
-    families = zip(("mean", "variance", "histogram"), zip(*p_values, strict=True), strict=True)
+        p = two_sample.mean_test(*samples, level.error)
+        p_values["mean"].append(np.where(is_tested, p, np.nan))
+        p = two_sample.variance_test(*samples)
+        p_values["variance"].append(np.where(is_tested, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
-    pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in families}
+    pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
     return Comparison(order, tuple(faults), causes, causes.alone, pixel_tests, margin)
 
 
@@ -224,30 +208,30 @@ def _mask(levels: Sequence[Residual], pixels: Mask) -> None:
         level.masked = level.masked | pixels
 
 
-def _check_codes(levels: Sequence[Residual]) -> tuple[list[readout.Fault], bool]:
-    """Faults of bits and codes of the ADC, and whether codes are missing or uneven.
-
-    Stuck bits are put into expected codes.
-    """
+def _check_codes(levels: Sequence[Residual]) -> list[readout.Fault]:
+    """Faults of bits and codes of the ADC; stuck bits are put into expected codes."""
     captured, expected = (
         [recording.codes for recording in recordings if recording.codes is not None]
         for recordings in zip(*((level.captured, level.expected) for level in levels), strict=True)
     )
     if not captured or not expected:
-        return [], False
+        return []
     histograms = readout.code_histograms(captured, expected)
     stuck = readout.stuck_bits(histograms)
-    for bit in stuck:
-        for level in levels:
-            known = level.expected
-            if known.codes is not None:
-                conditions = known.exposure_s, known.light_hz, known.times_s
-                level.expected = level_of_codes(
-                    bit.on(known.codes), level.model.sensor, *conditions
-                )
-    uneven = None if stuck else readout.uneven_codes(histograms)
-    faults = [readout.Fault("stuck bit", str(bit)) for bit in stuck]
-    return faults + ([uneven] if uneven else []), uneven is not None
+    if not stuck:
+        return readout.uneven_codes(histograms)
+    for level in levels:
+        known = level.expected
+        if known.codes is not None:
+            codes, conditions = known.codes, (known.exposure_s, known.light_hz, known.times_s)
+            for bit, is_one in stuck.items():
+                mask = codes.dtype.type(1 << bit)
+                codes = codes | mask if is_one else codes & ~mask
+            level.expected = level_of_codes(codes, level.model.sensor, *conditions)
+    return [
+        readout.Fault("stuck bit", f"bit {bit} of the ADC is stuck at {int(is_one)}")
+        for bit, is_one in stuck.items()
+    ]
 
 
 def _check_pixels(levels: Sequence[Residual], are_dependent: bool) -> list[readout.Fault]:
@@ -272,15 +256,15 @@ def _check_pixels(levels: Sequence[Residual], are_dependent: bool) -> list[reado
     return faults + of_pixels
 
 
-def _calibration_errors(levels: Sequence[Residual]) -> Uncertainty:
+def _calibration_errors(levels: Sequence[Residual]) -> dict[str, float]:
     """Relative errors of the array's dark counts and efficiency, of the calibration."""
-    shares = {True: 0.0, False: 0.0}
+    errors = {"dark counts": 0.0, "efficiency": 0.0}
     for level in levels:
-        good, is_dark = level.good, level.expected.is_dark
-        total = max(float(level.parts.mean[good].sum()), 1e-300)
+        good, parameter = level.good, "dark counts" if level.expected.is_dark else "efficiency"
+        total = max(float(level.parts["step"][good].sum()), 1e-300)
         share = float(np.sqrt(np.square(level.error[good]).sum())) / total
-        shares[is_dark] = max(shares[is_dark], share)
-    return Uncertainty(dark_counts=shares[True], efficiency=shares[False])
+        errors[parameter] = max(errors[parameter], share)
+    return errors
 
 
 def _merged(levels: Sequence[Residual]) -> list[readout.Fault]:

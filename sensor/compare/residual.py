@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.faults import Fault
-from megalopta.sensor.compare.model import Change, Model, Parts, Uncertainty, Varying
+from megalopta.sensor.compare.model import Model
 
 _FAR = 4
 _SMALL = 0.01
@@ -50,29 +50,26 @@ class Standardized(NamedTuple):
 
     def far_correlation(self) -> tuple[float, float]:
         """Return the mean correlation of pixels at least four rows apart, and its error."""
-        sums, pixels = self.z.sum(axis=2), self.varies.sum(axis=1)
-        products, pairs = np.zeros(len(sums)), 0.0
-        for row in range(sums.shape[1] - _FAR):
-            products += sums[:, row] * sums[:, row + _FAR :].sum(axis=1)
-            pairs += float(pixels[row] * pixels[row + _FAR :].sum())
-        return _mean_and_error(products, pairs)
+        rows = self.z.sum(axis=2)[:, np.newaxis]
+        return _far_correlation(rows, self.varies.sum(axis=1)[np.newaxis])
 
     def line_correlation(self, name: str) -> tuple[float, float]:
         """Return the mean correlation of pixels of one "row" or "column", four or more apart."""
-        z = self.z if name == "row" else self.z.swapaxes(1, 2)
-        varies = (self.varies if name == "row" else self.varies.T).astype(float)
-        if z.shape[2] <= _FAR:
-            return 0.0, np.inf
-        later = np.cumsum(z[:, :, ::-1], axis=2)[:, :, ::-1]
-        number = np.cumsum(varies[:, ::-1], axis=1)[:, ::-1]
-        products = (z[:, :, :-_FAR] * later[:, :, _FAR:]).sum(axis=(1, 2))
-        return _mean_and_error(products, float((varies[:, :-_FAR] * number[:, _FAR:]).sum()))
+        if name == "row":
+            return _far_correlation(self.z, self.varies)
+        return _far_correlation(self.z.swapaxes(1, 2), self.varies.T)
 
 
-def _mean_and_error(products: Floats, pairs: float) -> tuple[float, float]:
+def _far_correlation(z: Floats, number: NDArray[Any]) -> tuple[float, float]:
+    """Mean correlation along lines (n, lines, P) of sums of so many pixels, and its error."""
+    if z.shape[2] <= _FAR:
+        return 0.0, np.inf
+    later = np.cumsum(z[:, :, ::-1], axis=2)[:, :, ::-1]
+    later_number = np.cumsum(number[:, ::-1].astype(float), axis=1)[:, ::-1]
+    pairs = float((number[:, :-_FAR] * later_number[:, _FAR:]).sum())
     if not pairs:
         return 0.0, np.inf
-    values = products / pairs
+    values = (z[:, :, :-_FAR] * later[:, :, _FAR:]).sum(axis=(1, 2)) / pairs
     return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
@@ -89,7 +86,9 @@ class Residual:
     """Standard errors (rows, columns) of expected mean counts; NaN: unknown"""
     masked: Mask
     """Pixels that are not compared, (rows, columns)"""
-    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    uncertainty: dict[str, float] = field(default_factory=dict)
+    """What fluctuations leave uncertain, by parameter of the device, and of the variance, counts²;
+    relative, but of offsets in counts"""
     faults: list[Fault] = field(default_factory=list)
 
     @property
@@ -103,14 +102,19 @@ class Residual:
         return np.asarray(np.mean(self.rate_hz, axis=0, dtype=np.float64))
 
     @cached_property
-    def parts(self) -> Parts:
-        """Expected counts, and their derivatives."""
-        exposure_s = self.expected.exposure_s
-        mean, brighter, darker = (
-            self.model.moments(exposure_s, self.light_hz, change)[0]
-            for change in (Change(), Change(efficiency=_SMALL), Change(dark_counts=_SMALL))
+    def parts(self) -> dict[str, Floats]:
+        """Change of the mean counts (rows, columns) if a parameter changes by its own size.
+
+        Of the step, by that of all counts; of an offset, by one count.
+        """
+        exposure_s, light_hz = self.expected.exposure_s, self.light_hz
+        mean = self.model.moments(exposure_s, light_hz)[0]
+        brighter, darker = (
+            (self.model.moments(exposure_s, light_hz, parameter, _SMALL)[0] - mean) / _SMALL
+            for parameter in ("efficiency", "dark counts")
         )
-        return Parts(mean, (brighter - mean) / _SMALL, (darker - mean) / _SMALL)
+        offset = np.ones_like(mean)
+        return {"step": mean, "efficiency": brighter, "dark counts": darker, "offset": offset}
 
     @property
     def standardized(self) -> Standardized:
@@ -118,11 +122,11 @@ class Residual:
         return Standardized.of(self.captured.signal, self.good)
 
     @property
-    def moving(self) -> Varying:
-        """Light or the output, which a common fluctuation moves most probably."""
+    def moving(self) -> str:
+        """Parameter that a common fluctuation moves most probably."""
         if not self.captured.is_dark:
-            return Varying.LIGHT
-        return Varying.GAIN if self.captured.codes is None else Varying.OFFSET
+            return "efficiency"
+        return "step" if self.captured.codes is None else "offset"
 
     def subtract(self, change: Floats | NDArray[np.float32]) -> None:
         """Subtract counts (n or 1, rows, columns) from the captured frames."""
@@ -134,6 +138,10 @@ class Residual:
         moved = np.rint(signal.clip(0)) - np.rint(np.asarray(level.unrounded).clip(0))
         readings = np.maximum(level.readings + moved, 0)
         self.captured = replace(level, unrounded=signal, readings=readings)
+
+    def doubt(self, parameter: str, size: float) -> None:
+        """Note a further uncertainty of a parameter."""
+        self.uncertainty[parameter] = float(np.hypot(self.uncertainty.get(parameter, 0.0), size))
 
     def note(self, kind: str, text: str) -> None:
         """Note a fault."""

@@ -1,30 +1,16 @@
 """Two-sample tests: of pixels, with a false discovery rate, and of one quantity, with a margin.
 
-**Means**: Welch's test on the counts of frames; with few counts, the exact conditional binomial
-test of two Poisson means. **Variances**: the logarithm of their ratio, with the variance of two
-Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
-
-**Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part due to
-different means (the trend over bins, one degree of freedom), which have their own test with their
-own uncertainty.
-
-**False discovery rates**: Benjamini and Hochberg; recordings that differ in no pixel raise an alarm
-at most at this rate.
-
-**One quantity**: one value per block of frames, so that their scatter includes correlations within
-a block. Welch's t test shows whether the means differ. Two one-sided tests (Schuirmann 1987) show
-whether they differ by less than a margin: the 90 % CI lies inside it.
-
-**A scene** has no dark and no uniform light, so its quantities mix those of the device: brightness,
-and contrast, the slope of counts over the light that the model expects, which dark counts do not
-change. Both are computed and compared block by block, since the scene is the same in both.
+One quantity has one value per block of frames, so that their scatter includes correlations within a
+block. Two one-sided tests (Schuirmann 1987) show whether it differs by less than a margin: the 90 %
+CI lies inside it. A scene has no dark and no uniform light, so its quantities mix those of the
+device: brightness, and contrast, the slope of counts over the light that the model expects.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, chi2, false_discovery_control, norm, t
+from scipy.stats import binom, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.level import Level
@@ -32,8 +18,6 @@ from megalopta.sensor.calibrate.level import Level
 BLOCKS = 20
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
-_FEWEST = 12.0
-_ENTRIES_AT_ONCE = 4_000_000
 
 
 class PixelTest(NamedTuple):
@@ -105,58 +89,6 @@ def variance_test(captured: Sample, expected: Sample) -> Floats:
         squares += 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(squares)), np.nan)
-
-
-def histogram_test(captured: NDArray[Any], expected: NDArray[Any]) -> Floats:
-    """Return p-values (rows, columns) of equal distributions of counts (n, rows, columns).
-
-    NaN where bins are too few.
-    """
-    samples = [
-        np.rint(counts).astype(np.int64).reshape(len(counts), -1) for counts in (captured, expected)
-    ]
-    least = min(int(sample.min()) for sample in samples)
-    size = max(int(sample.max()) for sample in samples) - least + 1
-    at_once = max(_ENTRIES_AT_ONCE // max(size, len(captured), len(expected)), 1)
-    totals = np.array([len(captured), len(expected)], np.float64)
-    p = []
-    for first in range(0, samples[0].shape[1], at_once):
-        histograms = []
-        for sample in samples:
-            readings = sample[:, first : first + at_once] - least
-            pixels = readings.shape[1]
-            keys = readings + size * np.arange(pixels)
-            counted = np.bincount(keys.ravel(), minlength=pixels * size)
-            histograms.append(counted.reshape(pixels, size))
-        p.append(_chi_square_p(np.array(histograms, np.float64), totals))
-    return np.concatenate(p).reshape(captured.shape[1:])
-
-
-def _chi_square_p(histograms: Floats, totals: Floats) -> Floats:
-    """P-values of histograms (2, P, values) of so many readings each, without their trend."""
-    both = histograms.sum(axis=0)
-    pixels, size = both.shape
-    expected = both * totals.min() / totals.sum()
-    most = np.maximum(expected.sum(axis=1, keepdims=True) // _FEWEST - 1, 0)
-    group = np.minimum(np.cumsum(expected, axis=1) // _FEWEST, most).astype(np.int64)
-    groups = int(group.max()) + 1
-    key = (group + groups * np.arange(pixels)[:, None]).ravel()
-
-    def merged(values: Floats) -> Floats:
-        sums = np.bincount(key, values.ravel(), pixels * groups).astype(np.float64)
-        return sums.reshape(pixels, groups)
-
-    first, all_ = merged(histograms[0]), merged(both)
-    place = merged(both * np.arange(size)) / np.maximum(all_, 1)
-    excess = first - all_ * totals[0] / totals.sum()
-    scale = totals.prod() / totals.sum() ** 2
-    squares = (excess**2 / np.maximum(all_, 1)).sum(axis=1) / scale
-    centered = place - (place * all_).sum(axis=1, keepdims=True) / totals.sum()
-    spread = (all_ * centered**2).sum(axis=1)
-    trend = (excess * centered).sum(axis=1) ** 2 / np.where(spread > 0, spread, 1) / scale
-    freedom = (all_ > 0).sum(axis=1) - 2
-    p = chi2.sf(np.maximum(squares - trend, 0), np.maximum(freedom, 1))
-    return np.where(freedom > 0, p, np.nan)
 
 
 class Difference(NamedTuple):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from megalopta.camera.calibration import (
-    adc_of,
     calibrate_recordings,
     calibration_of_codes,
     primary,
@@ -260,7 +259,7 @@ def test_the_device_file_loads_with_its_maps(spadcam):
 def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(spadcam, tmp_path):
     _, sources, _ = spadcam
     levels = [Level(read_recorded(s).codes, read_recorded(s).exposure_s, s.light) for s in sources]
-    device = calibrate_device(levels, adc_of(SPADCAM))
+    device = calibrate_device(levels, SPADCAM.counter)
     share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
     kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
     path = tmp_path / "fired.yaml"

@@ -1,6 +1,5 @@
 """Figures of the motion bench, captured beside simulated."""
 
-
 import pytest
 
 from megalopta.camera.motion_bench import record

@@ -25,63 +25,51 @@ class Camera(NamedTuple):
     dead: int
     """Reading of a dead pixel"""
     stuck: int
-    has_codes: bool = False
     telegraph_hz: float = 3000.0
     """Rate that a trap adds; in bits, two events in a dark frame"""
 
 
-def _counting(**fields):
-    sensor = changed(
-        preset("ideal"),
-        device_seed=3,
-        dark_counts={
-            "bulk_mean_hz_um2": 0.2,
-            "bulk_sigma_hz_um2": 0.04,
-            "hot_fraction": 0.02,
-            "hot_mean_hz_um2": 2.0,
-            "hot_sigma_hz_um2": 1.0,
-        },
-        bias={"efficiency_scale_v": 1.0, "breakdown_sigma_v": 0.05},
-        efficiency={"wavelengths_nm": (300, 1000), "values": (0.4, 0.4)},
-    )
-    return changed(sensor, **fields)
-
-
 _SPADCAM = changed(preset("spadcam"), device_seed=3)
+_COUNTING = changed(
+    preset("ideal"),
+    device_seed=3,
+    dark_counts={
+        "bulk_mean_hz_um2": 0.2,
+        "bulk_sigma_hz_um2": 0.04,
+        "hot_fraction": 0.02,
+        "hot_mean_hz_um2": 2.0,
+        "hot_sigma_hz_um2": 1.0,
+    },
+    bias={"efficiency_scale_v": 1.0, "breakdown_sigma_v": 0.05},
+    efficiency={"wavelengths_nm": (300, 1000), "values": (0.4, 0.4)},
+    counter={"kind": "digital", "capacity": 4095},
+    dead_time={"kind": "nonparalyzable", "dead_time_s": 5e-8},
+)
+_FLATS = (2e-4, 2e8, 900), (2e-4, 1e9, 900), (2e-4, 5e9, 900)
 CAMERAS = {
     "codes": Camera(
         _SPADCAM,
         (16, 16),
-        (
-            (0.01, 0.0, 90),
-            (0.05, 0.0, 18),
-            (2e-4, 2e8, 900),
-            (2e-4, 1e9, 900),
-            (2e-4, 5e9, 900),
-        ),
+        ((0.01, 0.0, 90), (0.05, 0.0, 18), *_FLATS),
         float(_SPADCAM.photon_detection_efficiency(np.array(700.0))),
-        TOP,
-        2000,
-        has_codes=True,
+        dead=TOP,
+        stuck=2000,
     ),
     "counts": Camera(
-        _counting(
-            counter={"kind": "digital", "capacity": 4095},
-            dead_time={"kind": "nonparalyzable", "dead_time_s": 5e-8},
-        ),
-        (128, 128),
+        _COUNTING,
+        (32, 32),
         ((2e-3, 0.0, 450), (1e-4, 5e5, 900), (1e-4, 5e6, 900)),
         0.4,
-        0,
-        100,
+        dead=0,
+        stuck=100,
     ),
     "bits": Camera(
-        _counting(counter={"kind": "digital", "capacity": 1}),
-        (256, 256),
+        changed(_COUNTING, counter={"capacity": 1}, dead_time={"kind": "ideal"}),
+        (32, 32),
         ((2e-4, 0.0, 900), (1e-5, 5e4, 900), (1e-5, 2.5e5, 900)),
         0.4,
-        0,
-        1,
+        dead=0,
+        stuck=1,
         telegraph_hz=1e4,
     ),
 }
@@ -99,9 +87,9 @@ def recorded(camera, seed, light=None, extra=None, spoil=None, sensor=None):
     `light` returns factors (frames, rows or 1, columns or 1) on the light at times (s); `extra`
     adds rates (Hz); `spoil` changes readings and times; `sensor` holds changed fields.
     """
-    found = []
+    levels = []
     for exposure_s, light_hz, rate_hz in camera.levels:
-        own = changed(camera.sensor, **{"exposure_s": exposure_s, **(sensor or {})})
+        faulty = changed(camera.sensor, **{"exposure_s": exposure_s, **(sensor or {})})
         times = np.arange(FRAMES) / rate_hz
         rng = np.random.default_rng([seed, int(1e6 * exposure_s), int(light_hz)])
         rates = np.broadcast_to(rates_of(camera, light_hz), (FRAMES, *camera.shape))
@@ -110,18 +98,18 @@ def recorded(camera, seed, light=None, extra=None, spoil=None, sensor=None):
         if extra is not None:
             rates = rates + extra(times, camera.shape, rng)
         name = f"faulty {exposure_s} {light_hz}"
-        if camera.has_codes:
-            readings = expose_adc(rates, own, seed=seed, stream=name, together=64)
+        has_codes = camera.sensor.counter.kind == "analog"
+        if has_codes:
+            readings = expose_adc(rates, faulty, seed=seed, stream=name, together=64)
         else:
-            readings = np.array(expose_rate(rates, own, seed=seed, stream=name).counts)
+            readings = np.array(expose_rate(rates, faulty, seed=seed, stream=name).counts)
         if spoil is not None:
             readings, times = spoil(readings.copy(), times)
-        if camera.has_codes:
-            known = camera.sensor
-            found.append(level_of_codes(readings, known, exposure_s, light_hz, times))
+        if has_codes:
+            levels.append(level_of_codes(readings, camera.sensor, exposure_s, light_hz, times))
         else:
-            found.append(Level(readings, exposure_s, light_hz, times_s=times))
-    return found
+            levels.append(Level(readings, exposure_s, light_hz, times_s=times))
+    return levels
 
 
 def compared(seed, camera=CAMERAS["codes"], **fault):
@@ -176,16 +164,6 @@ def of_readings(change):
     return spoil
 
 
-def written(place, value):
-    """Write a value to readings."""
-
-    def change(readings, _):
-        readings[place] = value if not callable(value) else value(readings[place])
-        return readings
-
-    return of_readings(change)
-
-
 def fallen(change):
     """Change the fall of the output below its top, in codes."""
     return of_readings(
@@ -216,37 +194,53 @@ def lossy(readings, times):
     return readings[kept], times[kept]
 
 
+def written(place, value):
+    """Write a value to readings."""
+
+    def change(readings, _):
+        readings[place] = value if not callable(value) else value(readings[place])
+        return readings
+
+    return {"spoil": of_readings(change)}
+
+
+def shone(factors):
+    return {"light": factors}
+
+
+def moved(order):
+    return {"spoil": of_readings(lambda readings, _: order(readings))}
+
+
 def _common(camera):
+    """What is to be named of a fault that every camera may have, and how it is made."""
     return {
         "light +10 %": (
             "drift of light",
-            {"light": lambda times, _, rng: np.linspace(1, 1.1, times.size)[:, None, None]},
+            shone(lambda times, _, rng: np.linspace(1, 1.1, times.size)[:, None, None]),
         ),
         "light +10 % to the right": (
             "uneven light",
-            {"light": lambda _, shape, rng: 1 + 0.05 * np.linspace(-1, 1, shape[1])[None, None]},
+            shone(lambda _, shape, rng: 1 + 0.05 * np.linspace(-1, 1, shape[1])[None, None]),
         ),
-        "light -20 % in the corners": ("uneven light", {"light": vignetted}),
-        "flicker 60 Hz": ("flicker", {"light": sine(0.0)}),
-        "banding 60 Hz": ("row banding", {"light": sine(8e-3)}),
+        "light -20 % in the corners": ("uneven light", shone(vignetted)),
+        "flicker 60 Hz": ("flicker", shone(sine(0.0))),
+        "banding 60 Hz": ("row banding", shone(sine(8e-3))),
         "noisy light": (
             "common noise",
-            {"light": lambda times, _, rng: 1 + 0.05 * rng.standard_normal((times.size, 1, 1))},
+            shone(lambda times, _, rng: 1 + 0.05 * rng.standard_normal((times.size, 1, 1))),
         ),
         "frames twice": ("repeated frames", {"spoil": twice}),
         "frames lost": ("missing frames", {"spoil": lossy}),
-        "dead row": ("dead row", {"spoil": written(np.s_[:, 5], camera.dead)}),
-        "dead column": ("dead column", {"spoil": written(np.s_[:, :, 9], camera.dead)}),
-        "dead pixel": ("dead pixel", {"spoil": written(np.s_[:, 5, 6], camera.dead)}),
-        "stuck pixel": ("stuck pixel", {"spoil": written(np.s_[:, 5, 6], camera.stuck)}),
+        "dead row": ("dead row", written(np.s_[:, 5], camera.dead)),
+        "dead column": ("dead column", written(np.s_[:, :, 9], camera.dead)),
+        "dead pixel": ("dead pixel", written(np.s_[:, 5, 6], camera.dead)),
+        "stuck pixel": ("stuck pixel", written(np.s_[:, 5, 6], camera.stuck)),
         "telegraph noise": ("telegraph noise", {"extra": switching(camera.telegraph_hz)}),
         "hot pixel": ("hot pixel", {"extra": hot}),
-        "mirrored columns": ("order", {"spoil": of_readings(lambda r, _: r[:, :, ::-1])}),
-        "swapped columns": (
-            "order",
-            {"spoil": of_readings(lambda r, _: r[:, :, [1, 0, *range(2, r.shape[2])]])},
-        ),
-        "efficiency": ("efficiency", {"light": lambda *_: np.full((1, 1, 1), 1.2)}),
+        "mirrored columns": ("order", moved(lambda r: r[:, :, ::-1])),
+        "swapped columns": ("order", moved(lambda r: r[:, :, [1, 0, *range(2, r.shape[2])]])),
+        "efficiency": ("efficiency", shone(lambda *_: np.full((1, 1, 1), 1.2))),
     }
 
 
@@ -261,10 +255,10 @@ _OF_CODES = {
         {"spoil": fallen(lambda fall: fall * np.linspace(1, 1.1, len(fall))[:, None, None])},
     ),
     "row noise": ("row noise", {"spoil": of_readings(row_noise)}),
-    "row offset 8 mV": ("row offset", {"spoil": written(np.s_[:, 5], lambda c: c - 10)}),
-    "column offset 8 mV": ("column offset", {"spoil": written(np.s_[:, :, 5], lambda c: c - 10)}),
-    "stuck bit": ("stuck bit", {"spoil": written(np.s_[:], lambda c: c | 32)}),
-    "missing code": ("missing codes", {"spoil": written(np.s_[:], lambda c: c + (c % 64 == 0))}),
+    "row offset 8 mV": ("row offset", written(np.s_[:, 5], lambda c: c - 10)),
+    "column offset 8 mV": ("column offset", written(np.s_[:, :, 5], lambda c: c - 10)),
+    "stuck bit": ("stuck bit", written(np.s_[:], lambda c: c | 32)),
+    "missing code": ("missing codes", written(np.s_[:], lambda c: c + (c % 64 == 0))),
     "uneven codes": ("uneven codes", {"spoil": of_readings(narrow_odd_codes)}),
     "afterpulsing": (
         "afterpulsing",
@@ -272,7 +266,7 @@ _OF_CODES = {
     ),
     "dead time": ("dead time", {"sensor": {"dead_time": {"dead_time_s": 1.2e-6}}}),
     "step": ("step", _counter(step_v=0.011)),
-    "offset 8 mV": ("offset", {"spoil": written(np.s_[:], lambda c: c - 10)}),
+    "offset 8 mV": ("offset", written(np.s_[:], lambda c: c - 10)),
     "bent output": ("none", {"spoil": fallen(lambda fall: fall * (1 - fall / 8000))}),
     "crosstalk": ("crosstalk", {"sensor": {"crosstalk": {"mean_fired_neighbors": 0.05}}}),
 }
@@ -302,7 +296,6 @@ def together(one, other):
 
 def said(found):
     """Faults and causes that a comparison names."""
-    names = {each.kind for each in found.faults}
+    names = {fault.kind for fault in found.faults} | {cause.name for cause in found.causes}
     names |= {"order"} if found.arrangement.is_other else set()
-    names |= {each.name for each in found.causes}
     return names | ({"none"} if found.explained.is_unexplained else set())
