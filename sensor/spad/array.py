@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor import optics, quantities
-from megalopta.sensor.effects import crosstalk, dead_time, timing
+from megalopta.sensor.effects import crosstalk, dark_counts, dead_time, timing
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.sampling import poisson, streams
@@ -103,8 +103,9 @@ def expose_frames(
         dark_hz = pixels.dark_counts_hz
         if device.traps is not None:  # telegraph noise: traps switch between exposures
             run = int(streams.generator(draw.seed, "telegraph", stream).integers(2**63))
-            of_frames = [device.dark_hz_at(run, number * period_s) for number in numbers]
-            dark_hz = np.concatenate(of_frames)
+            traps, times_s = (sensor.telegraph, device.traps, run), (n * period_s for n in numbers)
+            factors = [dark_counts.telegraph_factor(*traps, time_s) for time_s in times_s]
+            dark_hz = dark_hz * np.concatenate(factors)
             dark_hz.flags.writeable = False  # as the device's, for which kernels are compiled
 
         # avalanches

@@ -13,8 +13,7 @@ exposure, so that dead times lose their phase; consecutive frames are cut from o
 by design: it takes parameters from the sensor and shares no code with it.
 """
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ from scipy.integrate import dblquad, trapezoid
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.sensor import AnalogCounter, Crosstalk, CtiaSensor, DacBias, FixedBias, Lens, Sensor
-from megalopta.sensor.spad.model import AvalancheEffects
+from megalopta.sensor import AnalogCounter, DacBias, FixedBias, Sensor
 
 Counts = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -62,21 +60,14 @@ class _Device(NamedTuple):
     cumulative: Floats
 
 
-def brute_force_events(
-    rng: np.random.Generator,
-    rates_hz: Floats,
-    exposure_s: float,
-    effects: AvalancheEffects | Sensor,
-    pixels: PlainPixels | None = None,
-    layout: tuple[int, int] | None = None,
-    frames: int = 1,
-) -> Counts:
+def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=None, frames=1):
     """Return the events of arrays of pixels, (arrays, frames, pixels).
 
     Parameters
     ----------
     rates_hz : (arrays, S, pixels) float64
         Arrivals per second, constant or in S equal parts of an exposure.
+    effects : AvalancheEffects or Sensor
     pixels : PlainPixels, optional
         Factors on the effects' parameters; its efficiency and dark counts are not used.
     layout : (int, int)
@@ -108,14 +99,14 @@ def brute_force_events(
     return counts
 
 
-def _jitter(effects: AvalancheEffects | Sensor) -> tuple[float, float, float]:
+def _jitter(effects):
     if not isinstance(effects, Sensor) or not effects.jitter.is_on:
         return 0.0, 0.0, 0.0
     jitter = effects.jitter
     return jitter.sigma_s, jitter.tail_share * (jitter.tail_s > 0), jitter.tail_s
 
 
-def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
+def _run_up_s(effects):
     """Time simulated before the exposure, s."""
     dead, traps = effects.dead_time, effects.afterpulsing
     if dead.start == "live":
@@ -125,7 +116,7 @@ def _run_up_s(effects: AvalancheEffects | Sensor) -> float:
     return _DEAD_TIMES_TO_FORGET * (dead.dead_time_s + dead.recharge_s) + forgotten
 
 
-def chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
+def chances(talk, rows, columns):
     """Return the probability that an avalanche of a pixel (row) fires another (column)."""
     y, x = np.indices((rows, columns)).reshape(2, -1)
     if talk.kernel:
@@ -136,18 +127,18 @@ def chances(talk: Crosstalk, rows: int, columns: int) -> Floats:
         places = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
         relative = np.where(inside, weights[(*places, down * inside, right * inside)], 0.0)
         mean_weight = weights.sum(axis=(2, 3)).mean()
-        return np.asarray(talk.mean_fired_neighbors * relative / mean_weight)
+        return talk.mean_fired_neighbors * relative / mean_weight
     squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
     straight = (y[:, None] == y) | (x[:, None] == x)
     shares = [1.0, talk.diagonal, talk.distance_two, talk.distance_three]
     relative = np.select(
         [squared == 1, squared == 2, straight & (squared == 4), straight & (squared == 9)], shares
     )
-    return np.asarray(talk.mean_fired_neighbors * relative / (4 * sum(shares)))
+    return talk.mean_fired_neighbors * relative / (4 * sum(shares))
 
 
 @compiled
-def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
+def _simulate(rng, light, device, counts):
     for array in range(counts.shape[0]):
         rates = light[array]
         brightest = np.array([rates[:, pixel].max() for pixel in range(rates.shape[1])])
@@ -174,7 +165,7 @@ def _simulate(rng, light, device, counts):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _strike(rng, device, arrival, dead_until, waiting, counts):  # type: ignore[no-untyped-def]
+def _strike(rng, device, arrival, dead_until, waiting, counts):
     """Process an avalanche: of the pixel, and of those fired by crosstalk."""
     array, now, first = arrival
     struck = [first]
@@ -201,7 +192,7 @@ def _strike(rng, device, arrival, dead_until, waiting, counts):  # type: ignore[
 
 
 @compiled
-def _frame(rng, device, now, frames):  # type: ignore[no-untyped-def]
+def _frame(rng, device, now, frames):
     sigma, share, tail = device.jitter
     stamp = now + sigma * rng.standard_normal() if sigma > 0 else now
     if share > 0 and rng.random() < share:
@@ -210,7 +201,7 @@ def _frame(rng, device, now, frames):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _earliest(waiting):  # type: ignore[no-untyped-def]
+def _earliest(waiting):
     first = 0
     for place in range(1, len(waiting)):
         if waiting[place][0] < waiting[first][0]:
@@ -219,23 +210,23 @@ def _earliest(waiting):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _pause(rng, rate):  # type: ignore[no-untyped-def]
+def _pause(rng, rate):
     return rng.exponential(1 / rate) if rate > 0 else np.inf
 
 
 @compiled
-def _part(now, exposure, parts):  # type: ignore[no-untyped-def]
+def _part(now, exposure, parts):
     return min(int((now % exposure) / exposure * parts), parts - 1) if now > 0 else 0
 
 
 @compiled
-def _delay(rng, device):  # type: ignore[no-untyped-def]
+def _delay(rng, device):
     if device.delays.size > 0:
         return np.interp(rng.random(), device.cumulative, device.delays)
     return rng.exponential(device.delay)
 
 
-def plain_light_hz(radiance: float, band_nm: tuple[float, float], sensor: Any) -> float:
+def plain_light_hz(radiance, band_nm, sensor):
     """Detections per second of a pixel on the axis, in a flat spectrum over one band."""
     lens, passing = sensor.lens, sensor.lens.transmission_curve
     meters = 1e-9 * (nm := np.linspace(*band_nm, 100_001))
@@ -246,7 +237,7 @@ def plain_light_hz(radiance: float, band_nm: tuple[float, float], sensor: Any) -
     return float(light * per_watt * sensor.pitch_m**2 * sensor.fill_factor)
 
 
-def plain_falloff(lens: Lens, rows: int, columns: int) -> Floats:
+def plain_falloff(lens, rows, columns):
     """Light in the pixels of an array (rows · columns,) relative to that on the axis."""
     pixel = 2 * np.tan(np.radians((lens.falloff_fov_deg or 0.0) / 2)) / columns
     y, x = np.indices((rows, columns)).reshape(2, -1) - np.array([[rows - 1], [columns - 1]]) / 2
@@ -254,7 +245,7 @@ def plain_falloff(lens: Lens, rows: int, columns: int) -> Floats:
     return np.array(seen) / _seen_pupil(lens.f_number)
 
 
-def _seen_pupil(f_number: float, x: float = 0.0, y: float = 0.0) -> float:
+def _seen_pupil(f_number, x=0.0, y=0.0):
     """Irradiance per radiance, sr, at a point (focal lengths) of the die.
 
     The pupil is a disc of diameter f/N at the distance f, uniformly as bright as the scene. A piece
@@ -267,12 +258,7 @@ def _seen_pupil(f_number: float, x: float = 0.0, y: float = 0.0) -> float:
     return float(seen)
 
 
-def plain_pixels(
-    rng: np.random.Generator,
-    sensor: Sensor,
-    shape: tuple[int, int],
-    measured: Mapping[str, Floats] | None = None,
-) -> PlainPixels:
+def plain_pixels(rng, sensor, shape, measured=None):
     """Draw pixels, each of its own device; `measured` (shape) replaces a draw."""
     maps, bias, heat = measured or {}, sensor.bias, sensor.temperature
     rise = heat.celsius - heat.reference_celsius
@@ -280,9 +266,9 @@ def plain_pixels(
     now = bias.excess_v - offset - heat.breakdown_v_per_k * rise
     live = now > bias.onset_v
 
-    def change(name: str, law: Any) -> Floats:
+    def change(name, law):
         """Values measured at the reference bias include the offset of each pixel."""
-        return np.asarray(law(now) / law(bias.reference_v - offset * (name in maps)))
+        return law(now) / law(bias.reference_v - offset * (name in maps))
 
     efficiency = maps.get("efficiency", np.ones(shape)) * live
     if bias.efficiency_scale_v:
@@ -304,7 +290,7 @@ def plain_pixels(
     return PlainPixels(efficiency, dark, factors[0], factors[1], factors[2])
 
 
-def _drawn_dark_hz(rng: np.random.Generator, sensor: Sensor, shape: tuple[int, int]) -> Floats:
+def _drawn_dark_hz(rng, sensor, shape):
     dark = sensor.dark_counts
     ordinary = rng.normal(dark.bulk_mean_hz_um2, dark.bulk_sigma_hz_um2, shape)
     while (ordinary < 0).any():  # none is negative
@@ -312,21 +298,17 @@ def _drawn_dark_hz(rng: np.random.Generator, sensor: Sensor, shape: tuple[int, i
         ordinary[again] = rng.normal(dark.bulk_mean_hz_um2, dark.bulk_sigma_hz_um2, again.sum())
     hot = _log_normal(rng, dark.hot_mean_hz_um2, dark.hot_sigma_hz_um2, shape)
     density = np.where(rng.random(shape) < dark.hot_fraction, hot, ordinary)
-    return np.asarray(density * (sensor.pitch_m * 1e6) ** 2 * sensor.fill_factor)
+    return density * (sensor.pitch_m * 1e6) ** 2 * sensor.fill_factor
 
 
-def _log_normal(
-    rng: np.random.Generator, mean: float, sigma: float, shape: tuple[int, int]
-) -> Floats:
+def _log_normal(rng, mean, sigma, shape):
     if sigma == 0:
         return np.full(shape, mean)
     width = np.log(1 + (sigma / mean) ** 2) ** 0.5
-    return np.asarray(rng.lognormal(np.log(mean) - width**2 / 2, width, shape))
+    return rng.lognormal(np.log(mean) - width**2 / 2, width, shape)
 
 
-def plain_readings(
-    rng: np.random.Generator, events: Counts, sensor: Sensor
-) -> tuple[Floats, Flags]:
+def plain_readings(rng, events, sensor):
     """Return readings of events, each of its own pixel, and flags of possible lower bounds."""
     if isinstance(sensor.counter, AnalogCounter):
         return _analog_readings(rng, events, sensor.counter, sensor.exposure_s)
@@ -335,11 +317,9 @@ def plain_readings(
     return readings.astype(np.float64), events >= capacity + wraps
 
 
-def _analog_readings(
-    rng: np.random.Generator, events: Counts, counter: AnalogCounter, exposure_s: float
-) -> tuple[Floats, Flags]:
-    def drawn(mean: float, sigma: float) -> Floats:
-        return np.asarray(mean + sigma * rng.standard_normal(events.shape))
+def _analog_readings(rng, events, counter, exposure_s):
+    def drawn(mean, sigma):
+        return mean + sigma * rng.standard_normal(events.shape)
 
     step = drawn(counter.step_v, counter.step_sigma_v)
     leak = exposure_s * drawn(counter.leak_v_s, counter.leak_sigma_v_s)
@@ -362,9 +342,7 @@ def _analog_readings(
     return np.minimum(counts, largest), (fallen > counter.swing_v) | (counts >= largest)
 
 
-def plain_volts(
-    rng: np.random.Generator, sensor: CtiaSensor, light_a: Floats, frame: int
-) -> tuple[Floats, Flags]:
+def plain_volts(rng, sensor, light_a, frame):
     """Discharge, V, and its saturation at the swing, of CTIA pixels of any shape at a frame.
 
     Each belongs to its own device and gets its electrons in short steps: those of the light, and
@@ -379,7 +357,7 @@ def plain_volts(
     size = _log_normal(rng, 1.0, sensor.dark_sigma, shape)
     shunt_s = size / diode.shunt_ohm if diode.shunt_ohm else 0 * size
 
-    def charge(current_a: Floats, is_noisy: bool) -> Floats:
+    def charge(current_a, is_noisy):
         electrons = current_a * step_s / e
         return np.asarray(e * (rng.poisson(electrons) if is_noisy else electrons))
 
@@ -402,7 +380,7 @@ def plain_volts(
     return np.where(full, sensor.swing_v, volts), full
 
 
-def _trimmed(sensor: CtiaSensor, offset_v: Floats) -> Floats:
+def _trimmed(sensor, offset_v):
     """Reverse bias, V: one code or pulse after the other, until the next would be one too many."""
     way = sensor.bias
     if isinstance(way, FixedBias):
