@@ -102,7 +102,7 @@ def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     chances, dark_levels_hz = zip(*device.dark_levels(), strict=True)
     moments = np.empty((4, frames, rows, columns))
     # with crosstalk a pixel's moments depend on all others; what differs is interpolated for all
-    is_whole = effects.crosstalk.is_on or (maps is not None and not effects.is_closed_form)
+    is_whole = "crosstalk" in effects.on or (maps is not None and not effects.is_closed_form)
     rows_at_once = rows if is_whole else max(_PIXELS_AT_ONCE // max(columns, 1), 1)
     starts = range(0, rows, max(rows_at_once, 1))
 

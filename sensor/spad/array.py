@@ -67,7 +67,6 @@ def expose_frames(
     frames, *parts, rows, columns = rate_hz.shape
     device, exposure_s = draw_fixed_pattern(sensor, (rows, columns)), sensor.exposure_s
     counter, effects, maps = sensor.counter, sensor.avalanche_effects, device.avalanches
-    open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
     period_s = draw.frame_period_s or exposure_s
     stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
     is_running, keeps_times = is_running and effects.has_memory, reading == "events"
@@ -119,6 +118,7 @@ def expose_frames(
         elif reading == "bits":  # 1 − e^(−r·T): dead time and afterpulses follow the first event
             mean_hz = moments.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
             rates_hz = np.ascontiguousarray(mean_hz), dark_hz
+            open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
             bit_words = streams.word_streams(generator("binary", first))
             poisson.fill_bits(bit_words, *rates_hz, open_s, bits[first])
             return
@@ -126,7 +126,7 @@ def expose_frames(
             rates_hz, out = (light_hz.ravel(), dark_hz.ravel()), readings[first].ravel()
             poisson.fill_poisson(words[first], *rates_hz, exposure_s, out, counter.capacity)
             return
-        elif sensor.crosstalk.is_on:
+        elif "crosstalk" in effects.on:
             of_frames = np.split(light_hz + dark_hz, len(numbers), axis=-2)
             rng = generator("exposure", first)
             fired = np.concatenate([_avalanches(rng, hz, sensor, maps) for hz in of_frames])

@@ -34,17 +34,17 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
     afterpulsing: Afterpulsing = Afterpulsing()
     crosstalk: Crosstalk = Crosstalk()
 
-    @property
+    @cached_property
     def on(self) -> frozenset[str]:
         """Names of the effects that are on."""
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
-    @property
+    @cached_property
     def is_closed_form(self) -> bool:
         """True if dead time acts alone, so that counts can be drawn directly."""
         return self.on == {"dead_time"} and self.dead_time.is_closed_form
 
-    @property
+    @cached_property
     def has_memory(self) -> bool:
         """True if an exposure leaves anything in the pixels that affects the next one."""
         return not self.on <= {"gate", "crosstalk"}
@@ -54,10 +54,10 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
         """Time after which a pixel has forgotten its past, s; dead times excluded."""
         return float(sum(getattr(self, name).memory_s for name in self.on))
 
-    @property
-    def without_crosstalk(self) -> "AvalancheEffects":
-        """The same effects without crosstalk."""
-        return self.model_copy(update={"crosstalk": Crosstalk()})
+    def replaced(self, **parts: Effect) -> "AvalancheEffects":
+        """Return the effects with other parts, not checked; a copy would keep what is cached."""
+        same = {name: getattr(self, name) for name in type(self).model_fields}
+        return AvalancheEffects.model_construct(**(same | parts))
 
 
 class Sensor(PixelOptics, frozen=True):

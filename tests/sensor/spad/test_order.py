@@ -3,7 +3,6 @@ import pytest
 
 from megalopta.sensor import (
     ORDER_OF_EFFECTS,
-    Sensor,
     changed,
     detection_rate,
     expose,
@@ -13,7 +12,6 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.spad.model import active_effects
 
-NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
 SHAPE = (10, 10)
 BANDS = [(440.0, 460.0)]
 FIELDS = list(ORDER_OF_EFFECTS)
@@ -41,11 +39,6 @@ def all_on(tmp_path_factory):
         telegraph={"share": 0.1, "step": 0.05},
         measured={name: str(folder / f"{name}.npy") for name in maps},
     )
-
-
-def test_list_names_every_effect_of_a_sensor_once():
-    assert len(set(FIELDS)) == len(FIELDS)
-    assert set(FIELDS) == set(Sensor.model_fields) - NO_EFFECT
 
 
 @pytest.mark.parametrize("field", FIELDS[1:])
