@@ -6,15 +6,20 @@ from numpy.typing import ArrayLike
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
 from megalopta.sensor.ctia import model as ctia
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.optics import checked_rate, photon_rate
 from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.sampling.streams import over_frames
 from megalopta.sensor.spad.array import detection_rate
+from megalopta.sensor.spad.counters import AnalogPixels
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.moments import count_moments
 from megalopta.sensor.spad.readings import moments_of_readings
+
+_PIXELS_AT_ONCE = 2**16
+"""Pixels whose moments are computed together, in some 60 MB."""
 
 
 def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Floats]:
@@ -78,31 +83,40 @@ def settled(sensor: Sensor) -> Sensor:
 
 def _all_moments(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
     """Mean and variance of events, mean and variance of readings, (4, T, H, W)."""
-    rate = checked_rate(detections_hz, sensor)
-    device = draw_fixed_pattern(sensor, (rate.shape[-2], rate.shape[-1]))
-    moments = np.empty((4, rate.shape[0], *rate.shape[-2:]))
+    rate_hz = checked_rate(detections_hz, sensor)
+    frames, *_, rows, columns = rate_hz.shape
+    device = draw_fixed_pattern(sensor, (rows, columns))
     exposure_s, effects, maps = sensor.exposure_s, sensor.avalanche_effects, device.avalanches
     chances, dark_levels_hz = zip(*device.dark_levels(), strict=True)
+    moments = np.empty((4, frames, rows, columns))
+    # with crosstalk a pixel's moments depend on all others; what differs is interpolated for all
+    is_whole = "crosstalk" in effects.on or (maps is not None and not effects.is_closed_form)
+    rows_at_once = rows if is_whole else max(_PIXELS_AT_ONCE // max(columns, 1), 1)
+    starts = range(0, rows, max(rows_at_once, 1))
 
-    def fill_frame(frame: int) -> None:
+    def fill_rows(number: int) -> None:
+        frame, place = divmod(number, len(starts))
+        block = slice(starts[place], starts[place] + rows_at_once)
+        maps_of_rows = maps and AvalancheMaps(*(factor[block] for factor in maps))
+        counters = device.counters and AnalogPixels(*(part[block] for part in device.counters))
         in_states = []
         for dark_hz in dark_levels_hz:
-            arrivals_hz = rate[frame] + dark_hz
-            events = count_moments(arrivals_hz, exposure_s, effects, maps)
+            arrivals_hz = rate_hz[frame][..., block, :] + dark_hz[block]
+            events = count_moments(arrivals_hz, exposure_s, effects, maps_of_rows)
             arrivals = arrivals_hz * exposure_s if arrivals_hz.ndim == 2 else None
             readings = moments_of_readings(
-                arrivals, events, sensor.counter, device.counters, exposure_s, effects, maps
+                arrivals, events, sensor.counter, counters, exposure_s, effects, maps_of_rows
             )
             in_states.append((*events, *readings))
         if len(chances) == 1:
-            moments[:, frame] = in_states[0]
+            moments[:, frame, block] = in_states[0]
             return
         # a mixture of distributions
         means, variances = np.array(in_states)[:, ::2], np.array(in_states)[:, 1::2]
-        moments[::2, frame] = mean = np.tensordot(chances, means, 1)
-        moments[1::2, frame] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
+        moments[::2, frame, block] = mean = np.tensordot(chances, means, 1)
+        moments[1::2, frame, block] = np.tensordot(chances, variances + (means - mean) ** 2, 1)
 
-    over_frames(fill_frame, range(len(rate)))
+    over_frames(fill_rows, range(frames * len(starts)))
     if device.stuck is not None:
         stuck = device.stuck >= 0
         moments[2][:, stuck], moments[3][:, stuck] = device.stuck[stuck], 0.0

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor import optics, quantities
-from megalopta.sensor.effects import crosstalk, dead_time, timing
+from megalopta.sensor.effects import crosstalk, dark_counts, dead_time, timing
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.sampling import poisson, streams
@@ -67,7 +67,6 @@ def expose_frames(
     frames, *parts, rows, columns = rate_hz.shape
     device, exposure_s = draw_fixed_pattern(sensor, (rows, columns)), sensor.exposure_s
     counter, effects, maps = sensor.counter, sensor.avalanche_effects, device.avalanches
-    open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
     period_s = draw.frame_period_s or exposure_s
     stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
     is_running, keeps_times = is_running and effects.has_memory, reading == "events"
@@ -103,8 +102,9 @@ def expose_frames(
         dark_hz = pixels.dark_counts_hz
         if device.traps is not None:  # telegraph noise: traps switch between exposures
             run = int(streams.generator(draw.seed, "telegraph", stream).integers(2**63))
-            of_frames = [device.dark_hz_at(run, number * period_s) for number in numbers]
-            dark_hz = np.concatenate(of_frames)
+            traps, times_s = (sensor.telegraph, device.traps, run), (n * period_s for n in numbers)
+            factors = [dark_counts.telegraph_factor(*traps, time_s) for time_s in times_s]
+            dark_hz = dark_hz * np.concatenate(factors)
             dark_hz.flags.writeable = False  # as the device's, for which kernels are compiled
 
         # avalanches
@@ -118,6 +118,7 @@ def expose_frames(
         elif reading == "bits":  # 1 − e^(−r·T): dead time and afterpulses follow the first event
             mean_hz = moments.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
             rates_hz = np.ascontiguousarray(mean_hz), dark_hz
+            open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
             bit_words = streams.word_streams(generator("binary", first))
             poisson.fill_bits(bit_words, *rates_hz, open_s, bits[first])
             return
@@ -125,7 +126,7 @@ def expose_frames(
             rates_hz, out = (light_hz.ravel(), dark_hz.ravel()), readings[first].ravel()
             poisson.fill_poisson(words[first], *rates_hz, exposure_s, out, counter.capacity)
             return
-        elif sensor.crosstalk.is_on:
+        elif "crosstalk" in effects.on:
             of_frames = np.split(light_hz + dark_hz, len(numbers), axis=-2)
             rng = generator("exposure", first)
             fired = np.concatenate([_avalanches(rng, hz, sensor, maps) for hz in of_frames])

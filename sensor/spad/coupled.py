@@ -63,7 +63,7 @@ def coupled_moments(
 
     Raises UserError for strong crosstalk in bright light.
     """
-    alone, kind = effects.without_crosstalk, effects.dead_time.kind
+    alone, kind = effects.replaced(crosstalk=crosstalk.Crosstalk()), effects.dead_time.kind
     dead_s = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
     strength = None if maps is None else maps.crosstalk
     fired = effects.crosstalk.most_fired * (1.0 if strength is None else float(strength.max()))

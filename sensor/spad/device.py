@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import bias, dark_counts
@@ -54,12 +53,6 @@ class FixedPattern:
             avalanches=self.avalanches and AvalancheMaps(*map(tall, self.avalanches)),
             counters=self.counters and AnalogPixels(*map(tall, self.counters)),
         )
-
-    def dark_hz_at(self, run: int, time_s: float) -> Floats:
-        """Return dark count rates with the traps that are active at a time of a run, Hz."""
-        assert self.traps is not None
-        factor = dark_counts.telegraph_factor(self.telegraph, self.traps, run, time_s)
-        return self.dark_counts_hz * factor
 
     def dark_levels(self) -> list[tuple[float, Floats]]:
         """Return possible dark count rates, Hz, with their probabilities; one without traps."""
@@ -150,40 +143,38 @@ _draw_once = lru_cache(maxsize=8)(_draw)
 
 def _check(device: FixedPattern, sensor: Sensor) -> None:
     """Raise ValueError for pixels that cannot be or cannot be drawn."""
-
-    def largest(values: ArrayLike) -> float:
-        return float(np.max(values, initial=0))
-
-    efficiency = largest(device.efficiency_factor) * max(sensor.efficiency.values)
-    if efficiency > 1:
-        raise ValueError(
-            f"efficiency: {efficiency:g} in the best pixel; lower efficiency.values, "
-            "measured.efficiency or bias.excess_v so that it is at most 1"
-        )
-    dark_hz, most_hz = largest(device.dark_counts_hz), MOST_ARRIVALS / sensor.exposure_s
-    if not dark_hz <= most_hz:
-        raise ValueError(
-            f"dark_counts: {dark_hz:g} Hz in the worst pixel at bias.excess_v "
-            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
-            f"lower these, at most {most_hz:g} Hz can be drawn"
-        )
+    dark_hz, most_hz = device.dark_counts_hz, MOST_ARRIVALS / sensor.exposure_s
+    limits = [
+        (
+            "efficiency",
+            device.efficiency_factor * max(sensor.efficiency.values),
+            1.0,
+            "efficiency.values, measured.efficiency or bias.excess_v",
+        ),
+        (
+            "dark_counts in Hz",
+            dark_hz,
+            most_hz,
+            f"them, bias.excess_v {sensor.bias.excess_v:g} or temperature.celsius "
+            f"{sensor.temperature.celsius:g}",
+        ),
+    ]
     if device.traps is not None:
         rise = 1 + sensor.telegraph.traps * sensor.telegraph.step * device.traps.step
-        dark_hz = largest(device.dark_counts_hz * rise)
-        if not dark_hz <= most_hz:
+        limits.append(("telegraph.step in Hz", dark_hz * rise, most_hz, "it or measured.telegraph"))
+    if device.avalanches is not None:
+        for field, mean, factor in (
+            ("afterpulsing.mean_carriers", sensor.afterpulsing.mean_carriers, "afterpulsing"),
+            ("crosstalk.mean_fired_neighbors", sensor.crosstalk.most_fired, "crosstalk"),
+        ):
+            offspring = mean * getattr(device.avalanches, factor)
+            causes = f"it, {factor}.mismatch_sigma or bias.excess_v"
+            limits.append((field, offspring, MOST_OFFSPRING, causes))
+    for field, values, most, causes in limits:
+        largest = float(np.max(values, initial=0))
+        if not largest <= most:
             raise ValueError(
-                f"telegraph.step: {dark_hz:g} Hz of dark counts in the worst pixel when its traps "
-                f"are active; lower it or measured.telegraph, at most {most_hz:g} Hz can be drawn"
-            )
-    for field, mean, factor in (
-        ("afterpulsing.mean_carriers", sensor.afterpulsing.mean_carriers, "afterpulsing"),
-        ("crosstalk.mean_fired_neighbors", sensor.crosstalk.most_fired, "crosstalk"),
-    ):
-        offspring = mean * largest(getattr(device.avalanches, factor, 0.0))
-        if offspring > MOST_OFFSPRING:
-            raise ValueError(
-                f"{field}: {offspring:g} in the worst pixel; lower it, {factor}."
-                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
+                f"{field}: {largest:g} in the worst pixel; lower {causes}, to {most:g} at most"
             )
     if device.stuck is not None:
         stuck, capacity = device.stuck, sensor.counter.capacity

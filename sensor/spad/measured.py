@@ -18,8 +18,6 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import file_content, named_path, plain_array
 from megalopta.sensor.effects.base import AvalancheMaps, Effect
 
-Fit = Literal["exact", "top_left", "center"]
-
 _LOWEST = {
     "breakdown": -np.finfo(float).max,
     "stuck": -1.0,
@@ -83,7 +81,7 @@ class MeasuredMaps(Effect, frozen=True):
     """Leak of every pixel's analog counter (V/s)."""
     offset: MapFile | None = None
     """Output of every pixel's analog counter after reset, relative to the supply (V)."""
-    fit: Fit = "exact"
+    fit: Literal["exact", "top_left", "center"] = "exact"
     """Part of a map larger than the image: top_left or center selects a window of the image's size,
     exact rejects the map."""
 
@@ -95,48 +93,42 @@ class MeasuredMaps(Effect, frozen=True):
     def load(self, shape: tuple[int, int]) -> dict[str, Floats]:
         """Read the maps that there are, for an image of (rows, columns) pixels.
 
-        Raises ValueError as `load_map`.
+        Raises ValueError if a file is missing, has changed, does not fit, or holds impossible
+        values or no plain numbers.
         """
-        return {
-            name: load_map(file, shape, f"measured.{name}", self.fit, _LOWEST.get(name, 0.0))
-            for name in type(self).model_fields
-            if name != "fit" and (file := getattr(self, name))
-        }
-
-
-def load_map(
-    file: MapFile, shape: tuple[int, int], field: str, fit: Fit = "exact", lowest: float = 0.0
-) -> Floats:
-    """Read a map for an image of (rows, columns) pixels.
-
-    Raises ValueError if the file is missing, has changed, does not fit, or holds impossible values
-    or no plain numbers.
-    """
-    content = file_content(file.path, field)
-    if file.sha256 is not None and hashlib.sha256(content).hexdigest() != file.sha256:
-        raise ValueError(
-            f"{field}: {file.path} has changed since it was first read; restore it, or remove its "
-            "sha256"
-        )
-    values = _map_of(content, file.path, field)
-    if not np.all((values >= lowest) & (values < np.inf)):
-        below = "" if lowest < -1e300 else f"below {lowest:g} or "
-        raise ValueError(
-            f"{field}: {file.path} holds values {below}not finite; replace those pixels"
-        )
-    name = f"{field}: {file.path}"
-    sizes = f"{_pixels(values.shape)}, the image {_pixels(shape)} (rows × columns)"
-    spare = np.subtract(values.shape, shape)
-    if spare.min() < 0:
-        raise ValueError(
-            f"{name} has {sizes}; lower camera.height or camera.width, or measure more pixels"
-        )
-    if spare.max() > 0 and fit == "exact":
-        raise ValueError(
-            f"{name} has {sizes}; set measured.fit to top_left or center to use a part of it"
-        )
-    top, left = spare // 2 if fit == "center" else (0, 0)
-    return values[top : top + shape[0], left : left + shape[1]].astype(np.float64)
+        maps: dict[str, Floats] = {}
+        for name in type(self).model_fields:
+            file, lowest, field = getattr(self, name), _LOWEST.get(name, 0.0), f"measured.{name}"
+            if name == "fit" or file is None:
+                continue
+            content = file_content(file.path, field)
+            if file.sha256 is not None and hashlib.sha256(content).hexdigest() != file.sha256:
+                raise ValueError(
+                    f"{field}: {file.path} has changed since it was first read; restore it, or "
+                    "remove its sha256"
+                )
+            values = _map_of(content, file.path, field)
+            if not np.all((values >= lowest) & (values < np.inf)):
+                below = "" if lowest < -1e300 else f"below {lowest:g} or "
+                raise ValueError(
+                    f"{field}: {file.path} holds values {below}not finite; replace those pixels"
+                )
+            sizes = "{} × {}, the image {} × {} (rows × columns)".format(*values.shape, *shape)
+            spare = np.subtract(values.shape, shape)
+            if spare.min() < 0:
+                raise ValueError(
+                    f"{field}: {file.path} has {sizes}; lower camera.height or camera.width, or "
+                    "measure more pixels"
+                )
+            if spare.max() > 0 and self.fit == "exact":
+                raise ValueError(
+                    f"{field}: {file.path} has {sizes}; set measured.fit to top_left or center to "
+                    "use a part of it"
+                )
+            top, left = spare // 2 if self.fit == "center" else (0, 0)
+            window = values[top : top + shape[0], left : left + shape[1]]
+            maps[name] = window.astype(np.float64)
+        return maps
 
 
 def _map_of(content: bytes, path: str, field: str) -> NDArray[Any]:
@@ -147,10 +139,6 @@ def _map_of(content: bytes, path: str, field: str) -> NDArray[Any]:
             "write it with numpy.save"
         )
     return values
-
-
-def _pixels(shape: tuple[int, ...]) -> str:
-    return f"{shape[0]} × {shape[1]}"
 
 
 def with_hashes(maps: Any, folder: Path | None) -> Any:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.bias import Bias, Temperature
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
@@ -33,17 +34,17 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
     afterpulsing: Afterpulsing = Afterpulsing()
     crosstalk: Crosstalk = Crosstalk()
 
-    @property
+    @cached_property
     def on(self) -> frozenset[str]:
         """Names of the effects that are on."""
         return frozenset(name for name in type(self).model_fields if getattr(self, name).is_on)
 
-    @property
+    @cached_property
     def is_closed_form(self) -> bool:
         """True if dead time acts alone, so that counts can be drawn directly."""
         return self.on == {"dead_time"} and self.dead_time.is_closed_form
 
-    @property
+    @cached_property
     def has_memory(self) -> bool:
         """True if an exposure leaves anything in the pixels that affects the next one."""
         return not self.on <= {"gate", "crosstalk"}
@@ -54,10 +55,10 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid"):
         carriers_s = self.afterpulsing.memory_s if self.afterpulsing.is_on else 0.0
         return 20 * self.dead_time.recharge_s + carriers_s
 
-    @property
-    def without_crosstalk(self) -> "AvalancheEffects":
-        """The same effects without crosstalk."""
-        return self.model_copy(update={"crosstalk": Crosstalk()})
+    def replaced(self, **parts: Effect) -> "AvalancheEffects":
+        """Return the effects with other parts, not checked; a copy would keep what is cached."""
+        same = {name: getattr(self, name) for name in type(self).model_fields}
+        return AvalancheEffects.model_construct(**(same | parts))
 
 
 class Sensor(PixelOptics, frozen=True):

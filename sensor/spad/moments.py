@@ -90,7 +90,7 @@ def count_moments(
         return mean, variance
     if rate_hz.ndim == 3:
         rate_hz = mean_rate(rate_hz, exposure_s, effects)
-    if not effects.crosstalk.is_on:
+    if "crosstalk" not in effects.on:
         return pixel_moments(rate_hz, exposure_s, effects, maps)
     if effects.on <= {"gate", "crosstalk"}:
         primaries = open_rate(rate_hz, exposure_s, effects) * exposure_s
@@ -154,7 +154,7 @@ def mean_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> 
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
     """Rate of a pixel without a gate that has the same number of arrivals, Hz."""
-    if not effects.gate.is_on:
+    if "gate" not in effects.on:
         return rate_hz
     return rate_hz * gating.open_fraction(effects.gate, exposure_s)
 
@@ -280,11 +280,9 @@ def _over_factors(
         for (dead_factor, dead_weight), (carriers_factor, carriers_weight) in pairs:
             dead_time_of_node = {"dead_time_s": effects.dead_time.dead_time_s * dead_factor}
             traps_of_node = {"mean_carriers": effects.afterpulsing.mean_carriers * carriers_factor}
-            effects_of_node = effects.model_copy(
-                update={
-                    "dead_time": effects.dead_time.model_copy(update=dead_time_of_node),
-                    "afterpulsing": effects.afterpulsing.model_copy(update=traps_of_node),
-                }
+            effects_of_node = effects.replaced(
+                dead_time=effects.dead_time.model_copy(update=dead_time_of_node),
+                afterpulsing=effects.afterpulsing.model_copy(update=traps_of_node),
             )
             fine += dead_weight * carriers_weight * ratios(effects_of_node, 1 / len(pairs))
         if coarse is not None:

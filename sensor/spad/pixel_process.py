@@ -139,6 +139,7 @@ def _with_dead_time(
         grown = -np.expm1(-fraction) / fraction
         efficiencies = 1 - np.exp(-(passed - 1) * fraction) * grown**2
         efficiencies[0] = 1 - 2 * (1 - grown) / fraction  # of those that come in this step
+        efficiencies = np.append(efficiencies, 1.0)
     ages = efficiencies.size
     work = (ends_s[-1] + warm_s) / step_s * (4 + states * (states + 2 * ages))
     if work > MOST_WORK or states > _MOST_CARRIERS:
@@ -164,41 +165,31 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
     """Fill in mean and variance (E, 2) at the ends of the exposure."""
     rate, step, tau, is_paralyzable = pixel[:4]
     twilight, release, gate, warm = pixel[4:]
-    states, ages = trapped.size, efficiencies.size
-    # probabilities and the same weighted with counts
-    live, dead = np.zeros((2, states)), np.zeros((2, states))
-    charging, older = np.zeros((ages, 2, states)), np.zeros((ages, 2, states))
-    fired = np.zeros((steps, 2, states))
+    states, window = trapped.size, tau if is_paralyzable else twilight
+    # probabilities and the same weighted with counts; pixels that wait by age, the last for good
+    ages = efficiencies.size
+    waiting, older = np.zeros((ages, 2, states)), np.zeros((ages, 2, states))
+    fired, dead = np.zeros((steps, 2, states)), np.zeros((2, states))
     fires, pulses = np.zeros((2, states)), np.zeros((2, states))
     back, arrived = np.zeros((2, states)), np.zeros((2, states))
     silent, all_back = np.zeros((states, states)), np.zeros((states, states))
-    last_open = -1.0
+    last_open, at_end, start = -1.0, 0, round(warm / step)
+    waiting[-1, 0, 0] = 1.0
     if warm > 0:
         # in equilibrium without afterpulses
+        counts_hz = rate / (rate * tau + math.exp(-rate * twilight))
+        waiting[-1, 0, 0] = 1 - counts_hz * tau
         if is_paralyzable:
-            live[0, 0] = math.exp(-rate * tau)
-            fired[:, 0, 0] = rate * step
-        else:
-            counts_hz = rate / (rate * tau + math.exp(-rate * twilight))
-            live[0, 0], fired[:, 0, 0] = 1 - counts_hz * tau, counts_hz * step
-        dead[0, 0] = 1 - live[0, 0]
-    else:
-        live[0, 0] = 1.0
-    start = round(warm / step)
+            counts_hz, waiting[-1, 0, 0] = rate, math.exp(-rate * tau)
+        fired[:, 0, 0] = counts_hz * step
+        dead[0, 0] = 1 - waiting[-1, 0, 0]
     mean = square = 0.0
-    window = tau if is_paralyzable else twilight
-    at_end = 0
     for k in range(2**62):
-        time = (k - start) * step
+        time, place = (k - start) * step, k % steps
         if k == start:
             mean = square = 0.0
-            live[1], dead[1], fired[:, 1], charging[:, 1] = 0.0, 0.0, 0.0, 0.0
-        share = 1.0
-        while at_end < ends_s.size and ends_s[at_end] < time + step * (1 - 1e-9):
-            share = max((ends_s[at_end] - time) / step, 0.0)
-            break
+            waiting[:, 1], dead[1], fired[:, 1] = 0.0, 0.0, 0.0
         opened = (open_time(time + step, *gate) - open_time(time, *gate)) / step
-        place = k % steps
         # come back from the dead time
         open_s = open_time(time + step / 2, *gate) - open_time(time + step / 2 - window, *gate)
         if abs(open_s - last_open) > 1e-9 * tau:
@@ -211,99 +202,85 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
                     total += silent[m, n] * fired[place, w, n]
                     pulse += all_back[m, n] * fired[place, w, n]
                 back[w, m] = total
-                pulses[w, m] = 0.0
                 if not is_paralyzable and twilight > 0:
                     pulses[w, m] = opened * (pulse - total)
                     back[w, m] += (1 - opened) * (pulse - total)
-        for part in range(2):
-            # a part of the step, up to an end of the exposure, changes nothing
-            length = share if part == 0 else 1.0
-            if part == 0 and share == 1.0:
-                continue
-            fires[:] = 0.0
-            is_whole = part == 1
-            arrival, leave = rate * opened * step * length, min(release * step, 0.5) * length
-            for w in range(2):
-                lost = 0.0
-                for m in range(states - 1, -1, -1):
-                    entering = length * back[w, m] * (ages == 1) + lost
-                    out = arrival + m * leave
-                    after = ((1 - out / 2) * live[w, m] + entering) / (1 + out / 2)
-                    between = (live[w, m] + after) / 2
-                    fires[w, m] += arrival * between
-                    lost = 0.0
-                    if m > 0:
-                        fires[w, m - 1] += m * leave * opened * between
-                        lost = m * leave * (1 - opened) * between
-                    if is_whole:
-                        live[w, m] = after
-            if ages > 1:
-                if is_whole:
-                    older[:] = 0.0
-                for age in range(ages):
-                    efficiency = efficiencies[age]
-                    for w in range(2):
-                        lost = 0.0
-                        for m in range(states - 1, -1, -1):
-                            if age == 0:
-                                entering, present = length * back[w, m] + lost, 0.0
-                            else:
-                                entering, present = lost, charging[age, w, m]
-                            out = arrival * efficiency + m * leave
-                            after = ((1 - out / 2) * present + entering) / (1 + out / 2)
-                            between = (present + after) / 2
-                            fires[w, m] += arrival * efficiency * between
-                            lost = 0.0
-                            if m > 0:
-                                effective = opened * efficiency
-                                fires[w, m - 1] += m * leave * effective * between
-                                lost = m * leave * (1 - effective) * between
-                            if is_whole:
-                                if age < ages - 1:
-                                    older[age + 1, w, m] = after
-                                else:
-                                    live[w, m] += after
-                if is_whole:
-                    charging, older = older, charging
-            for m in range(states):
-                fires[0, m] += length * pulses[0, m]
-                fires[1, m] += length * pulses[1, m]
-            once = twice = 0.0
-            for m in range(states):
-                once += fires[0, m]
-                twice += 2 * fires[1, m] + fires[0, m]
-            if part == 0:
-                moments[at_end, 0] = mean + once
-                moments[at_end, 1] = max(square + twice - (mean + once) ** 2, 0.0)
-                at_end += 1
-                if at_end == ends_s.size:
-                    return
-            else:
-                mean += once
-                square += twice
+        flows = back, pulses, efficiencies, waiting
+        arrival, leave = rate * opened * step, min(release * step, 0.5)
+        if ends_s[at_end] < time + step * (1 - 1e-9):
+            # a part of the step changes nothing
+            length = max((ends_s[at_end] - time) / step, 0.0)
+            once, twice = _wait(flows, arrival, leave, opened, length, older, fires)
+            moments[at_end, 0] = mean + once
+            moments[at_end, 1] = max(square + twice - (mean + once) ** 2, 0.0)
+            at_end += 1
+            if at_end == ends_s.size:
+                return
+        once, twice = _wait(flows, arrival, leave, opened, 1.0, older, fires)
+        waiting, older = older, waiting
+        mean += once
+        square += twice
         # fill traps; counted fires weigh one more
-        for m in range(states):
-            fires[1, m] += fires[0, m]
+        fires[1] += fires[0]
+        arrived[:] = 0.0
         for w in range(2):
-            for m in range(states):
-                arrived[w, m] = 0.0
             for n in range(states):
                 for more in range(states):
                     arrived[w, min(n + more, states - 1)] += trapped[more] * fires[w, n]
         if is_paralyzable:
-            arrival, leave = rate * opened * step, min(release * step, 0.5)
-            for w in range(2):
-                released, effective = 0.0, 0.0
-                for m in range(states - 1, -1, -1):
-                    out = m * leave
-                    after = (1 - out / 2) * dead[w, m] + arrived[w, m] + released - back[w, m]
-                    after /= 1 + out / 2
-                    between = (dead[w, m] + after) / 2
-                    dead[w, m] = after
-                    arrived[w, m] += arrival * between + effective
-                    released = out * between
-                    effective = opened * released
+            _extend(dead, back, arrival, leave, opened, arrived)
         fired[place] = arrived
+
+
+@compiled
+def _wait(flows, arrival, leave, opened, length, older, fires):  # type: ignore[no-untyped-def]
+    """Follow waiting pixels through a part of a step; return new counts, and those of squares.
+
+    `leave` is the chance of a carrier to be released in the whole step, `arrival` that of an event.
+    """
+    back, pulses, efficiencies, waiting = flows
+    ages, _, states = waiting.shape
+    arrival, leave = arrival * length, leave * length
+    fires[:], older[:] = 0.0, 0.0
+    for age in range(ages):
+        efficiency = efficiencies[age]
+        effective = opened * efficiency
+        for w in range(2):
+            lost = 0.0
+            for m in range(states - 1, -1, -1):
+                entering, present = length * back[w, m] * (age == 0) + lost, waiting[age, w, m]
+                out = arrival * efficiency + m * leave
+                after = ((1 - out / 2) * present + entering) / (1 + out / 2)
+                between = (present + after) / 2
+                fires[w, m] += arrival * efficiency * between
+                lost = 0.0
+                if m > 0:
+                    fires[w, m - 1] += m * leave * effective * between
+                    lost = m * leave * (1 - effective) * between
+                older[min(age + 1, ages - 1), w, m] += after
+    once = twice = 0.0
+    for m in range(states):
+        fires[0, m] += length * pulses[0, m]
+        fires[1, m] += length * pulses[1, m]
+        once += fires[0, m]
+        twice += 2 * fires[1, m] + fires[0, m]
+    return once, twice
+
+
+@compiled
+def _extend(dead, back, arrival, leave, opened, arrived):  # type: ignore[no-untyped-def]
+    """Let arrivals and released carriers start a paralyzable dead time anew."""
+    for w in range(2):
+        released, effective = 0.0, 0.0
+        for m in range(dead.shape[1] - 1, -1, -1):
+            out = m * leave
+            after = (1 - out / 2) * dead[w, m] + arrived[w, m] + released - back[w, m]
+            after /= 1 + out / 2
+            between = (dead[w, m] + after) / 2
+            dead[w, m] = after
+            arrived[w, m] += arrival * between + effective
+            released = out * between
+            effective = opened * released
 
 
 @compiled

@@ -105,7 +105,7 @@ def moments_of_readings(
         mean[is_even], variance[is_even] = counter.capacity / 2, (size**2 - 1) / 12
         is_open = ~is_even & (least // size != most // size)
     left = np.flatnonzero(is_open)
-    is_steady = arrivals is not None and maps is None and not effects.crosstalk.is_on
+    is_steady = arrivals is not None and maps is None and "crosstalk" not in effects.on
     arrivals = arrivals.ravel() if arrivals is not None and is_steady else None
     if arrivals is not None:
         is_done = np.zeros(left.size, np.bool_)

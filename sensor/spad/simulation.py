@@ -18,7 +18,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.spad.kernel import KINDS, Before, parameters_of, run_frame
+from megalopta.sensor.spad.kernel import ENTRY, KINDS, Entries, parameters_of, run_frame
 from megalopta.sensor.spad.model import AvalancheEffects
 
 
@@ -27,10 +27,8 @@ class PixelState(NamedTuple):
 
     dead_until_s: Floats
     """End of the last dead time, (N,)"""
-    pending_s: Floats
-    """Times of released carriers and twilight pulses, (M,)"""
-    owners: Ints
-    """Pixel and kind of each of these, (M,), in the order of pixels"""
+    pending: Entries
+    """Released carriers and twilight pulses, in the order of pixels"""
 
 
 class SimulatedFrame(NamedTuple):
@@ -74,12 +72,15 @@ def simulate_frame(
     maps = maps or AvalancheMaps(*(np.ones((1, 1)) for _ in range(3)))
     parameters, tables = parameters_of(rates, exposure_s, effects, maps)
     if state is None:
-        before = Before(False, np.empty(rows * columns), np.empty(0), np.empty(0, np.int64))
+        state = PixelState(np.full(rows * columns, np.nan), np.empty(0, ENTRY))
     else:
         parameters = parameters._replace(start_s=0.0)
-        before = Before(True, state.dead_until_s.copy(), state.pending_s, state.owners)
-    counts, events, left = run_frame(rng, parameters, tables, keep_events, before)
-    order = np.argsort(left[1] // KINDS, kind="stable")
-    after = PixelState(before.dead_until - exposure_s, left[0][order] - exposure_s, left[1][order])
-    times, pixels = events
-    return SimulatedFrame(counts.reshape(rows, columns), times, pixels, after)
+    dead_until_s = state.dead_until_s.copy()
+    counts, events, left = run_frame(
+        rng, parameters, tables, keep_events, dead_until_s, state.pending
+    )
+    left = left[np.argsort(left["owner"] // KINDS, kind="stable")]
+    left["time_s"] -= exposure_s
+    times_s, pixels = np.ascontiguousarray(events["time_s"]), np.ascontiguousarray(events["owner"])
+    after = PixelState(dead_until_s - exposure_s, left)
+    return SimulatedFrame(counts.reshape(rows, columns), times_s, pixels, after)

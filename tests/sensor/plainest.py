@@ -64,6 +64,7 @@ def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=N
     ----------
     rates_hz : (arrays, S, pixels) float64
         Arrivals per second, constant or in S equal parts of an exposure.
+    effects : AvalancheEffects or Sensor
     pixels : PlainPixels, optional
         Factors on the effects' parameters; its efficiency and dark counts are not used.
     layout : (int, int)
@@ -123,14 +124,14 @@ def chances(talk, rows, columns):
         places = y[:, None] % weights.shape[0], x[:, None] % weights.shape[1]
         relative = np.where(inside, weights[(*places, down * inside, right * inside)], 0.0)
         mean_weight = weights.sum(axis=(2, 3)).mean()
-        return np.asarray(talk.mean_fired_neighbors * relative / mean_weight)
+        return talk.mean_fired_neighbors * relative / mean_weight
     squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
     straight = (y[:, None] == y) | (x[:, None] == x)
     shares = [1.0, talk.diagonal, talk.distance_two, talk.distance_three]
     relative = np.select(
         [squared == 1, squared == 2, straight & (squared == 4), straight & (squared == 9)], shares
     )
-    return np.asarray(talk.mean_fired_neighbors * relative / (4 * sum(shares)))
+    return talk.mean_fired_neighbors * relative / (4 * sum(shares))
 
 
 @compiled
@@ -264,7 +265,7 @@ def plain_pixels(rng, sensor, shape, measured=None):
 
     def change(name, law):
         """Values measured at the reference bias include the offset of each pixel."""
-        return np.asarray(law(now) / law(bias.reference_v - offset * (name in maps)))
+        return law(now) / law(bias.reference_v - offset * (name in maps))
 
     efficiency = maps.get("efficiency", np.ones(shape)) * live
     if bias.efficiency_scale_v:
@@ -294,14 +295,14 @@ def _drawn_dark_hz(rng, sensor, shape):
         ordinary[again] = rng.normal(dark.bulk_mean_hz_um2, dark.bulk_sigma_hz_um2, again.sum())
     hot = _log_normal(rng, dark.hot_mean_hz_um2, dark.hot_sigma_hz_um2, shape)
     density = np.where(rng.random(shape) < dark.hot_fraction, hot, ordinary)
-    return np.asarray(density * (sensor.pitch_m * 1e6) ** 2 * sensor.fill_factor)
+    return density * (sensor.pitch_m * 1e6) ** 2 * sensor.fill_factor
 
 
 def _log_normal(rng, mean, sigma, shape):
     if sigma == 0:
         return np.full(shape, mean)
     width = np.log(1 + (sigma / mean) ** 2) ** 0.5
-    return np.asarray(rng.lognormal(np.log(mean) - width**2 / 2, width, shape))
+    return rng.lognormal(np.log(mean) - width**2 / 2, width, shape)
 
 
 def plain_readings(rng, events, sensor):

@@ -109,13 +109,9 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
     [
         ({"preset": "spadcam", "exposure": 1}, "exposure: unknown key; did you mean .exposure_s"),
         ({"name": "mine"}, "pitch_m: missing"),
-        ({"preset": ["spadcam"]}, "no such preset"),
-        ({"preset": "spadcam", "measured": 5}, "measured: give a mapping .* got 5"),
         ({"preset": "spadcam", "measured": {"dark_counts": 5}}, "5 is not a file; give the path"),
-        ({"preset": "spadcam", "measured": {"dark_counts": {}}}, "dark_counts.path: missing"),
         ({"preset": "spadcam", "measured": {"dark_counts": ".", "fit": "exact"}}, "cannot be read"),
         ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is not in the folder"),
-        ({"preset": "spadcam", "measured": {"fit": "stretch"}}, "measured.fit: .*'center'"),
         ({"preset": "spadcam", "efficiency": {"path": "none.csv"}}, "efficiency: .*no such file"),
     ],
 )
@@ -126,29 +122,23 @@ def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
     assert "\n" not in str(refusal.value)
 
 
-HOT = r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"
+HOT = r"dark_counts in Hz: .*; lower them, bias\.excess_v .*celsius"
+PERFECT = {"wavelengths_nm": (400, 700), "values": (0.95, 0.95)}
+WARM = {"celsius": 40, "breakdown_v_per_k": 0.02}
 
 
 @pytest.mark.parametrize(
-    ("preset_name", "changes", "message"),
+    ("name", "changes", "message"),
     [
         ("spadcam", {"bias": {"excess_v": 100.0}}, HOT),
         ("spadcam", {"temperature": {"celsius": 500.0, "dcr_doubling_k": 1e-3}}, HOT),
-        (
-            "spadcam",
-            {"efficiency": {"wavelengths_nm": (400, 700), "values": (0.95, 0.95)}},
-            r"efficiency: 1\.\d+ in the best pixel; lower",
-        ),
-        (
-            "ideal",
-            {"temperature": {"celsius": 40, "breakdown_v_per_k": 0.02}},
-            r"temperature\.breakdown_v_per_k: 0\.02, but nothing",
-        ),
+        ("spadcam", {"efficiency": PERFECT}, r"efficiency: 1\.\d+ in the worst pixel; lower"),
+        ("ideal", {"temperature": WARM}, r"temperature\.breakdown_v_per_k: 0\.02, but nothing"),
     ],
 )
-def test_impossible_pixels_are_refused_with_what_makes_them(preset_name, changes, message):
+def test_impossible_pixels_are_refused_with_what_makes_them(name, changes, message):
     with pytest.raises(ValueError, match=message):
-        draw_fixed_pattern(changed(preset(preset_name), **changes), (64, 64))
+        draw_fixed_pattern(changed(preset(name), **changes), (64, 64))
 
 
 def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):

@@ -5,7 +5,6 @@ from pydantic import BaseModel
 from megalopta import sensor as sensor_package
 from megalopta.sensor import changed, preset
 from megalopta.sensor.effects.bias import efficiency_factor
-from megalopta.sensor.image_sensors import IMAGE_SENSORS
 from megalopta.sensor.spad.presets import TABLE_2_1
 
 MODELS = [
@@ -18,14 +17,6 @@ MODELS = [
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
 def test_every_parameter_is_documented(model):
     assert [name for name, field in model.model_fields.items() if not field.description] == []
-
-
-@pytest.mark.parametrize("name", IMAGE_SENSORS)
-def test_preset_survives_json(name):
-    sensor = IMAGE_SENSORS[name]
-    assert sensor.name == name
-    assert sensor.source
-    assert type(sensor).model_validate_json(sensor.model_dump_json()) == sensor
 
 
 def test_spadcam_follows_its_device_sheet():

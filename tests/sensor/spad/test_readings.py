@@ -6,62 +6,41 @@ The corner of a device is a smaller device of the same pixels, too few of them f
 import numpy as np
 import pytest
 
-from megalopta.sensor import (
-    Afterpulsing,
-    AnalogCounter,
-    DeadTime,
-    DigitalCounter,
-    Gate,
-    changed,
-    preset,
-    reading_moments,
-)
+from megalopta.sensor import changed, preset, reading_moments
 
 IDEAL = changed(preset("ideal"), exposure_s=1e-3)
-UNEVEN = AnalogCounter(
-    step_v=0.03,
-    step_sigma_v=6e-4,
-    leak_v_s=0.5,
-    leak_sigma_v_s=0.05,
-    read_noise_v=1e-3,
-    adc_bits=12,
-)
-
-
-def passive(dead_time_s, start="live"):
-    return DeadTime(kind="paralyzable", dead_time_s=dead_time_s, start=start)
-
-
-def active(dead_time_s):
-    return DeadTime(kind="nonparalyzable", dead_time_s=dead_time_s)
-
-
+BYTE = {"capacity": 255}
+UNEVEN = {
+    **{"kind": "analog", "step_v": 0.03, "step_sigma_v": 6e-4, "leak_v_s": 0.5},
+    **{"leak_sigma_v_s": 0.05, "read_noise_v": 1e-3, "adc_bits": 12},
+}
+OFFSETS = {**UNEVEN, "adc_bits": None, "offset_sigma_v": 0.01}
+MISREAD = {"kind": "analog", "step_v": 0.1, "swing_v": 1.6, "read_noise_v": 0.05}
+ACTIVE = {"kind": "nonparalyzable", "dead_time_s": 1e-6}
+PASSIVE = {"kind": "paralyzable", "dead_time_s": 1e-6}
+RUNNING = {"kind": "paralyzable", "dead_time_s": 2e-5, "start": "stationary"}
+TRAPS = {"mean_carriers": 0.2, "delay_s": 1e-5}
+GATE = {"period_s": 1e-4, "width_s": 5e-5}
 CASES = {
-    "one bit": ({"counter": DigitalCounter(capacity=1)}, 2.0),
-    "eight bits": ({"counter": DigitalCounter(capacity=255)}, 250.0),
-    "wrapping": ({"counter": DigitalCounter(capacity=255, overflow="wrap")}, 250.0),
-    "active": ({"counter": DigitalCounter(capacity=255), "dead_time": active(1e-6)}, 300.0),
-    "passive": ({"counter": DigitalCounter(capacity=63), "dead_time": passive(3e-6)}, 100.0),
-    "passive, running": (
-        {"counter": DigitalCounter(capacity=15), "dead_time": passive(2e-5, "stationary")},
-        40.0,
+    "one bit": ({"counter": {"capacity": 1}}, 2.0),
+    "eight bits": ({"counter": BYTE}, 250.0),
+    "wrapping": ({"counter": {**BYTE, "overflow": "wrap"}}, 250.0),
+    "active": ({"counter": BYTE, "dead_time": ACTIVE}, 300.0),
+    "passive": (
+        {"counter": {"capacity": 63}, "dead_time": {**PASSIVE, "dead_time_s": 3e-6}},
+        100.0,
     ),
+    "passive, running": ({"counter": {"capacity": 15}, "dead_time": RUNNING}, 40.0),
     "afterpulsing, gate": (
-        {
-            "counter": DigitalCounter(capacity=15),
-            "afterpulsing": Afterpulsing(mean_carriers=0.2, delay_s=1e-5),
-            "gate": Gate(period_s=1e-4, width_s=5e-5),
-        },
+        {"counter": {"capacity": 15}, "afterpulsing": TRAPS, "gate": GATE},
         20.0,
     ),
-    "misread": ({"counter": AnalogCounter(step_v=0.1, swing_v=1.6, read_noise_v=0.05)}, 12.0),
+    "misread": ({"counter": MISREAD}, 12.0),
     "uneven": ({"counter": UNEVEN}, 105.0),
-    "uneven, offsets": ({"counter": changed(UNEVEN, adc_bits=None, offset_sigma_v=0.01)}, 105.0),
-    "uneven, active": ({"counter": UNEVEN, "dead_time": active(1e-6)}, 115.0),
-    "uneven, passive": ({"counter": UNEVEN, "dead_time": passive(1e-6)}, 115.0),
+    "uneven, offsets": ({"counter": OFFSETS}, 105.0),
+    "uneven, active": ({"counter": UNEVEN, "dead_time": ACTIVE}, 115.0),
+    "uneven, passive": ({"counter": UNEVEN, "dead_time": PASSIVE}, 115.0),
 }
-
-
 SLOW = "afterpulsing, gate"
 
 
@@ -86,7 +65,7 @@ def test_interpolated_readings_are_those_of_each_pixels_distribution(name):
 
 
 def test_a_frame_in_light_of_all_levels_needs_no_table_of_all_of_them():
-    sensor = changed(IDEAL, counter=DigitalCounter(capacity=255, overflow="wrap"))
+    sensor = changed(IDEAL, counter={**BYTE, "overflow": "wrap"})
     rate = np.geomspace(1e-2, 1e9, 4096).reshape(1, 64, 64) / sensor.exposure_s
     mean, _ = reading_moments(rate, sensor)
     few, _ = reading_moments(rate[:, ::16, ::16], sensor)
