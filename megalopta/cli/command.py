@@ -47,19 +47,29 @@ VERBS: dict[str, Verb] = {}
 
 
 class Command(argparse.ArgumentParser):
-    """Parser that reports an error as one sentence, without the usage."""
+    """Parser of a verb; it reports an error as one sentence, without the usage."""
 
-    settings: VerbSettings | None = None
-    often: tuple[str, ...] = ()
-    """Settings that the help lists; all if empty."""
-    example: str = ""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
 
-    @property
-    def options(self) -> tuple[str, ...]:
+    def __init__(self, verb: Verb = Verb(""), **how: Any) -> None:
+        layout = argparse.RawDescriptionHelpFormatter
+        super().__init__(formatter_class=layout, allow_abbrev=False, add_help=False, **how)
+        self.settings, self.often, self.example = verb.settings, verb.often, verb.example
+        of_all = "list all settings" if verb.often else argparse.SUPPRESS
+        self.add_argument("-h", "--help", action="help", help="show this help and exit")
+        self.add_argument("--help-all", action=HelpAll, nargs=0, help=of_all)
+        for option, arguments in verb.options:
+            self.add_argument(option, **arguments)
+        self.set_defaults(run=verb.run)
+        self.named = set(self._option_string_actions)
         """Option strings, such as "--out"."""
-        return tuple(self._option_string_actions)
+
+    def branch(self, name: str) -> "argparse._SubParsersAction[Command]":
+        """Return what takes the verbs below this one; `name` is that of the chosen one."""
+        branch = self.add_subparsers(dest=name, required=True, metavar="VERB")
+        self.verbs = branch.choices
+        return branch
 
     def below(self, word: str) -> "Command":
         """Return the command of a verb; itself for other words. Raises UserError if unknown."""

@@ -1,10 +1,9 @@
 """The verbs that run stages: on a new dataset from a configuration, or on one that is there."""
 
 from argparse import Namespace
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
     CLUSTER,
@@ -199,7 +198,7 @@ _OF_PICTURES = (
     example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
 def _sense(options: Namespace) -> Path | None:
-    from megalopta.render import is_footage
+    from megalopta.render import is_footage, open_footage
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
     asked = {field: getattr(options, field) for field in fields}
@@ -212,22 +211,18 @@ def _sense(options: Namespace) -> Path | None:
         options.dataset = options.input
         run_later_stage("sense", options)
         return None
-    return _sense_pictures(options, stated)
-
-
-def _sense_pictures(options: Namespace, stated: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
-    from megalopta.render import open_footage
     from megalopta.stages.importing import PictureOptions, pictures_configuration
-    from megalopta.stages.run import check_stage, run_stages
+    from megalopta.stages.limits import refuse_absurd
+    from megalopta.stages.run import run_stages
 
     asked = PictureOptions(**stated)
     with open_footage(options.input, asked.unit) as footage:
         settings, light = pictures_configuration(footage, asked, options.overrides)
         root = Path(options.out or Path("out") / settings.name)
-        check_stage("sense", settings, root)
-        stages = "render", "sense"
+        refuse_absurd(settings, "sense", root)
+        stages = "sense", "render"  # the open pictures are exposed, and then copied
         run_stages(root, settings, stages, options.redo, light=light, is_checked=True)
     say(f"see them with: {shell_command('view', root)}")
     return root

@@ -41,12 +41,19 @@ def check_plan(plan: Plan) -> list[Configuration]:
         scene, trajectory = pairs[step % len(pairs)]
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
-        for share, camera in product(_SHARES, range(plan.cameras_per_path)):
+        for share in _SHARES:
+            ranges = list[str]()
 
-            def at(path: str, entry: dict[str, float] = entry, share: float = share) -> float:
-                return entry.get(path, share)
+            def at(
+                path: str, entry: Any = entry, share: float = share, ranges: Any = ranges
+            ) -> float:
+                ranges += [] if path in entry else [path]
+                return float(entry.get(path, share))
 
-            configurations.append(configuration_at(plan, camera, at))
+            for camera in range(plan.cameras_per_path):
+                configurations.append(configuration_at(plan, camera, at))
+            if not ranges:  # all shares are alike
+                break
     return configurations
 
 

@@ -99,7 +99,7 @@ class Sequence:
 
     def __init__(self, dataset: Dataset) -> None:
         self.dataset, self.name = dataset, dataset.sequence
-        self.split = dataset.record.split if dataset.record else "all"
+        self.split = dataset.former.split
         self._opened: dict[str, OpenedCounts] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:

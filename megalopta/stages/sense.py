@@ -51,6 +51,9 @@ LIGHT_SPEED_M_S = 299_792_458.0
 
 def sense(dataset: Dataset) -> None:
     """Expose what is missing, and write readings of the IMU and images."""
+    if dataset.light:  # open pictures, for which nothing was made before
+        with refused_as("sense"):
+            _check(dataset.configuration)
     expose(dataset)
     if (imu := dataset.configuration.imu) and not dataset.imu.exists():
         write_imu(dataset.imu, dataset.configuration, imu)
@@ -264,9 +267,9 @@ def burst_frames(settings: Configuration) -> int:
 def _check(settings: Configuration) -> None:
     """Refuse what does not fit frames, and measured devices with unusable maps, as ValueError."""
     _check_timing(settings)
+    shape = settings.camera.height, settings.camera.width
     for sensor in settings.sensors:
         try:
-            shape = settings.camera.height, settings.camera.width
             check_sensor(sensor, settings.render.bands_nm, shape)
             for product in settings.products:
                 products.check_product(product, sensor, shape)
@@ -280,7 +283,8 @@ def _check_timing(settings: Configuration) -> None:
     """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     usual_hz = Configuration.model_fields["burst_hz"].default
-    has_burst, in_burst = "burst_npy" in settings.products, burst_frames(settings)
+    has_burst = "burst_npy" in settings.products
+    in_burst = burst_frames(settings) if has_burst else 1
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
             f"sub_frames {parts}: shutter already renders the motion within an exposure; "
@@ -329,4 +333,5 @@ STAGE = Stage(
     model=lambda: str(SENSOR_MODEL),
     machinery=lambda _: {name: version(name) for name in ("numpy", "numba")},
     check=_check,
+    rehearse=_check,
 )
