@@ -1,7 +1,6 @@
-"""Verbs of the command line: options, actions and errors.
+"""Verbs of the command line: functions decorated with `verb`.
 
-A verb is a function decorated with `verb`. The parser loads all files of verbs for every command,
-even `--help`: import slow modules where they run.
+Their files are loaded even for `--help`: import slow modules where they run.
 """
 
 import argparse
@@ -52,8 +51,8 @@ class Command(argparse.ArgumentParser):
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
 
-    def __init__(self, verb: Verb = Verb(""), **how: Any) -> None:
-        layout = argparse.RawDescriptionHelpFormatter
+    def __init__(self, verb: Verb | None = None, **how: Any) -> None:
+        verb, layout = verb or Verb(""), argparse.RawDescriptionHelpFormatter
         super().__init__(formatter_class=layout, allow_abbrev=False, add_help=False, **how)
         self.settings, self.often, self.example = verb.settings, verb.often, verb.example
         of_all = "list all settings" if verb.often else argparse.SUPPRESS

@@ -1,8 +1,4 @@
-"""Entry point of the command line, and its exit codes.
-
-0: done. 2: a user's mistake, reported in one sentence. 130: interrupted. A traceback is a bug of
-megalopta.
-"""
+"""Entry point of the command line; exit codes: 0 done, 2 a user's mistake, 130 interrupted."""
 
 import atexit
 import gc

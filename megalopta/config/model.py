@@ -1,9 +1,4 @@
-"""The frozen configuration of a sequence: YAML file, command line, provenance record.
-
-A YAML file gives any part of it; the rest has defaults. On the command line a field is named by its
-path, `--scene.trees 200`, and its value is read as YAML. Its fields are those of four parts, each
-in a file of its own: scene, rendering, sensing, measuring.
-"""
+"""The frozen configuration of a sequence: scene, rendering, sensing and measuring."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

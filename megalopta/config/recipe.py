@@ -1,10 +1,4 @@
-"""A plan: a dataset of any size in one file, with values drawn for each sequence.
-
-{uniform: [1, 5]}         a number from 1 to 5, uniformly distributed
-{log_uniform: [1, 100]}   a number whose logarithm is uniformly distributed
-{integer: [0, 9]}         a whole number from 0 to 9, inclusive
-{one_of: [a, b, c]}       one of these, which may be mappings with ranges of their own
-"""
+"""A plan: a dataset of any size in one file, with values drawn for each sequence."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,6 @@
-"""Files and folders written atomically. Every folder may import this module.
+"""Files and folders written atomically.
 
-Output has a temporary name until it is complete and on the disk. A killed process leaves such names
-behind; `sweep` removes them, once nobody else writes there.
+Output has a temporary name until it is complete; those of killed processes are swept later.
 """
 
 import csv

@@ -1,11 +1,6 @@
-"""The index of finished sequences, rebuilt from the records: tables and splits.
+"""The index of finished sequences, made from their records: tables, splits, Croissant 1.1.
 
-`splits/train/Sintel/training/flow/SEQ` links to `training/flow/SEQ`, so that loaders of MPI-Sintel
-read one split of a dataset. A copy with resolved links (`cp -rL`) is self-contained.
-
-Tables of frames, sequences and exposures are described in Croissant 1.1,
-https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html: JSON-LD for search engines and
-loaders. The tables are its record sets; frames and counts are sets of files next to them.
+https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html; splits link as MPI-Sintel's tree.
 """
 
 import errno

@@ -1,8 +1,4 @@
-"""Record of a sequence: its settings, the software of each stage, and the hash of every file.
-
-sequences/SEQ.json     the finished stages; what it does not list is no output
-sequences/SEQ.begun    the stages in progress, with settings and software, without files
-"""
+"""Record of a sequence: its settings, the software of each stage, and the hash of every file."""
 
 import re
 from collections.abc import Collection

@@ -1,8 +1,4 @@
-"""Flow and occlusion between any two frames, from depth and poses, without the renderer.
-
-Pixels are projected to points by their stored depth, and points to pixels of another frame by its
-pose. Moving points are taken from their stored place along their motion.
-"""
+"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,8 +1,4 @@
-"""The benchmark stage: photons per frame that each detector needs on the rendered sequence.
-
-The light of the sequence and the sums of every size and repeat are kept in
-results/SEQ/benchmark-parts until all are finished: only a few frames are in memory.
-"""
+"""The benchmark stage: photons per frame that each detector needs on the rendered sequence."""
 
 from collections.abc import Callable
 from functools import cache, partial

@@ -1,9 +1,4 @@
-"""The flow stage: motion detectors on the readings of every sensor at every light level.
-
-Each detector runs on the readings and on their noise-free mean (`measurement`); the difference is
-the error due to noise. Velocities are also compared with the true flow, or, for pictures without
-true flow, with DIS on the clean frames. Direction detectors give the camera's yaw rate.
-"""
+"""The flow stage: motion detectors on the readings of every sensor at every light level."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

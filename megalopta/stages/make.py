@@ -1,8 +1,4 @@
-"""Make the sequences of a plan, and add output to all sequences of a dataset.
-
-Each sequence is one job: in this process, in processes of this machine, or on a Dask cluster. The
-index is made again from the records at the end.
-"""
+"""Make the sequences of a plan, and add output to all sequences of a dataset."""
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

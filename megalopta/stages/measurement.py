@@ -1,9 +1,6 @@
 """Responses and errors of one detector on one exposure, a few frames at a time.
 
-A detector runs on the readings, on their mean (the same device without temporal noise, "self"), and
-on the photons themselves ("perfect": an ideal sensor). If there are corrected readings it runs on
-them too; these are compared with the perfect sensor only. Only sums of errors and velocities of
-blocks are kept, not the frames.
+References are the mean of the readings ("self") and the photons ("perfect").
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,6 @@
 """The sense stage: from radiance to the readings of every sensor at every light level, on disk.
 
-SPAD arrays read counts, CTIA arrays electrons. Events, binary frames and TIFF stacks are written
-too if `products` asks for them. With `sub_frames` light moves within a frame. SPAD arrays may keep
-their state from frame to frame.
-
-Light is additive: a scene under the same light, k times as bright, has k times the radiance in
-every band. So one rendering serves all levels. The direction of the light does not change: a full
-moon sensed from a rendering under an overcast sky casts no shadows.
+Light is additive: one rendering, scaled, serves all levels; its direction stays.
 """
 
 from collections.abc import Iterable
