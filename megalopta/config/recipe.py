@@ -246,8 +246,23 @@ def choose(values: list[Any], at: Stream, path: str) -> tuple[int, Any]:
 def check_ranges(value: Any, path: str) -> None:
     """Check the ranges of a value. Raises ValueError."""
     if kind := _kind(value):
-        _check(kind, value[kind], path)
-        value = value[kind] if kind == "one_of" else None
+        limits = value[kind]
+        place = f"{path}: {kind} {limits!r}"
+        if not isinstance(limits, list | tuple) or not limits:
+            raise ValueError(f"{place}: give a list")
+        if kind != "one_of":
+            types = int if kind == "integer" else (int, float)
+            if len(limits) != 2 or not all(
+                isinstance(limit, types) and not isinstance(limit, bool) and math.isfinite(limit)
+                for limit in limits
+            ):
+                numbers = "whole numbers" if kind == "integer" else "numbers"
+                raise ValueError(f"{place}: give two {numbers}, in ascending order")
+            if limits[0] > limits[1]:
+                raise ValueError(f"{place}: give the lower number first")
+            if kind == "log_uniform" and limits[0] <= 0:
+                raise ValueError(f"{place}: give numbers above 0")
+        value = limits if kind == "one_of" else None
     if isinstance(value, Mapping):
         for key, each in value.items():
             if key in _KINDS:
@@ -277,21 +292,3 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     value = low * (high / low) ** place if is_log else low + place * (high - low)
     # short enough for a file's name
     return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
-
-
-def _check(kind: str, limits: Any, path: str) -> None:
-    if not isinstance(limits, list | tuple) or not limits:
-        raise ValueError(f"{path}: {kind} {limits!r}: give a list")
-    if kind == "one_of":
-        return
-    types = int if kind == "integer" else (int, float)
-    if len(limits) != 2 or not all(
-        isinstance(each, types) and not isinstance(each, bool) and math.isfinite(each)
-        for each in limits
-    ):
-        numbers = "whole numbers" if kind == "integer" else "numbers"
-        raise ValueError(f"{path}: {kind} {limits!r}: give two {numbers}, in ascending order")
-    if limits[0] > limits[1]:
-        raise ValueError(f"{path}: {kind} {limits!r}: give the lower number first")
-    if kind == "log_uniform" and limits[0] <= 0:
-        raise ValueError(f"{path}: {kind} {limits!r}: give numbers above 0")

@@ -230,7 +230,7 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
 
 
 def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
-    """Write the record of a sequence; nothing of it is in progress any more."""
+    """Write the record of a sequence, of which nothing is in progress any more."""
     files.write_text(dataset.record_path, record.to_json())
     files.remove(dataset.begun_path)
     return replace(dataset, record=record)
