@@ -5,7 +5,7 @@ Light is additive: one rendering, scaled, serves all levels; its direction stays
 
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -70,7 +70,7 @@ def expose(dataset: Dataset) -> None:
     with ExitStack() as stores:
         exposers = [_Exposer(dataset, *pair, stores) for pair in settings.exposures]
         exposers = [exposer for exposer in exposers if exposer.products]
-        counting = [exposer for exposer in exposers if exposer.draws("events")]
+        counting = [exposer for exposer in exposers if "events" in exposer.products]
         for first, radiance in read_radiance_frames(dataset) if counting else ():
             for exposer in counting:  # before anything is drawn
                 exposer.check_events(first, radiance)
@@ -93,34 +93,6 @@ def expose(dataset: Dataset) -> None:
         write_corrected(dataset, sensor, opened)
 
 
-@dataclass(frozen=True)
-class _Product:
-    """Files of one kind of readings of an exposure, which are drawn once."""
-
-    kind: products.Kind
-    files: list[products.Write]
-
-    def write(self, shot: Shot, is_stated: bool, state: PixelState | None) -> PixelState | None:
-        """Draw readings of some frames and write them; return the state of a running array."""
-        drawn: Iterable[tuple[Any, PixelState | None]]
-        match self.kind:
-            case "readings":
-                drawn = [shot.readings(state, is_stated)]
-            case "events":
-                drawn = shot.events(state)
-            case "bits":
-                drawn = [shot.bits(state)]
-            case "burst":
-                drawn = shot.burst(state)
-            case "histograms":
-                drawn = ((histogram, None) for histogram in shot.histograms())
-        after = state
-        for reading, after in drawn:  # noqa: B007
-            for write in self.files:
-                write(reading)
-        return after
-
-
 class _Exposer:
     """Exposes frames on one sensor at one light level, and writes the products that are missing."""
 
@@ -132,7 +104,7 @@ class _Exposer:
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(settings, level).astype(np.float32)
-        self._states: dict[products.Kind, PixelState | None] = {}
+        self._states: dict[str, PixelState | None] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
@@ -147,19 +119,16 @@ class _Exposer:
             extra=unusual,
         )
         shape = settings.trajectory.frames, *settings.camera.shape
-        writers: dict[products.Kind, list[products.Write]] = {}
+        self.products: dict[products.Kind, list[products.Write]] = {}
+        """Writers of the missing products, by the kind of their readings, which are drawn once"""
         for name in settings.products:
             if not (path := products.product_path(self._counts, name)).exists():
                 timing = self._period_s, burst_frames(settings)
                 writer = products.product_writer(name, path, origin, shape, *timing)
-                writers.setdefault(products.kind_of(name), []).append(stores.enter_context(writer))
-        self.products = [_Product(kind, files) for kind, files in writers.items()]
-        self.needs_depth = self.draws("histograms") and starts_at_camera(sensor)
+                write = stores.enter_context(writer)
+                self.products.setdefault(products.kind_of(name), []).append(write)
+        self.needs_depth = "histograms" in self.products and starts_at_camera(sensor)
         """True if pulses leave from the camera"""
-
-    def draws(self, kind: products.Kind) -> bool:
-        """True if readings of a kind are written."""
-        return any(product.kind == kind for product in self.products)
 
     def expose(
         self,
@@ -172,11 +141,24 @@ class _Exposer:
         shot = self._shot(first, radiance, following)
         if self.needs_depth:
             shot = replace(shot, later_s=later_s)
+        drawn: Iterable[tuple[Any, PixelState | None]]
         with refused_as(self._what):
-            for product in self.products:
-                state = self._states.get(product.kind)
-                is_stated = self._settings.expectation
-                self._states[product.kind] = product.write(shot, is_stated, state)
+            for kind, writers in self.products.items():
+                state = self._states.get(kind)  # of a running array, after the last frame
+                match kind:
+                    case "readings":
+                        drawn = [shot.readings(state, self._settings.expectation)]
+                    case "events":
+                        drawn = shot.events(state)
+                    case "bits":
+                        drawn = [shot.bits(state)]
+                    case "burst":
+                        drawn = shot.burst(state)
+                    case "histograms":
+                        drawn = ((histogram, None) for histogram in shot.histograms())
+                for reading, self._states[kind] in drawn:
+                    for write in writers:
+                        write(reading)
 
     def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
@@ -260,21 +242,6 @@ def burst_frames(settings: Configuration) -> int:
 
 def _check(settings: Configuration) -> None:
     """Refuse what does not fit frames, and measured devices with unusable maps, as ValueError."""
-    _check_timing(settings)
-    shape = settings.camera.height, settings.camera.width
-    for sensor in settings.sensors:
-        try:
-            check_sensor(sensor, settings.render.bands_nm, shape)
-            for product in settings.products:
-                products.check_product(product, sensor, shape)
-            if starts_at_camera(sensor) and not settings.scene.has_truth:
-                raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
-        except ValueError as problem:
-            raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
-
-
-def _check_timing(settings: Configuration) -> None:
-    """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     usual_hz = Configuration.model_fields["burst_hz"].default
     has_burst = "burst_npy" in settings.products
@@ -310,6 +277,16 @@ def _check_timing(settings: Configuration) -> None:
                 "remove the setting"
             )
     settings.check_exposures()
+    shape = settings.camera.height, settings.camera.width
+    for sensor in settings.sensors:
+        try:
+            check_sensor(sensor, settings.render.bands_nm, shape)
+            for product in settings.products:
+                products.check_product(product, sensor, shape)
+            if starts_at_camera(sensor) and not settings.scene.has_truth:
+                raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
+        except ValueError as problem:
+            raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 
 
 STAGE = Stage(
