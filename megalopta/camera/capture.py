@@ -19,7 +19,7 @@ from megalopta.camera.recording import Recorder, Recording, open_recording
 from megalopta.core.errors import UserError, machine_problem, refused_as
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
-from megalopta.core.progress import say, speaking
+from megalopta.core.progress import say, working
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats import protocol
 
@@ -262,7 +262,7 @@ def viewing() -> Iterator[Show]:
     """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
         last = ["no frames yet"]
-        with speaking(lambda: f"capture: {last[0]}"):
+        with working("capture", lambda: last[0], lambda: 0.0):
             yield lambda recorder, state: last.__setitem__(0, state)
         return
     from rich.console import Console, Group

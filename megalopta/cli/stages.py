@@ -217,9 +217,9 @@ def _sense(options: Namespace) -> Path | None:
     from megalopta.stages.limits import refuse_absurd
     from megalopta.stages.run import run_stages
 
-    asked = PictureOptions(**stated)
-    with open_footage(options.input, asked.unit) as footage:
-        settings, light = pictures_configuration(footage, asked, options.overrides)
+    chosen = PictureOptions(**stated)
+    with open_footage(options.input, chosen.unit) as footage:
+        settings, light = pictures_configuration(footage, chosen, options.overrides)
         root = Path(options.out or Path("out") / settings.name)
         refuse_absurd(settings, "sense", root)
         stages = "sense", "render"  # the open pictures are exposed, and then copied

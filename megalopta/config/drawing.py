@@ -126,11 +126,7 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a sequence, the same for all cameras of a rig.
-
-    Scenes, lights, cameras and paths are dealt like cards: each comes once, in random order, before
-    one comes again.
-    """
+    """Random numbers of a sequence, the same for all cameras of a rig; entries are dealt like cards."""
     number = index // plan.cameras_per_path
     drawn, dealt = stream(plan.seed, number), dict[str, float]()
     for name in _DRAWN:

@@ -95,10 +95,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
 
 
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
-    """Return a location as a user writes it, and the types there.
-
-    For a union of several models or types, pydantic inserts a tag.
-    """
+    """Return a location as a user writes it, without the tags of unions, and the types there."""
     types, steps = [model], list[str]()
     for step in map(str, location):
         inner = [inside for outer in types for inside in inner_types(outer, step)]

@@ -172,10 +172,7 @@ def shortest(value: float) -> float:
 
 
 def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
-    """Average over pictures, each so many times as it is shown, and say which are not.
-
-    Raises UserError for black.
-    """
+    """Average over pictures, each so often as it is shown. Raises UserError for black."""
     footage, trajectory, weights = frames.footage, frames.settings.trajectory, frames.weights()
     if missed := max(weights) + 1 - len(weights):
         say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
@@ -234,7 +231,7 @@ def import_pictures(dataset: Dataset) -> None:
         **asdict(brightness),
     }
     files.write_json(dataset.scene_record, {"pictures": record})
-    light = (
+    white = (
         "their spectra are used as they are"
         if footage.transfer == "spectral radiance"
         else f"{footage.transfer} codes become light, white has the spectrum of "
@@ -243,7 +240,7 @@ def import_pictures(dataset: Dataset) -> None:
     )
     lines = [
         f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {light}"
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {white}"
     ]
     if len(footage) == 1:
         lines.append("it is one picture, which stands still")

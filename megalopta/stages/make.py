@@ -128,10 +128,7 @@ def _run(
 
 
 def _whole_plan(tree: Tree, plan: Plan) -> Plan:
-    """Return the plan of a folder: this one, with the largest number of sequences requested so far.
-
-    Raises UserError for a folder of other files, or with sequences of another plan.
-    """
+    """Return the plan of a folder, with the most sequences requested so far; refuse another."""
     root = tree.root
     if not tree.exists():
         return plan
@@ -296,10 +293,7 @@ def _on_all(
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    """Do a job on every finished sequence of a plan, after checking all, and renew the index.
-
-    `job(index, is_checked=True)` checks whether it can be done, with False does it.
-    """
+    """Do a job on every sequence of a plan, after each `is_checked`, and renew the index."""
     plan = tree.plan
     assert plan is not None
     with locked(tree.root):
@@ -365,10 +359,7 @@ def add_exposures(
 
 
 def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> None:
-    """Add missing exposures to a sequence; its record lists them when all are complete.
-
-    Files of a run that was killed lie beside the listed ones, and are removed.
-    """
+    """Add missing exposures to a sequence; its record lists them when all are complete."""
     made = Tree(root).opened(drawing.sequence_name(index))
     record = made.former
     values = {
@@ -401,7 +392,7 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
         return
     folders = [root / kind / made.sequence for kind in ("counts", "corrected")]
     with locked(made.record_path.parent, f".{made.sequence}.lock"), silent():
-        for path in [path for folder in folders for path in folder.glob("*")]:
+        for path in [path for folder in folders for path in folder.glob("*")]:  # of a killed run
             if product_stem(path) not in made.exposures:
                 files.remove(path)
         expose(wanted)

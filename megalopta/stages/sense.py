@@ -184,10 +184,7 @@ def starts_at_camera(sensor: ImageSensor) -> bool:
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
-    """Return the frames that follow frames (n, H, W, B); None if light stands still.
-
-    After the last frame of a rendered sequence the light continues as before; pictures stand still.
-    """
+    """Return the frames that follow frames (n, H, W, B); None if light stands still."""
     settings, end = dataset.configuration, first + len(radiance)
     if settings.sub_frames == 1:
         return None
@@ -196,7 +193,7 @@ def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) ->
     truths = [read_truth_frame(dataset, index) for index in range(first, end)]
     flow = np.stack([truth.flow_forward for truth in truths])
     hidden = np.stack([truth.occluded_forward for truth in truths])
-    if end == settings.trajectory.frames:
+    if end == settings.trajectory.frames:  # the light continues as before
         flow[-1], hidden[-1] = -truths[-1].flow_backward, True
         after = radiance[-1]
     else:
