@@ -126,7 +126,7 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a sequence, the same for all cameras of a rig; entries are dealt like cards."""
+    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards."""
     number = index // plan.cameras_per_path
     drawn, dealt = stream(plan.seed, number), dict[str, float]()
     for name in _DRAWN:

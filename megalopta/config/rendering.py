@@ -65,7 +65,7 @@ class RenderingSettings(SceneSettings, frozen=True):
         if self.scene.has_truth:  # pictures may hold spectra of their own
             white, name = self.scene.white(self.light), f"light {self.light.level!r}"
             check_known(name, white.range_nm, self.render.bands_nm, "")
-        if self.scene.is_hazy and self.render.integrator == "baked":
+        if self.render.integrator == "baked" and self.scene.is_hazy:
             raise ValueError(
                 "render.integrator 'baked': baked light has no haze; use 'auto' or 'path', or "
                 "omit scene.haze"

@@ -60,7 +60,7 @@ def validated(
     may name files in its `folder` only (`named_path`), and code only if `allows_code`; overrides,
     which the user typed, may name any.
     """
-    changed = overridden(model, values, overrides or {})
+    changed = overridden(model, values, overrides) if overrides else values
     try:
         return checked(model, changed, {"folder": folder, "allows_code": allows_code})
     except MisfitError as problem:
@@ -74,7 +74,7 @@ def overridden(
     model: type[BaseModel], values: dict[str, Any], overrides: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return the values of a model with overrides of the command line."""
-    changed = deepcopy(values) if overrides else values
+    changed = deepcopy(values)
     # `kind` and `preset`, which reset a mapping, come before its fields
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):

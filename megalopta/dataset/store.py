@@ -97,7 +97,8 @@ class Dataset:
         self.tracks = self.root / "training/tracks" / name / "tracks.npz"
         self.imu = self.root / "training/imu" / name
         shutter = self.configuration.shutter
-        self._radiance = "radiance" if shutter.is_instant else "radiance_shutter"
+        is_blurred = shutter.exposure_s > 0 or shutter.readout_s > 0
+        self._radiance = "radiance_shutter" if is_blurred else "radiance"
         self._truth = "truth_shutter" if shutter.readout_s > 0 else "truth"
 
     @cached_property

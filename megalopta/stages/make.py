@@ -25,7 +25,7 @@ from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.index import write_index
 from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistics
 from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
-from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of
+from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of, open_sequence
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
@@ -277,13 +277,8 @@ def measure(
         job = partial(_measure, tree.root, overrides, stage, redo)
         _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
         return
-    datasets = [tree.opened(name) for name in tree.names()]
-    if not datasets:
-        raise UserError(f"{tree.root}: no finished sequence; run: {tree.make_again}")
-    for dataset in datasets:
-        values = dataset.configuration.model_dump(mode="json")
-        changed = validated(Configuration, values, str(root), overrides)
-        run_stage(root, changed, stage, redo)
+    values = open_sequence(tree.root).configuration.model_dump(mode="json")
+    run_stage(root, validated(Configuration, values, str(root), overrides), stage, redo)
 
 
 def _on_all(
