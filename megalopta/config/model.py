@@ -69,7 +69,8 @@ def parse(
             f"{shell_command('dataset', 'make', source)}"
         )
     of_scene = {path: value for path, value in (overrides or {}).items() if path in _SCENE}
-    kind = _kind_of_scene(overridden(Configuration, values, of_scene))
+    changed = overridden(Configuration, values, of_scene) if of_scene else values
+    kind = _kind_of_scene(changed)
     values = with_suited_depth(values, kind)
     return fitted(validated(Configuration, values, source, overrides, folder))
 
