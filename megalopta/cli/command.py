@@ -74,7 +74,7 @@ class Command(argparse.ArgumentParser):
         """Return the command of a verb; itself for other words. Raises UserError if unknown."""
         if not self.verbs or word.startswith("-") or word in self.verbs:
             return self.verbs.get(word, self)
-        deeper = [f"{name} {word}" for name, each in self.verbs.items() if word in each.verbs]
+        deeper = [f"{name} {word}" for name, command in self.verbs.items() if word in command.verbs]
         near = deeper or get_close_matches(word, self.verbs, 1)
         remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
         verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
@@ -145,7 +145,7 @@ def option(
     shown = f"{default:g}" if isinstance(default, float) else default
     stated = "" if default is None or "default:" in text else f" (default: {shown})"
     arguments = {"type": kind, "default": default, "metavar": metavar or None, **how}
-    chosen = {key: each for key, each in arguments.items() if each is not None}
+    chosen = {key: value for key, value in arguments.items() if value is not None}
     return name, {"help": f"{text}{stated}", **chosen}
 
 

@@ -140,7 +140,7 @@ def split_overrides(
             taker = name.removeprefix("--").replace("-", "_")
             if not taker:
                 raise UserError("--: not a setting; give its path, such as --camera.width")
-            if near := get_close_matches(taker, [each[2:] for each in options], 1, _SIMILAR):
+            if near := get_close_matches(taker, [option[2:] for option in options], 1, _SIMILAR):
                 raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             words = takes(taker)
             if taker in settings:

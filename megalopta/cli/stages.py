@@ -107,14 +107,14 @@ def _demo(options: Namespace) -> Path:
     if options.quick and options.configuration not in (None, "demo"):
         raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
     options.configuration = "quick" if options.quick else options.configuration
-    asked = _configuration(options)  # refused before the rest is loaded
+    settings = _configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.run import run_all
 
-    dataset = run_all(options.out, asked, options.redo)
+    dataset = run_all(options.out, settings, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
         with step("ranking"):
@@ -201,8 +201,8 @@ def _sense(options: Namespace) -> Path | None:
     from megalopta.render import is_footage, open_footage
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
-    asked = {field: getattr(options, field) for field in fields}
-    stated = {field: value for field, value in asked.items() if value is not None}
+    values = {field: getattr(options, field) for field in fields}
+    stated = {field: value for field, value in values.items() if value is not None}
     is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), stated or options.out
     if is_dataset or not (of_pictures or is_footage(options.input)):
         if of_pictures:

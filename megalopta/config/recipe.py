@@ -210,9 +210,9 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
 def _placed(value: Any, folder: Path | None, key: object = None) -> Any:
     """Return values of a plan with the paths of the files that it names (`named_path`)."""
     if isinstance(value, Mapping):
-        return {name: _placed(each, folder, name) for name, each in value.items()}
+        return {name: _placed(inner, folder, name) for name, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_placed(each, folder, key) for each in value]
+        return [_placed(inner, folder, key) for inner in value]
     is_text = isinstance(value, str) and "\n" not in value
     if is_text and (key in _FILE_KEYS or value.lower().endswith(_FILE_SUFFIXES)):
         place = named_path(value, folder)
@@ -231,9 +231,9 @@ def draw_entry(value: Any, at: Stream, path: str = "") -> Any:
     if kind := _kind(value):
         return _drawn(kind, value[kind], at, path)
     if isinstance(value, Mapping):
-        return {key: draw_entry(each, at, f"{path}.{key}") for key, each in value.items()}
+        return {key: draw_entry(inner, at, f"{path}.{key}") for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [draw_entry(each, at, f"{path}.{index}") for index, each in enumerate(value)]
+        return [draw_entry(inner, at, f"{path}.{index}") for index, inner in enumerate(value)]
     return value
 
 
@@ -264,13 +264,13 @@ def check_ranges(value: Any, path: str) -> None:
                 raise ValueError(f"{place}: give numbers above 0")
         value = limits if kind == "one_of" else None
     if isinstance(value, Mapping):
-        for key, each in value.items():
+        for key, inner in value.items():
             if key in _KINDS:
                 raise ValueError(f"{path}: {key} excludes other keys; remove them")
-            check_ranges(each, f"{path}.{key}".strip("."))
+            check_ranges(inner, f"{path}.{key}".strip("."))
     elif isinstance(value, list | tuple):
-        for index, each in enumerate(value):
-            check_ranges(each, f"{path}.{index}")
+        for index, inner in enumerate(value):
+            check_ranges(inner, f"{path}.{index}")
 
 
 def _kind(value: Any) -> str | None:

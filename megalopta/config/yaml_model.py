@@ -111,8 +111,8 @@ def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     if last == "preset":
         for name in values.keys() - {"kind"}:
             del values[name]
-    inner = [each for each in _inner(types, last) if each is not NoneType]
-    is_list = inner and all(get_origin(each) is tuple for each in inner)
+    inner = [kind for kind in _inner(types, last) if kind is not NoneType]
+    is_list = inner and all(get_origin(kind) is tuple for kind in inner)
     values[last] = [value] if is_list and not isinstance(value, list) else value
 
 
@@ -137,7 +137,7 @@ def _child(values: Any, step: str, types: list[Any], path: str) -> Any:
 
 def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     """Return what a model has at a step where a file states nothing."""
-    models = [each for each in types if _has(each, step)]
+    models = [kind for kind in types if _has(kind, step)]
     kind = values.get("kind", ...)
     model = next((each for each in models if _kind(each) == kind), models[0] if models else None)
     if model is None:
@@ -153,7 +153,7 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
 
 
 def _inner(types: list[Any], step: str) -> list[Any]:
-    return [Any] if Any in types else [each for outer in types for each in inner_types(outer, step)]
+    return [Any] if Any in types else [kind for outer in types for kind in inner_types(outer, step)]
 
 
 def _is_model(kind: Any) -> bool:

@@ -216,9 +216,9 @@ def splits_of(record: SequenceRecord, plan: Plan) -> list[str]:
 
 def split_links(root: Path, split: str, record: SequenceRecord) -> dict[Path, Path]:
     """Return the links of a split to the Sintel folders of a sequence, with their targets."""
-    folders = sorted(each for each in record.folders if each.startswith("training/"))
+    folders = sorted(folder for folder in record.folders if folder.startswith("training/"))
     above = Path("../../../../..")
-    return {root / "splits" / split / "Sintel" / each: above / each for each in folders}
+    return {root / "splits" / split / "Sintel" / folder: above / folder for folder in folders}
 
 
 def _link(link: Path, target: Path) -> None:

@@ -115,7 +115,7 @@ def read_imu(path: Path) -> ImuReadings:
         raise UserError(f"{path}: no IMU; sense with `imu: {{}}`")
     with bounded.undamaged(path, "run megalopta sense again"):
         lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
-        rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])
+        rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
         times, turns, pushes = np.split(rows, (1, 4), axis=1)
         if pushes.shape[1] != 3:
             raise ValueError(f"{rows.shape[1]} columns instead of 7")

@@ -79,7 +79,7 @@ def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Flo
     if (kept := store.read()) is not None:
         return [kept[str(index)] for index in range(len(kept))]
     sums = work()
-    store.write({str(index): each for index, each in enumerate(sums)})
+    store.write({str(index): total for index, total in enumerate(sums)})
     return sums
 
 

@@ -96,7 +96,10 @@ def _measure_exposure(
                 write_frames(group, key, start, values.astype(np.float32), length)
             advance(len(frames.saturated))
     share = saturated / math.prod(shape)
-    return [{"saturated_fraction": share, **each.record()} for each in measurements.values()]
+    return [
+        {"saturated_fraction": share, **measurement.record()}
+        for measurement in measurements.values()
+    ]
 
 
 def _seen_frames(

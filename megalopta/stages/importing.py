@@ -168,7 +168,7 @@ def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
 def shortest(value: float) -> float:
     """Return the number of the fewest digits that agrees to 1e-9, such as 25 for 24.99…96."""
     rounded = (float(f"{value:.{digits}g}") for digits in range(1, 18))
-    return next(each for each in rounded if math.isclose(each, value))
+    return next(number for number in rounded if math.isclose(number, value))
 
 
 def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:

@@ -75,8 +75,8 @@ def make(
         finished = set(tree.names()) - {
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
-        asked = range(plan.sequences) if only is None else only
-        todo = [index for index in asked if drawing.sequence_name(index) not in finished]
+        indices = range(plan.sequences) if only is None else only
+        todo = [index for index in indices if drawing.sequence_name(index) not in finished]
         if todo:
             _check_same_machinery(tree)
         try:
@@ -134,7 +134,7 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
         return plan
     if (former := tree.plan) is None:
         raise UserError(f"{root}: a dataset without a plan; choose another folder")
-    old, new = ({**each.model_dump(mode="json"), "sequences": 0} for each in (former, plan))
+    old, new = ({**kept.model_dump(mode="json"), "sequences": 0} for kept in (former, plan))
     if changes := differences_text(old, new):
         raise UserError(
             f"{root} was made from another plan ({changes}); choose another folder "
@@ -397,7 +397,10 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
         measured = exposure_statistics(replace(wanted, record=None))
-        exposures = (*record.exposures, *(each for each in measured if each.name in missing))
+        exposures = (
+            *record.exposures,
+            *(exposure for exposure in measured if exposure.name in missing),
+        )
         update = {
             "statistics": record.statistics.model_copy(update={"exposures": exposures}),
             "stages": {**record.stages, "sense": sensed.model_copy(update={"files": files_of})},

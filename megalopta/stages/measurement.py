@@ -129,15 +129,15 @@ class SequenceMeasurement:
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]
         known, pure = (
-            np.where(left_out, np.nan, each) for each in (truth.velocities, truth.without_mixed)
+            np.where(left_out, np.nan, truths) for truths in (truth.velocities, truth.without_mixed)
         )
-        velocities = {name: np.concatenate(each) for name, each in self._velocities.items()}
+        velocities = {name: np.concatenate(chunks) for name, chunks in self._velocities.items()}
         ideal, counts = (
             truth_splits(velocities[name], known, truth.hidden) for name in ("ideal", "counts")
         )
 
         def errors(truth: Floats) -> Record:
-            return {name: truth_error(each, truth).to_dict() for name, each in velocities.items()}
+            return {name: truth_error(flow, truth).to_dict() for name, flow in velocities.items()}
 
         return {
             "truth": errors(known),
