@@ -1,6 +1,7 @@
 """Draw a sequence of a plan from seed and index alone."""
 
 from collections.abc import Mapping
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -57,12 +58,17 @@ def check_plan(plan: Plan) -> list[Configuration]:
     return configurations
 
 
+@cache
+def _preset(name: str) -> dict[str, Any]:
+    return mapping(built_in_text(name), "preset")
+
+
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     """Configuration of a sequence, drawn from a stream."""
     scene = _drawn(plan, "scenes", at)
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
-    values = mapping(built_in_text(preset), "preset")
+    values = _preset(preset)
     kind = fields.get("scene", {}).get("kind", values["scene"]["kind"])
     values = merged(with_suited_depth(values, kind), fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
