@@ -16,7 +16,7 @@ from megalopta.camera.recording import Recorder, Recording, open_recording
 from megalopta.core.errors import UserError, machine_problem, refused_as
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
-from megalopta.core.progress import say, speaking
+from megalopta.core.progress import say, working
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats import protocol
 
@@ -246,13 +246,9 @@ def recorded_line(recording: Recording) -> str:
 def viewing() -> Iterator[Show]:
     """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
-        states = ["no frames yet"]
-
-        def note(recorder: Recorder, state: str) -> None:
-            states[0] = state
-
-        with speaking(lambda: f"capture: {states[0]}"):
-            yield note
+        last = ["no frames yet"]
+        with working("capture", lambda: last[0], lambda: 0.0):
+            yield lambda recorder, state: last.__setitem__(0, state)
         return
     from rich.console import Console
     from rich.live import Live

@@ -168,10 +168,7 @@ def _over(board: "Board") -> str:
 
 
 def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per flux: a row per method, a column per metric that is known of any.
-
-    Medians and means have intervals, if there are several pairs.
-    """
+    """Print a table per flux: a row per method, a column per metric that is known of any."""
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table

@@ -1,7 +1,6 @@
-"""Verbs of the command line: options, actions and errors.
+"""Verbs of the command line: functions decorated with `verb`.
 
-A verb is a function decorated with `verb`. The parser loads all files of verbs for every command,
-even `--help`: import slow modules where they run.
+Their files are loaded even for `--help`: import slow modules where they run.
 """
 
 import argparse
@@ -47,25 +46,35 @@ VERBS: dict[str, Verb] = {}
 
 
 class Command(argparse.ArgumentParser):
-    """Parser that reports an error as one sentence, without the usage."""
+    """Parser of a verb; it reports an error as one sentence, without the usage."""
 
-    settings: VerbSettings | None = None
-    often: tuple[str, ...] = ()
-    """Settings that the help lists; all if empty."""
-    example: str = ""
     verbs: "Mapping[str, Command]" = MappingProxyType({})
     """Verbs below this one."""
 
-    @property
-    def options(self) -> tuple[str, ...]:
+    def __init__(self, verb: Verb | None = None, **how: Any) -> None:
+        verb, layout = verb or Verb(""), argparse.RawDescriptionHelpFormatter
+        super().__init__(formatter_class=layout, allow_abbrev=False, add_help=False, **how)
+        self.settings, self.often, self.example = verb.settings, verb.often, verb.example
+        of_all = "list all settings" if verb.often else argparse.SUPPRESS
+        self.add_argument("-h", "--help", action="help", help="show this help and exit")
+        self.add_argument("--help-all", action=HelpAll, nargs=0, help=of_all)
+        for option, arguments in verb.options:
+            self.add_argument(option, **arguments)
+        self.set_defaults(run=verb.run)
+        self.named = set(self._option_string_actions)
         """Option strings, such as "--out"."""
-        return tuple(self._option_string_actions)
+
+    def branch(self, name: str) -> "argparse._SubParsersAction[Command]":
+        """Return what takes the verbs below this one; `name` is that of the chosen one."""
+        branch = self.add_subparsers(dest=name, required=True, metavar="VERB")
+        self.verbs = branch.choices
+        return branch
 
     def below(self, word: str) -> "Command":
         """Return the command of a verb; itself for other words. Raises UserError if unknown."""
         if not self.verbs or word.startswith("-") or word in self.verbs:
             return self.verbs.get(word, self)
-        deeper = [f"{name} {word}" for name, each in self.verbs.items() if word in each.verbs]
+        deeper = [f"{name} {word}" for name, command in self.verbs.items() if word in command.verbs]
         near = deeper or get_close_matches(word, self.verbs, 1)
         remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
         verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
@@ -136,7 +145,7 @@ def option(
     shown = f"{default:g}" if isinstance(default, float) else default
     stated = "" if default is None or "default:" in text else f" (default: {shown})"
     arguments = {"type": kind, "default": default, "metavar": metavar or None, **how}
-    chosen = {key: each for key, each in arguments.items() if each is not None}
+    chosen = {key: value for key, value in arguments.items() if value is not None}
     return name, {"help": f"{text}{stated}", **chosen}
 
 

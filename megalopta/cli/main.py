@@ -1,10 +1,5 @@
-"""Entry point of the command line, and its exit codes.
+"""Entry point of the command line; exit codes: 0 done, 2 a user's mistake, 130 interrupted."""
 
-0: done. 2: a user's mistake, reported in one sentence. 130: interrupted. A traceback is a bug of
-megalopta.
-"""
-
-import argparse
 import atexit
 import gc
 import logging
@@ -18,7 +13,7 @@ from typing import NoReturn
 
 from megalopta import __version__
 from megalopta.cli import benchmark, reports, spadcam, stages  # noqa: F401 - their verbs
-from megalopta.cli.command import VERBS, Command, HelpAll
+from megalopta.cli.command import VERBS, Command
 from megalopta.cli.settings import Words
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
@@ -44,7 +39,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")
     logging.getLogger().addHandler(logging.NullHandler())  # libraries log what we say in a sentence
     try:
-        _check_address_space()
+        # OpenBLAS hangs while it starts threads under such a limit
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+        needed = _LEAST_BYTES + _BYTES_PER_CORE * (os.cpu_count() or 1)
+        if 0 <= limit < needed:
+            raise UserError(
+                f"the address space is limited to {limit / 1e9:.2g} GB, this machine needs "
+                f"{needed / 1e9:.2g} GB; raise it: ulimit -v {needed // 1024}"
+            )
         _run(words)
     except UserError as error:
         _refuse(str(error))
@@ -66,19 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os._exit(130)  # does not wait for threads that still compute
 
 
-def _check_address_space() -> None:
-    """Refuse a limit (ulimit -v) under which OpenBLAS hangs while starting threads."""
-    if resource is None:
-        return
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    needed = _LEAST_BYTES + _BYTES_PER_CORE * (os.cpu_count() or 1)
-    if limit != resource.RLIM_INFINITY and limit < needed:
-        raise UserError(
-            f"the address space is limited to {limit / 1e9:.2g} GB, this machine needs "
-            f"{needed / 1e9:.2g} GB; raise it: ulimit -v {needed // 1024}"
-        )
-
-
 def _refuse(message: str) -> NoReturn:
     print(f"megalopta: {sentence(message)}", file=sys.stderr)
     sys.exit(2)
@@ -94,9 +83,7 @@ def _run(arguments: Sequence[str]) -> None:
         command = command.below(argument)
     if command.verbs and not any(word.startswith("-") for word in arguments):
         arguments = [*arguments, "--help"]
-    words, overrides = split_overrides(
-        arguments, {*parser.options, *command.options}, command.takes
-    )
+    words, overrides = split_overrides(arguments, parser.named | command.named, command.takes)
     options = parser.parse_args(words, Namespace(overrides=overrides))
     with working(options.verb):
         made = options.run(options)
@@ -113,43 +100,23 @@ def program() -> Command:
     """Return the parser with all verbs."""
     parser = Command(
         prog="megalopta",
-        add_help=False,
         description="Scenes with exactly known motion, photon counts, and benchmarks of motion "
         "detectors.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
-    _add_help(parser)
-    branches = {"": _branch(parser, "verb")}
+    parser.named.add("--version")
+    branches = {"": parser.branch("verb")}
     for name, verb in sorted(VERBS.items()):
         above, _, word = name.rpartition(" ")
         command = branches[above].add_parser(
             word,
             help=verb.purpose,
             description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-            add_help=False,
+            verb=verb,
         )
-        _add_help(command, "list all settings" if verb.often else argparse.SUPPRESS)
         if verb.run is None:
-            branches[name] = _branch(command, "sub_verb")
-        for option, how in verb.options:
-            command.add_argument(option, **how)
-        command.set_defaults(run=verb.run)
-        command.settings, command.often = verb.settings, verb.often
-        command.example = verb.example
+            branches[name] = command.branch("sub_verb")
     return parser
-
-
-def _add_help(command: Command, of_all: str = argparse.SUPPRESS) -> None:
-    command.add_argument("-h", "--help", action="help", help="show this help and exit")
-    command.add_argument("--help-all", action=HelpAll, nargs=0, help=of_all)
-
-
-def _branch(command: Command, name: str) -> "argparse._SubParsersAction[Command]":
-    branch = command.add_subparsers(dest=name, required=True, metavar="VERB")
-    command.verbs = branch.choices
-    return branch
 
 
 def split_overrides(
@@ -173,7 +140,7 @@ def split_overrides(
             taker = name.removeprefix("--").replace("-", "_")
             if not taker:
                 raise UserError("--: not a setting; give its path, such as --camera.width")
-            if near := get_close_matches(taker, [each[2:] for each in options], 1, _SIMILAR):
+            if near := get_close_matches(taker, [option[2:] for option in options], 1, _SIMILAR):
                 raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             words = takes(taker)
             if taker in settings:

@@ -32,8 +32,8 @@ def description() -> dict[str, Any]:
         from megalopta.cli.describing import described
 
         return described()
-    found: dict[str, Any] = json.loads(FILE.read_text("utf-8"))
-    return found
+    models: dict[str, Any] = json.loads(FILE.read_text("utf-8"))
+    return models
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def settings_of(model: str, values: Mapping[str, Any], prefix: str = "") -> Iter
             continue
         path = f"{prefix}{name}"
         value = field["default"] if values[name] is ... else values[name]
-        types = [inner for each in field["types"] for inner in (each, *_inside(each, "0"))]
+        types = [inner for kind in field["types"] for inner in (kind, *_inside(kind, "0"))]
         kinds = _models(types)
         by_kind = {models[kind].get("kind", {}).get("default"): kind for kind in kinds}
         is_list, parts = isinstance(value, list), list[Any]()

@@ -151,8 +151,8 @@ def _compare(options: Namespace) -> tuple[str, Path]:
 
     sources = named_sources(options.recordings, options.format)
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)
-    asked = CompareSettings(options.scene, beam, options.margin, options.seed)
-    return compare_captured(sources, options.device, options.out, asked), options.out
+    settings = CompareSettings(options.scene, beam, options.margin, options.seed)
+    return compare_captured(sources, options.device, options.out, settings), options.out
 
 
 @verb(

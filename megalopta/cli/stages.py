@@ -1,10 +1,9 @@
 """The verbs that run stages: on a new dataset from a configuration, or on one that is there."""
 
 from argparse import Namespace
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import (
     CLUSTER,
@@ -108,14 +107,14 @@ def _demo(options: Namespace) -> Path:
     if options.quick and options.configuration not in (None, "demo"):
         raise UserError(f"--quick: {options.configuration} has no quick form; omit one of them")
     options.configuration = "quick" if options.quick else options.configuration
-    asked = _configuration(options)  # refused before the rest is loaded
+    settings = _configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.run import run_all
 
-    dataset = run_all(options.out, asked, options.redo)
+    dataset = run_all(options.out, settings, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
         with step("ranking"):
@@ -199,11 +198,11 @@ _OF_PICTURES = (
     example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
 def _sense(options: Namespace) -> Path | None:
-    from megalopta.render import is_footage
+    from megalopta.render import is_footage, open_footage
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
-    asked = {field: getattr(options, field) for field in fields}
-    stated = {field: value for field, value in asked.items() if value is not None}
+    values = {field: getattr(options, field) for field in fields}
+    stated = {field: value for field, value in values.items() if value is not None}
     is_dataset, of_pictures = (options.input / "dataset.yaml").exists(), stated or options.out
     if is_dataset or not (of_pictures or is_footage(options.input)):
         if of_pictures:
@@ -212,22 +211,18 @@ def _sense(options: Namespace) -> Path | None:
         options.dataset = options.input
         run_later_stage("sense", options)
         return None
-    return _sense_pictures(options, stated)
-
-
-def _sense_pictures(options: Namespace, stated: Mapping[str, Any]) -> Path:
     if options.workers or options.scheduler:
         raise UserError(f"{options.input}: pictures are one sequence; omit --workers")
-    from megalopta.render import open_footage
     from megalopta.stages.importing import PictureOptions, pictures_configuration
-    from megalopta.stages.run import check_stage, run_stages
+    from megalopta.stages.limits import refuse_absurd
+    from megalopta.stages.run import run_stages
 
-    asked = PictureOptions(**stated)
-    with open_footage(options.input, asked.unit) as footage:
-        settings, light = pictures_configuration(footage, asked, options.overrides)
+    chosen = PictureOptions(**stated)
+    with open_footage(options.input, chosen.unit) as footage:
+        settings, light = pictures_configuration(footage, chosen, options.overrides)
         root = Path(options.out or Path("out") / settings.name)
-        check_stage("sense", settings, root)
-        stages = "render", "sense"
+        refuse_absurd(settings, "sense", root)
+        stages = "sense", "render"  # the open pictures are exposed, and then copied
         run_stages(root, settings, stages, options.redo, light=light, is_checked=True)
     say(f"see them with: {shell_command('view', root)}")
     return root

@@ -1,6 +1,7 @@
 """Draw a sequence of a plan from seed and index alone."""
 
 from collections.abc import Mapping
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -41,13 +42,25 @@ def check_plan(plan: Plan) -> list[Configuration]:
         scene, trajectory = pairs[step % len(pairs)]
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
-        for share, camera in product(_SHARES, range(plan.cameras_per_path)):
+        for share in _SHARES:
+            ranges = list[str]()
 
-            def at(path: str, entry: dict[str, float] = entry, share: float = share) -> float:
-                return entry.get(path, share)
+            def at(
+                path: str, entry: Any = entry, share: float = share, ranges: Any = ranges
+            ) -> float:
+                ranges += [] if path in entry else [path]
+                return float(entry.get(path, share))
 
-            configurations.append(configuration_at(plan, camera, at))
+            for camera in range(plan.cameras_per_path):
+                configurations.append(configuration_at(plan, camera, at))
+            if not ranges:  # all shares are alike
+                break
     return configurations
+
+
+@cache
+def _preset(name: str) -> dict[str, Any]:
+    return mapping(built_in_text(name), "preset")
 
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
@@ -55,7 +68,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     scene = _drawn(plan, "scenes", at)
     fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
     preset = fields.pop("preset")
-    values = mapping(built_in_text(preset), "preset")
+    values = _preset(preset)
     kind = fields.get("scene", {}).get("kind", values["scene"]["kind"])
     values = merged(with_suited_depth(values, kind), fields)
     for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
@@ -119,11 +132,7 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a sequence, the same for all cameras of a rig.
-
-    Scenes, lights, cameras and paths are dealt like cards: each comes once, in random order, before
-    one comes again.
-    """
+    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards."""
     number = index // plan.cameras_per_path
     drawn, dealt = stream(plan.seed, number), dict[str, float]()
     for name in _DRAWN:

@@ -1,9 +1,4 @@
-"""The frozen configuration of a sequence: YAML file, command line, provenance record.
-
-A YAML file gives any part of it; the rest has defaults. On the command line a field is named by its
-path, `--scene.trees 200`, and its value is read as YAML. Its fields are those of four parts, each
-in a file of its own: scene, rendering, sensing, measuring.
-"""
+"""The frozen configuration of a sequence: scene, rendering, sensing and measuring."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -74,7 +69,8 @@ def parse(
             f"{shell_command('dataset', 'make', source)}"
         )
     of_scene = {path: value for path, value in (overrides or {}).items() if path in _SCENE}
-    kind = _kind_of_scene(overridden(Configuration, values, of_scene))
+    changed = overridden(Configuration, values, of_scene) if of_scene else values
+    kind = _kind_of_scene(changed)
     values = with_suited_depth(values, kind)
     return fitted(validated(Configuration, values, source, overrides, folder))
 

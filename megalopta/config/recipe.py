@@ -1,10 +1,4 @@
-"""A plan: a dataset of any size in one file, with values drawn for each sequence.
-
-{uniform: [1, 5]}         a number from 1 to 5, uniformly distributed
-{log_uniform: [1, 100]}   a number whose logarithm is uniformly distributed
-{integer: [0, 9]}         a whole number from 0 to 9, inclusive
-{one_of: [a, b, c]}       one of these, which may be mappings with ranges of their own
-"""
+"""A plan: a dataset of any size in one file, with values drawn for each sequence."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -216,9 +210,9 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
 def _placed(value: Any, folder: Path | None, key: object = None) -> Any:
     """Return values of a plan with the paths of the files that it names (`named_path`)."""
     if isinstance(value, Mapping):
-        return {name: _placed(each, folder, name) for name, each in value.items()}
+        return {name: _placed(inner, folder, name) for name, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_placed(each, folder, key) for each in value]
+        return [_placed(inner, folder, key) for inner in value]
     is_text = isinstance(value, str) and "\n" not in value
     if is_text and (key in _FILE_KEYS or value.lower().endswith(_FILE_SUFFIXES)):
         place = named_path(value, folder)
@@ -237,9 +231,9 @@ def draw_entry(value: Any, at: Stream, path: str = "") -> Any:
     if kind := _kind(value):
         return _drawn(kind, value[kind], at, path)
     if isinstance(value, Mapping):
-        return {key: draw_entry(each, at, f"{path}.{key}") for key, each in value.items()}
+        return {key: draw_entry(inner, at, f"{path}.{key}") for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [draw_entry(each, at, f"{path}.{index}") for index, each in enumerate(value)]
+        return [draw_entry(inner, at, f"{path}.{index}") for index, inner in enumerate(value)]
     return value
 
 
@@ -252,16 +246,31 @@ def choose(values: list[Any], at: Stream, path: str) -> tuple[int, Any]:
 def check_ranges(value: Any, path: str) -> None:
     """Check the ranges of a value. Raises ValueError."""
     if kind := _kind(value):
-        _check(kind, value[kind], path)
-        value = value[kind] if kind == "one_of" else None
+        limits = value[kind]
+        place = f"{path}: {kind} {limits!r}"
+        if not isinstance(limits, list | tuple) or not limits:
+            raise ValueError(f"{place}: give a list")
+        if kind != "one_of":
+            types = int if kind == "integer" else (int, float)
+            if len(limits) != 2 or not all(
+                isinstance(limit, types) and not isinstance(limit, bool) and math.isfinite(limit)
+                for limit in limits
+            ):
+                numbers = "whole numbers" if kind == "integer" else "numbers"
+                raise ValueError(f"{place}: give two {numbers}, in ascending order")
+            if limits[0] > limits[1]:
+                raise ValueError(f"{place}: give the lower number first")
+            if kind == "log_uniform" and limits[0] <= 0:
+                raise ValueError(f"{place}: give numbers above 0")
+        value = limits if kind == "one_of" else None
     if isinstance(value, Mapping):
-        for key, each in value.items():
+        for key, inner in value.items():
             if key in _KINDS:
                 raise ValueError(f"{path}: {key} excludes other keys; remove them")
-            check_ranges(each, f"{path}.{key}".strip("."))
+            check_ranges(inner, f"{path}.{key}".strip("."))
     elif isinstance(value, list | tuple):
-        for index, each in enumerate(value):
-            check_ranges(each, f"{path}.{index}")
+        for index, inner in enumerate(value):
+            check_ranges(inner, f"{path}.{index}")
 
 
 def _kind(value: Any) -> str | None:
@@ -283,21 +292,3 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     value = low * (high / low) ** place if is_log else low + place * (high - low)
     # short enough for a file's name
     return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
-
-
-def _check(kind: str, limits: Any, path: str) -> None:
-    if not isinstance(limits, list | tuple) or not limits:
-        raise ValueError(f"{path}: {kind} {limits!r}: give a list")
-    if kind == "one_of":
-        return
-    types = int if kind == "integer" else (int, float)
-    if len(limits) != 2 or not all(
-        isinstance(each, types) and not isinstance(each, bool) and math.isfinite(each)
-        for each in limits
-    ):
-        numbers = "whole numbers" if kind == "integer" else "numbers"
-        raise ValueError(f"{path}: {kind} {limits!r}: give two {numbers}, in ascending order")
-    if limits[0] > limits[1]:
-        raise ValueError(f"{path}: {kind} {limits!r}: give the lower number first")
-    if kind == "log_uniform" and limits[0] <= 0:
-        raise ValueError(f"{path}: {kind} {limits!r}: give numbers above 0")

@@ -61,19 +61,15 @@ class RenderingSettings(SceneSettings, frozen=True):
         return render.model_copy(update={"max_depth": scene.max_depth})
 
     @model_validator(mode="after")
-    def _light_is_known(self) -> "RenderingSettings":
+    def _rendering_suits_the_scene(self) -> "RenderingSettings":
         if self.scene.has_truth:  # pictures may hold spectra of their own
             white, name = self.scene.white(self.light), f"light {self.light.level!r}"
             check_known(name, white.range_nm, self.render.bands_nm, "")
-        if self.scene.is_hazy and self.render.integrator == "baked":
+        if self.render.integrator == "baked" and self.scene.is_hazy:
             raise ValueError(
                 "render.integrator 'baked': baked light has no haze; use 'auto' or 'path', or "
                 "omit scene.haze"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _shutter_fits_a_frame(self) -> "RenderingSettings":
         rate_hz = self.trajectory.frame_rate_hz
         for name in ("exposure_s", "readout_s"):
             if getattr(self.shutter, name) > (1 + 1e-9) / rate_hz:
@@ -81,10 +77,6 @@ class RenderingSettings(SceneSettings, frozen=True):
                     f"shutter.{name} {getattr(self.shutter, name):g} is longer than a frame at "
                     f"trajectory.frame_rate_hz {rate_hz:g}; use at most {1 / rate_hz:g}"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _points_are_in_the_sequence(self) -> "RenderingSettings":
         if not self.tracks:
             return self
         frames, last = self.trajectory.frames, max(self.tracks.frames)

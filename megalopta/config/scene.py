@@ -3,7 +3,7 @@
 import re
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
@@ -40,7 +40,7 @@ def folder_name(name: str) -> str:
 class SceneSettings(Record, frozen=True):
     """Scene, light, camera and its path."""
 
-    name: str = "forest"
+    name: Annotated[str, AfterValidator(folder_name)] = "forest"
     """Name of the sequence and its folders: letters, digits, dash and underscore."""
 
     seed: Annotated[int, Field(ge=0)] = 0
@@ -69,22 +69,13 @@ class SceneSettings(Record, frozen=True):
     """Second camera of the rig on the path, side by side with this one: `training/disparities`
     holds the disparity to it. By default there is none."""
 
-    @field_validator("name")
-    @classmethod
-    def _name_is_a_folder(cls, name: str) -> str:
-        return folder_name(name)
-
     @model_validator(mode="after")
-    def _light_suits_the_scene(self) -> "SceneSettings":
+    def _light_and_cameras_suit(self) -> "SceneSettings":
         if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
             raise ValueError(
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
                 f"{self.scene.kind!r} has its own light; omit it, or use a forest"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _stereo_is_side_by_side(self) -> "SceneSettings":
         if self.stereo_with and self.camera.intrinsics is None:
             raise ValueError(
                 f"stereo_with: the {self.camera} has no lines along which to shift points; use a "

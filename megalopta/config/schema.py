@@ -25,7 +25,7 @@ def schema_of(model: type[Configuration] | type[Plan]) -> dict[str, Any]:
     if model is Configuration:
         presets = {"description": "A preset, or a device's file", "examples": [*IMAGE_SENSORS]}
         sensors = schema["properties"]["sensors"]["items"]
-        kinds = [each["$ref"].rpartition("/")[2] for each in sensors.get("anyOf", [sensors])]
+        kinds = [kind["$ref"].rpartition("/")[2] for kind in sensors.get("anyOf", [sensors])]
         fields = {
             key: value for kind in kinds for key, value in definitions[kind]["properties"].items()
         }

@@ -146,7 +146,7 @@ class SensingSettings(RenderingSettings, frozen=True):
         return products
 
     @model_validator(mode="after")
-    def _sensors_have_names(self) -> "SensingSettings":
+    def _exposures_suit_the_sequence(self) -> "SensingSettings":
         names = [folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
@@ -156,13 +156,9 @@ class SensingSettings(RenderingSettings, frozen=True):
                 f"imu.rate_hz {self.imu.rate_hz:g}: {samples} readings during the sequence; use a "
                 f"lower rate, with at most {_MOST_READINGS} of them"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _pictures_are_not_rendered(self) -> "SensingSettings":
-        for name in ("objects", "shutter", "stereo_with", "imu", "labels", "tracks"):
-            changed = getattr(self, name) != type(self).model_fields[name].default
-            if changed and not self.scene.has_truth:
+        rendered = ("objects", "shutter", "stereo_with", "imu", "labels", "tracks")
+        for name in () if self.scene.has_truth else rendered:
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise ValueError(f"{name}: pictures are not rendered; omit it")
         return self
 

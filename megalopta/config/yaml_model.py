@@ -60,7 +60,7 @@ def validated(
     may name files in its `folder` only (`named_path`), and code only if `allows_code`; overrides,
     which the user typed, may name any.
     """
-    changed = overridden(model, values, overrides or {})
+    changed = overridden(model, values, overrides) if overrides else values
     try:
         return checked(model, changed, {"folder": folder, "allows_code": allows_code})
     except MisfitError as problem:
@@ -74,7 +74,7 @@ def overridden(
     model: type[BaseModel], values: dict[str, Any], overrides: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return the values of a model with overrides of the command line."""
-    changed = deepcopy(values) if overrides else values
+    changed = deepcopy(values)
     # `kind` and `preset`, which reset a mapping, come before its fields
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
@@ -111,8 +111,8 @@ def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     if last == "preset":
         for name in values.keys() - {"kind"}:
             del values[name]
-    inner = [each for each in _inner(types, last) if each is not NoneType]
-    is_list = inner and all(get_origin(each) is tuple for each in inner)
+    inner = [kind for kind in _inner(types, last) if kind is not NoneType]
+    is_list = inner and all(get_origin(kind) is tuple for kind in inner)
     values[last] = [value] if is_list and not isinstance(value, list) else value
 
 
@@ -137,7 +137,7 @@ def _child(values: Any, step: str, types: list[Any], path: str) -> Any:
 
 def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     """Return what a model has at a step where a file states nothing."""
-    models = [each for each in types if _has(each, step)]
+    models = [kind for kind in types if _has(kind, step)]
     kind = values.get("kind", ...)
     model = next((each for each in models if _kind(each) == kind), models[0] if models else None)
     if model is None:
@@ -153,7 +153,7 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
 
 
 def _inner(types: list[Any], step: str) -> list[Any]:
-    return [Any] if Any in types else [each for outer in types for each in inner_types(outer, step)]
+    return [Any] if Any in types else [kind for outer in types for kind in inner_types(outer, step)]
 
 
 def _is_model(kind: Any) -> bool:

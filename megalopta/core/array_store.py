@@ -1,8 +1,4 @@
-"""Arrays cached on disk under a hash of everything that they depend on.
-
-Any number of processes may read and write a folder: files are written atomically, and missing or
-damaged ones are computed again. Every folder may import this module.
-"""
+"""Arrays cached on disk under a hash of what they depend on, by any number of processes."""
 
 import contextlib
 import math

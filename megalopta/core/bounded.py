@@ -68,7 +68,7 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
     )
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(file.fileno())
-        _check(path, status, at_most)
+        check_file(path, at_most, status)
         check_decoded(path, (status.st_size,), 1)
         return file.read(status.st_size)  # no more, should it grow meanwhile
 
@@ -92,12 +92,11 @@ def from_json(text: str) -> Any:
         raise ValueError("nested too deeply") from None
 
 
-def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
+def check_file(
+    path: str | Path, at_most: int = ARRAY_BYTES, status: os.stat_result | None = None
+) -> None:
     """Refuse, before a library opens it, an irregular or too large file; errors as above."""
-    _check(path, Path(path).stat(), at_most)
-
-
-def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
+    status = status or Path(path).stat()
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(21, "Is a directory", str(path))
     if not stat.S_ISREG(status.st_mode):
@@ -219,7 +218,8 @@ def sentence(text: str, at_most: int = SENTENCE) -> str:
 
     The middle of a long message is cut: its field is at the beginning, its remedy at the end.
     """
-    line = printable(" ".join(text.split()))
+    line = " ".join(text.split())
+    line = line if line.isprintable() else printable(line)
     half = at_most // 2
     return line if len(line) <= at_most else f"{line[:half]} … {line[-half:]}"
 

@@ -1,7 +1,6 @@
-"""Files and folders written atomically. Every folder may import this module.
+"""Files and folders written atomically.
 
-Output has a temporary name until it is complete and on the disk. A killed process leaves such names
-behind; `sweep` removes them, once nobody else writes there.
+Output has a temporary name until it is complete; those of killed processes are swept later.
 """
 
 import csv
@@ -34,7 +33,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
         yield temporary
         _sync(temporary)
         temporary.replace(path)
-        _sync_names(path.parent)
+        _sync(path.parent, deep=False)
     except OSError as problem:
         if problem.errno in _NO_ROOM or problem.filename in (None, str(temporary)):
             raise OSError(problem.errno, problem.strerror or str(problem), str(path)) from problem
@@ -94,15 +93,10 @@ def files_in(paths: Iterable[Path]) -> Iterator[Path]:
         yield from (file for file in inside if file.is_file() and not is_temporary(file))
 
 
-def _sync(path: Path) -> None:
-    """Wait until a file, or a folder with its content, is on the disk."""
-    if path.is_dir():
-        for child in path.iterdir():
-            _sync(child)
-    _sync_names(path)
-
-
-def _sync_names(path: Path) -> None:
+def _sync(path: Path, deep: bool = True) -> None:
+    """Wait until a file, or a folder with its names and content, is on the disk."""
+    for child in path.iterdir() if deep and path.is_dir() else ():
+        _sync(child)
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

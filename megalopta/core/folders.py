@@ -1,9 +1,6 @@
 """Create, lock and check folders of datasets.
 
-Nothing in a folder from somebody else may lead out of it. A dataset is walked once when it is
-opened, before anything in it is read or written. It then holds only files, folders, and links to
-its own content, so that no path below its folder leads elsewhere. Whoever can change the folder
-meanwhile needs no link to do harm.
+A dataset is walked once when it is opened, and refused if a link leads out of it.
 """
 
 import os

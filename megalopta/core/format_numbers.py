@@ -1,8 +1,4 @@
-"""Format numbers of everything that the program writes. Every folder may import this module.
-
-A number is raised when an older program would misread new output. CONTRIBUTING says when to raise
-one and how long older ones are read.
-"""
+"""Format numbers of everything that the program writes; CONTRIBUTING says when to raise one."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -1,9 +1,4 @@
-"""Dependencies of a result other than its inputs: code or a declared model, and libraries.
-
-Results that are cheap to compute (detectors, benchmarks) depend on the code itself: any change
-recomputes them. Expensive ones (frames, counts) depend on a version number, raised by whoever
-changes the output; tests that render again fail if it was forgotten.
-"""
+"""What a result depends on other than its inputs: code or a declared model, and libraries."""
 
 import hashlib
 from functools import cache

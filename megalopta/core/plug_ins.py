@@ -1,12 +1,4 @@
-"""Plug-ins of other packages, found by their entry points.
-
-A package adds a detector, or a list of them, by two lines in its pyproject.toml:
-
-    [project.entry-points."megalopta.detectors"]
-    mine = "my_package.my_module:MyDetector"
-
-A broken plug-in is reported in one sentence and skipped.
-"""
+"""Plug-ins of other packages, found by their entry points."""
 
 from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points

@@ -1,7 +1,6 @@
 """Progress of long work: share done, time left, current step.
 
-A terminal shows it on its last line, with a bar. Elsewhere it is a line every ten seconds, also
-while a single step takes longer, so that a log shows that work continues, and which step.
+A terminal shows it on its last line, with a bar; elsewhere it is a line every ten seconds.
 """
 
 import sys
@@ -26,15 +25,6 @@ _steps: list[str] = []
 _shares: list[Callable[[], str]] = []
 
 
-@contextmanager
-def _held(stack: list[Any], item: object) -> Iterator[None]:
-    stack.append(item)
-    try:
-        yield
-    finally:
-        stack.remove(item)
-
-
 def say(text: str) -> None:
     """Print one line on standard error."""
     if not _silences:
@@ -44,15 +34,21 @@ def say(text: str) -> None:
 @contextmanager
 def silent() -> Iterator[None]:
     """Print nothing of the work inside; its progress is shown by the work around it."""
-    with _held(_silences, object()):
+    _silences.append(silent)
+    try:
         yield
+    finally:
+        _silences.pop()
 
 
 @contextmanager
 def step(name: str) -> Iterator[None]:
     """Name the work inside, for lines of progress."""
-    with _held(_steps, name):
+    _steps.append(name)
+    try:
         yield
+    finally:
+        _steps.remove(name)
 
 
 @contextmanager
@@ -70,22 +66,59 @@ def progress(description: str, total: int, unit: str) -> Iterator[Callable[..., 
         return progress_line(done, total, unit, last - start, now - last)
 
     if _silences:
-        with _held(_shares, share):
+        _shares.append(share)
+        try:
             yield count
+        finally:
+            _shares.remove(share)
         return
-    with speaking(lambda: f"{description}: {share()}", lambda: done / max(total, 1)):
+    with working(description, share, lambda: done / max(total, 1)):
         yield count
     say(f"{description}: {total} {unit}s in {time.monotonic() - start:.1f} s")
 
 
 @contextmanager
-def working(description: str) -> Iterator[None]:
-    """Show that work continues, and which step, while nothing inside shows progress."""
-    start = time.monotonic()
-    with speaking(
-        lambda: f"{description}: at work for {duration(time.monotonic() - start)}", lambda: None
-    ):
+def working(
+    description: str,
+    state: Callable[[], str] | None = None,
+    share: Callable[[], float | None] = lambda: None,
+) -> Iterator[None]:
+    """Show at intervals that work continues, and its step, while nothing inside shows progress.
+
+    Its state is by default the time since it began. Without a `share` of it that is done, a
+    terminal shows it only during a step.
+    """
+    if _silences:
         yield
+        return
+    is_terminal, over, start = sys.stderr.isatty(), threading.Event(), time.monotonic()
+
+    def speak() -> None:
+        while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
+            if _speakers[-1] is not over:
+                continue
+            # another thread may remove the last of these
+            now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
+            done = state() if state else f"at work for {duration(time.monotonic() - start)}"
+            line = f"{description}: {done}; {now}".removesuffix("; ")
+            if not is_terminal:
+                print(line, file=sys.stderr, flush=True)
+            elif now or share() is not None:
+                bar, task = _bar()
+                bar.start()
+                bar.update(task, description=line, completed=share() or 0, refresh=True)
+        if is_terminal:
+            _bar()[0].stop()
+
+    thread = threading.Thread(target=speak, daemon=True)
+    _speakers.append(over)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _speakers.remove(over)
 
 
 def progress_line(done: int, total: int, unit: str, elapsed_s: float, since_s: float = 0.0) -> str:
@@ -110,45 +143,6 @@ def duration(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{seconds / length:.0f} {unit}"
     return f"{seconds:.0f} s"
-
-
-@contextmanager
-def speaking(
-    state: Callable[[], str], share: Callable[[], float | None] = lambda: 0.0
-) -> Iterator[None]:
-    """Show a state at intervals, while this is the innermost work.
-
-    Without a `share` of it that is done, a terminal shows it only during a step.
-    """
-    if _silences:
-        yield
-        return
-    is_terminal, over = sys.stderr.isatty(), threading.Event()
-
-    def speak() -> None:
-        while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
-            if _speakers[-1] is not over:
-                continue
-            # another thread may remove the last of these
-            now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
-            line = f"{state()}; {now}".removesuffix("; ")
-            if not is_terminal:
-                print(line, file=sys.stderr, flush=True)
-            elif now or share() is not None:
-                bar, task = _bar()
-                bar.start()
-                bar.update(task, description=line, completed=share() or 0, refresh=True)
-        if is_terminal:
-            _bar()[0].stop()
-
-    thread = threading.Thread(target=speak, daemon=True)
-    with _held(_speakers, over):
-        thread.start()
-        try:
-            yield
-        finally:
-            over.set()
-            thread.join()
 
 
 @cache

@@ -110,10 +110,7 @@ def dump(values: Any, **style: Any) -> str:
 def _check_extent(
     node: yaml.Node, known: dict[yaml.Node, tuple[int, int]], depth: int
 ) -> tuple[int, int]:
-    """Return the keys and values of a node, aliases each time, and its height.
-
-    A few aliases can make terabytes. An alias to what is around it is nested without end.
-    """
+    """Return the keys and values of a node, aliases each time, and its height; refuse too many."""
     if node not in known and depth <= DEEPEST:
         pairs = node.value if isinstance(node, yaml.MappingNode) else ()
         inside = (

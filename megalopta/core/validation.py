@@ -78,7 +78,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         *above, name = problem["loc"]
         types = _place(model, above)[1]
-        known = sorted({field for each in types for field in getattr(each, "model_fields", ())})
+        known = sorted({field for kind in types for field in getattr(kind, "model_fields", ())})
         near = get_close_matches(str(name), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
         return f"unknown key; {hint}"
@@ -95,10 +95,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
 
 
 def _place(model: type[BaseModel], location: Any) -> tuple[list[str], list[Any]]:
-    """Return a location as a user writes it, and the types there.
-
-    For a union of several models or types, pydantic inserts a tag.
-    """
+    """Return a location as a user writes it, without the tags of unions, and the types there."""
     types, steps = [model], list[str]()
     for step in map(str, location):
         inner = [inside for outer in types for inside in inner_types(outer, step)]

@@ -107,7 +107,7 @@ def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
     dataset.require_truth()
     path = dataset.exposed_truth(index)
-    with undamaged(path, _again(dataset)):
+    with undamaged(path, f"remove the file and run: {dataset.render_again}"):
         truth: Truth = decoded(path, read_truth)
         camera = dataset.configuration.camera
         if truth.depth.shape != (camera.height, camera.width):
@@ -120,14 +120,10 @@ def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
     if not dataset.configuration.scene.has_truth:
         return light_of(dataset).at(index)
     path = dataset.exposed_radiance(index)
-    with undamaged(path, _again(dataset)):
+    with undamaged(path, f"remove the file and run: {dataset.render_again}"):
         radiance: NDArray[np.float32]
         radiance, bands = decoded(path, read_radiance)
         camera, expected = dataset.configuration.camera, dataset.configuration.render.bands_nm
         if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
             raise ValueError(f"{path} differs in image size or bands from dataset.yaml")
     return radiance
-
-
-def _again(dataset: Dataset) -> str:
-    return f"remove the file and run: {dataset.render_again}"

@@ -1,11 +1,6 @@
-"""The index of finished sequences, rebuilt from the records: tables and splits.
+"""The index of finished sequences, made from their records: tables, splits, Croissant 1.1.
 
-`splits/train/Sintel/training/flow/SEQ` links to `training/flow/SEQ`, so that loaders of MPI-Sintel
-read one split of a dataset. A copy with resolved links (`cp -rL`) is self-contained.
-
-Tables of frames, sequences and exposures are described in Croissant 1.1,
-https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html: JSON-LD for search engines and
-loaders. The tables are its record sets; frames and counts are sets of files next to them.
+https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html; splits link as MPI-Sintel's tree.
 """
 
 import errno
@@ -221,9 +216,9 @@ def splits_of(record: SequenceRecord, plan: Plan) -> list[str]:
 
 def split_links(root: Path, split: str, record: SequenceRecord) -> dict[Path, Path]:
     """Return the links of a split to the Sintel folders of a sequence, with their targets."""
-    folders = sorted(each for each in record.folders if each.startswith("training/"))
+    folders = sorted(folder for folder in record.folders if folder.startswith("training/"))
     above = Path("../../../../..")
-    return {root / "splits" / split / "Sintel" / each: above / each for each in folders}
+    return {root / "splits" / split / "Sintel" / folder: above / folder for folder in folders}
 
 
 def _link(link: Path, target: Path) -> None:

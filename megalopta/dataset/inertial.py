@@ -10,9 +10,9 @@ Times count from the first frame: in ns in EuRoC's files, in s in TUM's. Sources
 35, 2016, and Sturm et al., IROS 2012.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError
-from megalopta.scenes.imu import Imu, Readings
+from megalopta.scenes.imu import Imu
 from megalopta.sensor import generator
 
 Float64 = NDArray[np.float64]
@@ -52,20 +52,61 @@ class ImuReadings(NamedTuple):
 
 def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
     """Write readings and poses of a sequence to a folder, all or nothing."""
-    rng = generator(settings.seed, "imu", settings.name)
-    readings, path = imu.read(settings.trajectory, rng), settings.trajectory
+    rng, camera, path = (
+        generator(settings.seed, "imu", settings.name),
+        settings.camera,
+        settings.trajectory,
+    )
+    readings, poses = imu.read(path, rng), path.poses()
+    truth, turn_first = readings.truth, (3, 0, 1, 2)
+    turns = Rotation.from_matrix(truth.rotations).as_quat()[:, turn_first]
+    biases = readings.gyroscope_biases, readings.accelerometer_biases
+    sensed = np.column_stack([readings.angular_velocities, readings.specific_forces])
+    states = np.column_stack([truth.positions, turns, truth.velocities, *biases])
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    tum = np.column_stack([path.times_s, poses[:, :3, 3], turns])
     with files.atomic_write(folder) as temporary:
-        temporary.mkdir()
-        _write_readings(temporary, readings)
-        _write_yaml(temporary / "imu0", _imu_yaml(imu))
-        frames = (f"{_ns(t)},frame_{n + 1:04d}.png" for n, t in enumerate(path.times_s))
+        for name, header, rows in (
+            ("imu0", _READING, sensed),
+            ("state_groundtruth_estimate0", _STATE, states),
+        ):
+            lines = (
+                ",".join([str(round(time_s * 1e9)), *map(repr, row)])
+                for time_s, row in zip(truth.times_s, rows.tolist(), strict=True)
+            )
+            _write_lines(temporary / name / "data.csv", header, lines)
+        times = enumerate(path.times_s, 1)
+        frames = (f"{round(time_s * 1e9)},frame_{number:04d}.png" for number, time_s in times)
         _write_lines(temporary / "cam0/data.csv", "#timestamp [ns],filename", frames)
-        _write_yaml(temporary / "cam0", _camera_yaml(settings, imu))
-        poses = path.poses()
-        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-        rows = np.column_stack([path.times_s, poses[:, :3, 3], turns]).tolist()
-        lines = (" ".join(map(repr, row)) for row in rows)
-        _write_lines(temporary / "groundtruth.txt", _TUM, lines)
+        _write_lines(
+            temporary / "groundtruth.txt", _TUM, (" ".join(map(repr, r)) for r in tum.tolist())
+        )
+        camera_to_imu = np.linalg.inv(imu.mount.matrix) @ (
+            path.mount.matrix if path.mount else np.eye(4)
+        )
+        of_imu = {
+            "rate_hz": imu.rate_hz,
+            **imu.model_dump(mode="json", exclude={"rate_hz", "mount"}),
+        }
+        of_camera = {
+            "rate_hz": path.frame_rate_hz,
+            "resolution": [camera.width, camera.height],
+            "camera": camera.model_dump(mode="json"),
+        }
+        for name, kind, place, fields in (
+            ("imu0", "imu", np.eye(4), of_imu),
+            ("cam0", "camera", camera_to_imu, of_camera),
+        ):
+            matrix = {"rows": 4, "cols": 4, "data": place.ravel().tolist()}
+            text = strict_yaml.dump({"sensor_type": kind, "T_BS": matrix, **fields})
+            files.write_text(temporary / name / "sensor.yaml", text)
+
+
+def _write_lines(path: Path, header: str, lines: Iterable[str]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8") as file:
+        file.write(f"{header}\n")
+        file.writelines(f"{line}\n" for line in lines)
 
 
 def read_imu(path: Path) -> ImuReadings:
@@ -74,61 +115,8 @@ def read_imu(path: Path) -> ImuReadings:
         raise UserError(f"{path}: no IMU; sense with `imu: {{}}`")
     with bounded.undamaged(path, "run megalopta sense again"):
         lines = bounded.read_text(path, bounded.ARRAY_BYTES).splitlines()
-        rows = np.array([[float(each) for each in line.split(",")] for line in lines[1:]])
+        rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
         times, turns, pushes = np.split(rows, (1, 4), axis=1)
         if pushes.shape[1] != 3:
             raise ValueError(f"{rows.shape[1]} columns instead of 7")
     return ImuReadings(times[:, 0] * 1e-9, turns, pushes)
-
-
-def _write_readings(folder: Path, readings: Readings) -> None:
-    truth, turn_first = readings.truth, (3, 0, 1, 2)
-    turns = Rotation.from_matrix(truth.rotations).as_quat()[:, turn_first]
-    biases = readings.gyroscope_biases, readings.accelerometer_biases
-    states = truth.positions, turns, truth.velocities, *biases
-    for name, header, values in (
-        ("imu0", _READING, (readings.angular_velocities, readings.specific_forces)),
-        ("state_groundtruth_estimate0", _STATE, states),
-    ):
-        rows = np.column_stack(values).tolist()
-        lines = (
-            ",".join([str(_ns(time)), *map(repr, row)])
-            for time, row in zip(truth.times_s, rows, strict=True)
-        )
-        _write_lines(folder / name / "data.csv", header, lines)
-
-
-def _imu_yaml(imu: Imu) -> Mapping[str, Any]:
-    noise = imu.model_dump(mode="json", exclude={"rate_hz", "mount"})
-    return {"sensor_type": "imu", "T_BS": _matrix(np.eye(4)), "rate_hz": imu.rate_hz, **noise}
-
-
-def _camera_yaml(settings: Configuration, imu: Imu) -> Mapping[str, Any]:
-    camera, path = settings.camera, settings.trajectory
-    camera_to_rig = path.mount.matrix if path.mount else np.eye(4)
-    return {
-        "sensor_type": "camera",
-        "T_BS": _matrix(np.linalg.inv(imu.mount.matrix) @ camera_to_rig),
-        "rate_hz": path.frame_rate_hz,
-        "resolution": [camera.width, camera.height],
-        "camera": camera.model_dump(mode="json"),
-    }
-
-
-def _matrix(values: Float64) -> Mapping[str, Any]:
-    return {"rows": 4, "cols": 4, "data": values.ravel().tolist()}
-
-
-def _ns(time_s: float) -> int:
-    return round(time_s * 1e9)
-
-
-def _write_yaml(folder: Path, values: Mapping[str, Any]) -> None:
-    files.write_text(folder / "sensor.yaml", strict_yaml.dump(values))
-
-
-def _write_lines(path: Path, header: str, lines: Iterable[str]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8") as file:
-        file.write(f"{header}\n")
-        file.writelines(f"{line}\n" for line in lines)

@@ -73,20 +73,22 @@ def write_class_names(dataset: Dataset, kinds: Sequence[str]) -> None:
     files.write_json(path, ["sky", *kinds])
 
 
-def write_tracks(path: Path, settings: TrackSettings, found: Sequence["Tracks"]) -> None:
+def write_tracks(path: Path, settings: TrackSettings, by_frame: Sequence["Tracks"]) -> None:
     """Write the tracks of the points of each frame."""
-    seen = [each.points[:, frame] for frame, each in zip(settings.frames, found, strict=True)]
+    seen = [
+        tracks.points[:, frame] for frame, tracks in zip(settings.frames, by_frame, strict=True)
+    ]
     queries = [
         np.column_stack([np.full(len(place), frame), place[:, ::-1]])
         for frame, place in zip(settings.frames, seen, strict=True)
     ]
-    tracks = PointTracks(
+    stored = PointTracks(
         np.concatenate(queries).astype(np.float32),
-        np.concatenate([each.points for each in found]).astype(np.float32),
-        np.concatenate([each.occluded for each in found]),
+        np.concatenate([tracks.points for tracks in by_frame]).astype(np.float32),
+        np.concatenate([tracks.occluded for tracks in by_frame]),
     )
     with files.atomic_write(path) as temporary:
-        np.savez(temporary, **tracks._asdict())
+        np.savez(temporary, **stored._asdict())
 
 
 def read_tracks(path: Path) -> PointTracks:

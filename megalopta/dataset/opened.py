@@ -157,7 +157,8 @@ class OpenedDataset:
         step : int
             Frames between the first and the second of a pair.
         """
-        return self._pairs(split, exposure, step)
+        sequences = list(self) if split is None else self.of_split(split)
+        return FlowPairs(sequences, exposure, step)
 
     def torch(
         self, split: str | None = None, exposure: str | None = None, step: int = 1
@@ -165,10 +166,8 @@ class OpenedDataset:
         """Return `pairs` as tensors for a DataLoader. Raises UserError without PyTorch."""
         if find_spec("torch") is None:
             raise UserError("PyTorch is not installed; run: pip install torch")
-        return self._pairs(split, exposure, step, _tensors)
-
-    def _pairs(self, split: str | None, *how: Any) -> FlowPairs:
-        return FlowPairs(list(self) if split is None else self.of_split(split), *how)
+        sequences = list(self) if split is None else self.of_split(split)
+        return FlowPairs(sequences, exposure, step, _tensors)
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:

@@ -65,8 +65,8 @@ def photons_from_images(
         When pictures cannot be read, nothing says how bright they are, or the sensor cannot expose
         them.
     """
-    asked = lux if photons_per_pixel is None else photons_per_pixel
-    is_number = isinstance(asked, Real) and 0 < asked < np.inf
+    brightness = lux if photons_per_pixel is None else photons_per_pixel
+    is_number = isinstance(brightness, Real) and 0 < brightness < np.inf
     if not is_number or (photons_per_pixel is None) == (lux is None):
         raise UserError("photons_from_images: give photons_per_pixel or lux, a number above 0")
     with refused_as("photons_from_images"), _opened(images, unit) as footage:
@@ -77,7 +77,7 @@ def photons_from_images(
         bands = footage.bands_nm or RenderSettings().bands_nm
         dim = model.radiance_of_unit(Light(), bands, mean, footage.bands_nm)
         per_lux = photons_per_lux(dim, Light(), bands, device, mean)
-        asked_lux = asked if photons_per_pixel is None else photons_per_pixel / per_lux
+        asked_lux = brightness if photons_per_pixel is None else photons_per_pixel / per_lux
         lit = checked(Light, {"illuminance_lux": asked_lux})
         of_unit = model.radiance_of_unit(lit, bands, mean, footage.bands_nm)
         for note in footage.notes:

@@ -1,8 +1,4 @@
-"""Light of somebody's pictures: frames at the rate and size of a sequence, as radiance.
-
-A frame shows what `Pictures.between` says lies at its time. A picture of another size than the
-frames is resized in linear light: each pixel of a smaller frame is the mean of what it covers.
-"""
+"""Light of somebody's pictures: frames at the rate and size of a sequence, as radiance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,8 +1,4 @@
-"""Record of a sequence: its settings, the software of each stage, and the hash of every file.
-
-sequences/SEQ.json     the finished stages; what it does not list is no output
-sequences/SEQ.begun    the stages in progress, with settings and software, without files
-"""
+"""Record of a sequence: its settings, the software of each stage, and the hash of every file."""
 
 import re
 from collections.abc import Collection
@@ -98,7 +94,7 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
     def files(self) -> dict[str, tuple[int, str]]:
         """All files of finished stages: bytes and hash."""
         written = (stage.files or {} for stage in self.stages.values())
-        return {path: each for hashes in written for path, each in hashes.items()}
+        return {path: size_and_hash for hashes in written for path, size_and_hash in hashes.items()}
 
     @property
     def folders(self) -> list[str]:

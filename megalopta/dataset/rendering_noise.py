@@ -35,18 +35,18 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
     if not noises:
         return None
     measured = list(noises)
-    median = [each.median_relative for each in noises.values()]
-    rms = [each.rms_over_mean for each in noises.values()]
+    median = [noise.median_relative for noise in noises.values()]
+    rms = [noise.rms_over_mean for noise in noises.values()]
     typical = float(np.median(median))
     return {
         "median_relative": typical,
         "rms_over_mean": float(np.sqrt(np.mean(np.square(rms)))),
         "equivalent_photons_per_pixel": 1 / max(typical, 1e-6) ** 2,
-        "mean": np.mean([each.mean for each in noises.values()], axis=0).tolist(),
-        "covariance": np.mean([each.covariance for each in noises.values()], axis=0).tolist(),
-        "detail": np.mean([each.detail for each in noises.values()], axis=0).tolist(),
-        "surface": _region([each.surface for each in noises.values()]),
-        "sky": _region([each.sky for each in noises.values()]),
+        "mean": np.mean([noise.mean for noise in noises.values()], axis=0).tolist(),
+        "covariance": np.mean([noise.covariance for noise in noises.values()], axis=0).tolist(),
+        "detail": np.mean([noise.detail for noise in noises.values()], axis=0).tolist(),
+        "surface": _region([noise.surface for noise in noises.values()]),
+        "sky": _region([noise.sky for noise in noises.values()]),
         "measured_frames": measured,
         "samples_per_pixel": [
             samples_per_pass * (noises[index].passes if index in noises else 1) for index in frames
@@ -58,7 +58,7 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
 
 def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
     """One region over the frames that contain it."""
-    seen = [asdict(each) for each in regions if each]
+    seen = [asdict(region) for region in regions if region]
     if not seen:
         return None
     combine: dict[str, Callable[[Any], Any]] = {
@@ -66,8 +66,8 @@ def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
         **dict.fromkeys(("median", "p95"), np.median),
         **dict.fromkeys(("rms", "standing"), lambda values: np.sqrt(np.mean(np.square(values)))),
     }
-    record = {name: float(how([each[name] for each in seen])) for name, how in combine.items()}
-    bands = np.sqrt(np.mean(np.square([each["bands"] for each in seen]), axis=0)).tolist()
+    record = {name: float(how([region[name] for region in seen])) for name, how in combine.items()}
+    bands = np.sqrt(np.mean(np.square([region["bands"] for region in seen]), axis=0)).tolist()
     return {**record, "bands": bands}
 
 

@@ -1,13 +1,8 @@
-"""Flow and occlusion between any two frames, from depth and poses, without the renderer.
-
-Pixels are projected to points by their stored depth, and points to pixels of another frame by its
-pose. Moving points are taken from their stored place along their motion.
-"""
+"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,24 +81,25 @@ def carried_points(
     return np.asarray(points)
 
 
-def _motion_from(record: Mapping[str, Any]) -> Motion:
-    """Rebuild a motion from the numbers of a scene's record."""
-    values = dict(record)
-    if values["kind"] == "sway":
-        del values["kind"]
-        return Sway(**values)
-    if values["kind"] == "nodes":
-        return NodeMotion.of_record(values)
-    center = values.pop("center_m")
-    return RigidMotion(tuple(center), TypeAdapter(ObjectMotion).validate_python(values))
-
-
 def motions_of(dataset: Dataset) -> dict[int, Motion]:
     """Motion of each moving object, by number. Raises UserError."""
-    path = dataset.scene_record
+    path, motions = dataset.scene_record, dict[int, Motion]()
     with bounded.undamaged(path, f"remove it and run: {dataset.render_again}"):
-        motions = bounded.read_json(path)["motions"]
-        return {int(number): _motion_from(each) for number, each in motions.items()}
+        for number, record in bounded.read_json(path)["motions"].items():
+            values = dict(record)
+            motion: Motion
+            if values["kind"] == "sway":
+                del values["kind"]
+                motion = Sway(**values)
+            elif values["kind"] == "nodes":
+                motion = NodeMotion.of_record(values)
+            else:
+                center = values.pop("center_m")
+                motion = RigidMotion(
+                    tuple(center), TypeAdapter(ObjectMotion).validate_python(values)
+                )
+            motions[int(number)] = motion
+    return motions
 
 
 class TruthReader:
@@ -141,7 +137,17 @@ class TruthReader:
             hidden = getattr(truth, f"occluded_{way}")
         else:
             flow, depth = self._flow_and_depth(first, second)
-            hidden = _is_behind(flow, depth, self.frame(second).depth, wraps)
+            # behind everything seen in the four pixels around the point
+            height, width = depth.shape
+            target = np.nan_to_num(flow, nan=-1e9)
+            x = np.floor(np.arange(width) + target[..., 0]).astype(np.int64)
+            y = np.floor(np.arange(height)[:, np.newaxis] + target[..., 1]).astype(np.int64)
+            farthest, seen = np.zeros(depth.shape), self.frame(second).depth
+            for right, down in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                columns = (x + right) % width if wraps else np.clip(x + right, 0, width - 1)
+                rows = np.clip(y + down, 0, height - 1)
+                farthest = np.maximum(farthest, seen[rows, columns])
+            hidden = depth > _BEHIND * farthest
         return np.asarray(hidden | out_of_view(self.flow(first, second), wraps))
 
     @cached_property
@@ -166,23 +172,3 @@ class TruthReader:
         for frame in frames:
             if not 0 <= frame < count:
                 raise UserError(f"frame {frame}: the sequence has frames 0 to {count - 1}")
-
-
-def _is_behind(
-    flow: Float64,
-    depth: Float64,
-    seen: NDArray[np.float32],
-    wraps: bool,
-) -> NDArray[np.bool_]:
-    """Mask of points at a depth (H, W) behind everything seen in the four pixels around them."""
-    height, width = depth.shape
-    target = np.nan_to_num(flow, nan=-1e9)
-    x = np.floor(np.arange(width) + target[..., 0]).astype(np.int64)
-    y = np.floor(np.arange(height)[:, np.newaxis] + target[..., 1]).astype(np.int64)
-    farthest = np.zeros(depth.shape)
-    for right in (0, 1):
-        for down in (0, 1):
-            columns = (x + right) % width if wraps else np.clip(x + right, 0, width - 1)
-            rows = np.clip(y + down, 0, height - 1)
-            farthest = np.maximum(farthest, seen[rows, columns])
-    return np.asarray(depth > _BEHIND * farthest)

@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from megalopta.config.drawing import repeated_name
 from megalopta.config.model import Configuration, LightLevel
@@ -81,11 +81,6 @@ class LazyFrames:
         return self.read(numbers)
 
 
-def frame_by_frame(read: Callable[[int], ArrayLike]) -> Callable[[list[int]], NDArray[Any]]:
-    """Return a reader of frames from a reader of one."""
-    return lambda numbers: np.stack([np.asarray(read(number)) for number in numbers])
-
-
 class Sequence:
     """Lazy arrays of one sequence; frames count from 0.
 
@@ -99,7 +94,7 @@ class Sequence:
 
     def __init__(self, dataset: Dataset) -> None:
         self.dataset, self.name = dataset, dataset.sequence
-        self.split = dataset.record.split if dataset.record else "all"
+        self.split = dataset.former.split
         self._opened: dict[str, OpenedCounts] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -417,7 +412,11 @@ class Sequence:
     ) -> LazyFrames:
         """Frames (H, W, more axes by name), each read by its number."""
         shape, names = (len(self), *self.shape, *more.values()), ("frame", "row", "column", *more)
-        return LazyFrames(shape, np.dtype(dtype), unit, names, frame_by_frame(read))
+
+        def stacked(numbers: list[int]) -> NDArray[Any]:
+            return np.stack([np.asarray(read(number)) for number in numbers])
+
+        return LazyFrames(shape, np.dtype(dtype), unit, names, stacked)
 
     def _require_label(self, name: LabelName) -> None:
         if name not in self.configuration.labels:

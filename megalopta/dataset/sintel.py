@@ -90,17 +90,12 @@ def write_disparity(dataset: Dataset, index: int, flow: "Flow", baseline_m: floa
     """
     # A point at infinity has a disparity of 0, to rounding.
     disparity = np.maximum(-np.sign(baseline_m) * flow.displacement[..., 0], 0)
-    codes = sintel_codes(disparity)
+    exact = np.rint(disparity.astype(np.float64) * _SINTEL_PER_PX)
+    code = np.minimum(exact, _SINTEL_CODES - 1).astype(np.uint32)
+    codes = np.stack([code >> 16, code >> 8 & 255, code & 255], axis=-1).astype(np.uint8)
     write_png(dataset.frame("training/disparities", index), codes)
     unmatched = flow.occluded | flow.out_of_view | (codes == _UNKNOWN).all(axis=-1)
     write_png(dataset.frame("training/occlusions_stereo", index), mask_of(unmatched))
-
-
-def sintel_codes(disparity: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Sintel's red, green and blue (H, W, 3) of disparities (H, W), px; white if unknown."""
-    exact = np.rint(disparity.astype(np.float64) * _SINTEL_PER_PX)
-    code = np.minimum(exact, _SINTEL_CODES - 1).astype(np.uint32)
-    return np.stack([code >> 16, code >> 8 & 255, code & 255], axis=-1).astype(np.uint8)
 
 
 def read_disparity(path: Path) -> NDArray[np.float32]:

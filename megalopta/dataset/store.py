@@ -1,25 +1,6 @@
-"""The dataset on disk: one folder, MPI-Sintel's tree with additions, of one sequence or of many.
+"""The dataset on disk, of one sequence or of many: MPI-Sintel's tree with additions.
 
-dataset.yaml                 version of the program, and the configuration or plan that it was given
-sequences/SEQ.json           record: settings and software of each stage, and every file's hash
-training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
-training/flow|occlusions|invalid|depth|camdata_left/SEQ/
-training/classes|instances|clusters|normals|albedo|tracks/SEQ/  labels on request
-training/imu/SEQ/            readings of an IMU and poses, in EuRoC's and TUM's layouts
-training/disparities|occlusions_stereo/SEQ/  of a stereo pair
-radiance|truth/SEQ/          EXR, every frame at its instant
-radiance_shutter/SEQ/        EXR, the same frames through the shutter, if one is set
-truth_shutter/SEQ/           EXR, truth of every row at its own time, with a rolling shutter
-pictures/SEQ/                for pictures, instead of EXR and truth: a file, or a folder of files
-counts/SEQ/SENSOR-LEVEL.zarr, and other products next to it (docs/file-formats.md)
-results/SEQ/                 detector responses, errors, photon benchmark, seconds of each stage
-
-Made of a plan, also, from the records at any time (`dataset.index`):
-
-index/, croissant.json       tables of frames, sequences and exposures, and their description
-splits/SPLIT.txt, splits/SPLIT/Sintel/  names of a split, and links to it as MPI-Sintel's tree
-
-A record is written last, and is the only truth: what it does not list is no output.
+docs/file-formats.md lists it. A record is written last: what it does not list is no output.
 """
 
 import hashlib
@@ -37,7 +18,7 @@ from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
 
@@ -65,9 +46,10 @@ SUFFIXES: Mapping[str, str] = {
 _HEADER_BYTES = 2**20
 """Most bytes of dataset.yaml: larger YAML takes seconds to parse."""
 _KEPT_HASHES = 2**17
+_FORMAT = FORMATS["sequence"].written
 
 
-@dataclass(frozen=True)
+@dataclass
 class Dataset:
     """Paths of one sequence; modified files are refused.
 
@@ -75,23 +57,51 @@ class Dataset:
     of processor time per megabyte, a third of decoding an EXR file. For a store of counts, opening
     compares the sizes of all files and the hashes of its metadata; the hashes of its data are
     compared a chunk at a time, as they are read. Files that are not read are not compared.
+
+    Attributes
+    ----------
+    root : Path
+    configuration : Configuration
+        Configuration of its content.
+    record : SequenceRecord or None
+        Its record, whose files are compared.
+    light : PictureLight or None
+        Light of its pictures, if they are open.
+    former : SequenceRecord
+        Its record; an empty one if nothing is finished.
+    files : mapping of str to (int, str)
+        Bytes and hash of the files to compare, by their paths in the dataset.
+    record_path, begun_path : Path
+        Records of the sequence, and of the stages in progress.
+    scene_record : Path
+        JSON of the rendering: objects, triangles, variant, light and noise.
+    tracks : Path
+        Tracks of points through all frames.
+    imu : Path
+        Folder of an IMU's readings, and of poses, in the layouts of EuRoC and TUM.
     """
 
     root: Path
     configuration: Configuration
-    """Configuration of its content"""
     record: SequenceRecord | None = field(default=None, repr=False, compare=False)
-    """Its record, whose files are compared"""
     light: "PictureLight | None" = field(default=None, repr=False, compare=False)
-    """Light of its pictures, if they are open"""
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
-    @cached_property
-    def files(self) -> Mapping[str, tuple[int, str]]:
-        """Bytes and hash of the files to compare, by their paths in the dataset."""
-        return self.record.files if self.record else {}
+    def __post_init__(self) -> None:
+        self.sequence = name = self.configuration.name
+        self.former = self.record or SequenceRecord(format=_FORMAT, sequence=name)
+        self.files: Mapping[str, tuple[int, str]] = self.record.files if self.record else {}
+        self.record_path = self.root / "sequences" / f"{name}.json"
+        self.begun_path = self.record_path.with_suffix(".begun")
+        self.scene_record = self.root / "radiance" / name / "scene.json"
+        self.tracks = self.root / "training/tracks" / name / "tracks.npz"
+        self.imu = self.root / "training/imu" / name
+        shutter = self.configuration.shutter
+        is_blurred = shutter.exposure_s > 0 or shutter.readout_s > 0
+        self._radiance = "radiance_shutter" if is_blurred else "radiance"
+        self._truth = "truth_shutter" if shutter.readout_s > 0 else "truth"
 
-    @property
+    @cached_property
     def render_again(self) -> str:
         """Command that completes and repairs the rendering."""
         return shell_command("render", self.root, "--out", self.root)
@@ -103,30 +113,6 @@ class Dataset:
                 f"{self.root}: made of pictures, whose true motion and depth are unknown; give a "
                 "dataset of rendered frames"
             )
-
-    @cached_property
-    def record_path(self) -> Path:
-        """Record of the sequence."""
-        return self.root / "sequences" / f"{self.sequence}.json"
-
-    @cached_property
-    def begun_path(self) -> Path:
-        """Record of the stages in progress."""
-        return self.record_path.with_suffix(".begun")
-
-    @cached_property
-    def former(self) -> SequenceRecord:
-        """Its record; an empty one if nothing is finished."""
-        return self.record or SequenceRecord(
-            format=written("sequence"),
-            sequence=self.sequence,
-            configuration=self.configuration.model_dump(mode="json"),
-        )
-
-    @cached_property
-    def sequence(self) -> str:
-        """Name of the sequence."""
-        return self.configuration.name
 
     def frame(self, kind: str, index: int) -> Path:
         """Path of one frame's file, such as frame("radiance", 0).
@@ -143,25 +129,13 @@ class Dataset:
         """Ground truth of a frame."""
         return self.frame("truth", index)
 
-    @cached_property
-    def _exposed(self) -> tuple[str, str]:
-        """Folders of the radiance and the truth that sensors see."""
-        shutter = self.configuration.shutter
-        radiance = "radiance" if shutter.is_instant else "radiance_shutter"
-        return radiance, "truth_shutter" if shutter.readout_s > 0 else "truth"
-
     def exposed_radiance(self, index: int) -> Path:
         """Spectral radiance of a frame through the shutter, as sensors see it."""
-        return self.frame(self._exposed[0], index)
+        return self.frame(self._radiance, index)
 
     def exposed_truth(self, index: int) -> Path:
         """Ground truth of the frame that sensors see; with motion blur, at its middle."""
-        return self.frame(self._exposed[1], index)
-
-    @property
-    def scene_record(self) -> Path:
-        """JSON of the rendering: objects, triangles, variant, light and noise."""
-        return self.root / "radiance" / self.sequence / "scene.json"
+        return self.frame(self._truth, index)
 
     def read_scene_record(self) -> dict[str, Any]:
         """Read the record of the render stage; empty if there is none."""
@@ -173,8 +147,8 @@ class Dataset:
     @property
     def exposures(self) -> tuple[str, ...]:
         """Names of the stored exposures, such as "spadcam-starlight"."""
-        if self.record and self.record.exposures:
-            return tuple(exposure.name for exposure in self.record.exposures)
+        if self.former.exposures:
+            return tuple(exposure.name for exposure in self.former.exposures)
         pairs = self.configuration.exposures
         return tuple(exposure_name(*pair) for pair in pairs if self.counts(*pair).exists())
 
@@ -183,23 +157,13 @@ class Dataset:
         folder = self.root / "counts" / self.sequence
         return self.store(folder / f"{exposure_name(sensor, level)}.zarr")
 
-    @property
-    def tracks(self) -> Path:
-        """Tracks of points through all frames."""
-        return self.root / "training/tracks" / self.sequence / "tracks.npz"
-
-    @property
-    def imu(self) -> Path:
-        """Folder of an IMU's readings, and of poses, in the layouts of EuRoC and TUM."""
-        return self.root / "training/imu" / self.sequence
-
     def result(self, name: str) -> Path:
         """File of results."""
         return self.root / "results" / self.sequence / name
 
     def store(self, path: Path) -> Path:
         """Path of a store whose files and metadata are complete and unmodified."""
-        inside = f"{path.relative_to(self.root).as_posix()}/"
+        inside = f"{path.relative_to(self.root).as_posix()}/" if self.files else ""
         for name in self.files:
             if name.startswith(inside):
                 self._check(name, is_hashed=name.endswith("zarr.json"))
@@ -304,15 +268,15 @@ class Tree:
 
     def at(self, configuration: Configuration) -> Dataset:
         """A sequence, finished or not, with settings that may differ from its record's."""
-        dataset = Dataset(self.root, configuration)
-        if not os.path.lexists(dataset.record_path):
-            return dataset
-        return Dataset(self.root, configuration, self.record(configuration.name))
+        path = self.root / "sequences" / f"{configuration.name}.json"
+        record = read_record(path, configuration.name) if os.path.lexists(path) else None
+        return Dataset(self.root, configuration, record)
 
     def write_header(self, **body: Any) -> None:
         """Write dataset.yaml with a `configuration`, or the `plan` of many."""
-        header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
-        files.write_text(self.root / "dataset.yaml", strict_yaml.dump({**header, **body}))
+        number = FORMATS["dataset"].written
+        header = {"format": number, "megalopta": __version__, "license": LICENSE, **body}
+        files.write_text(self.root / "dataset.yaml", strict_yaml.dump(header))
 
     def exists(self) -> bool:
         """True if a dataset was begun here. Raises UserError for a folder of something else."""
@@ -360,11 +324,11 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
 
 def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
     """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
-    inside = sorted(files.files_in(paths))
-    return {
-        str(path.relative_to(root)): (state.st_size, _hash_of(path, _state(state)))
-        for path, state in ((path, path.stat()) for path in inside)
-    }
+    hashes = {}
+    for path in sorted(files.files_in(paths)):
+        state = path.stat()
+        hashes[str(path.relative_to(root))] = state.st_size, _hash_of(path, _identity(state))
+    return hashes
 
 
 def whole_of(path: Path, root: Path) -> Path:
@@ -388,17 +352,17 @@ def file_difference(path: Path, size: int, digest: str, is_hashed: bool = True) 
         return "is missing"
     if not stat.S_ISREG(state.st_mode):
         return "is missing"
-    if state.st_size != size or (is_hashed and _hash_of(path, _state(state)) != digest):
+    if state.st_size != size or (is_hashed and _hash_of(path, _identity(state)) != digest):
         return "differs from its record"
     return None
 
 
-def _state(of: os.stat_result) -> tuple[int, ...]:
-    return of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns
+def _identity(state: os.stat_result) -> tuple[int, ...]:
+    return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns
 
 
 @lru_cache(maxsize=_KEPT_HASHES)
-def _hash_of(path: Path, _state: tuple[int, ...]) -> str:
+def _hash_of(path: Path, _identity: tuple[int, ...]) -> str:
     return file_hash(path)
 
 

@@ -1,8 +1,4 @@
-"""The benchmark stage: photons per frame that each detector needs on the rendered sequence.
-
-The light of the sequence and the sums of every size and repeat are kept in
-results/SEQ/benchmark-parts until all are finished: only a few frames are in memory.
-"""
+"""The benchmark stage: photons per frame that each detector needs on the rendered sequence."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -83,7 +79,7 @@ def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Flo
     if (kept := store.read()) is not None:
         return [kept[str(index)] for index in range(len(kept))]
     sums = work()
-    store.write({str(index): each for index, each in enumerate(sums)})
+    store.write({str(index): total for index, total in enumerate(sums)})
     return sums
 
 

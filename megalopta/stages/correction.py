@@ -1,9 +1,4 @@
-"""Corrected frames: corrected/SEQ/SENSOR-LEVEL.zarr.
-
-Arrays `detections`, `variance`, `filled` and `ambiguous`, each (frame, row, column), as in
-`sensor.correct.Corrected`. A sensor is calibrated once, on dark and flat frames drawn from the same
-device.
-"""
+"""Corrected frames: corrected/SEQ/SENSOR-LEVEL.zarr, with the arrays of `Corrected`."""
 
 from collections.abc import Sequence
 from pathlib import Path

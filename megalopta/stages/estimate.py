@@ -1,9 +1,6 @@
-"""Estimate the cost of a plan, or of one sequence, from small frames of at most three sequences.
+"""Estimate the cost of a plan, or of one sequence, to a factor of two.
 
-Two strips of a frame, as wide as the image, are rendered and exposed. The first compiles; the time
-and bytes of the second are multiplied by the pixels of all frames. The result is good to a factor
-of two. Where light may be baked, the time is an upper bound, as it is baked only if that takes
-less work.
+Two strips of a frame of at most three sequences are rendered; the second is multiplied.
 """
 
 import time

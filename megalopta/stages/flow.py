@@ -1,9 +1,4 @@
-"""The flow stage: motion detectors on the readings of every sensor at every light level.
-
-Each detector runs on the readings and on their noise-free mean (`measurement`); the difference is
-the error due to noise. Velocities are also compared with the true flow, or, for pictures without
-true flow, with DIS on the clean frames. Direction detectors give the camera's yaw rate.
-"""
+"""The flow stage: motion detectors on the readings of every sensor at every light level."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -101,7 +96,10 @@ def _measure_exposure(
                 write_frames(group, key, start, values.astype(np.float32), length)
             advance(len(frames.saturated))
     share = saturated / math.prod(shape)
-    return [{"saturated_fraction": share, **each.record()} for each in measurements.values()]
+    return [
+        {"saturated_fraction": share, **measurement.record()}
+        for measurement in measurements.values()
+    ]
 
 
 def _seen_frames(

@@ -4,7 +4,7 @@ import math
 import re
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,24 +17,27 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress, say, step
 from megalopta.dataset import picture_light
 from megalopta.dataset.store import Dataset
+from megalopta.flow.benchmark import BenchmarkSettings
 from megalopta.render import Footage, open_footage
-from megalopta.scenes import Pictures
+from megalopta.scenes import Light, Pictures
 from megalopta.scenes.hashed_file import copied
 from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
+from megalopta.sensor import IMAGE_SENSORS
 
 STILL_FRAMES = 16
 """Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
-DEFAULTS: Mapping[str, Any] = {
-    "light": {"level": "daylight"},
-    "sensors": ["ideal"],
-    "light_levels": [1.0],
-    "methods": ["BM", "LK", "DIS"],  # quick ones, which do with two frames
+_USUAL: Mapping[str, tuple[Any, Any]] = {
+    "light": ({"level": "daylight"}, Light(level="daylight")),
+    "sensors": (["ideal"], (IMAGE_SENSORS["ideal"],)),
+    "methods": (["BM", "LK", "DIS"], ("BM", "LK", "DIS")),  # quick, and do with two frames
 }
-"""Settings of pictures that do not depend on the files; `light_levels` is for the user to say"""
+"""Settings of pictures that do not depend on the files, as in YAML, and as of a configuration"""
+DEFAULTS = {name: values for name, (values, _) in _USUAL.items()}
+_BENCHMARK: BenchmarkSettings = Configuration.model_fields["benchmark"].default
 _LEAST_SIZE = 3
 """Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
@@ -83,7 +86,15 @@ def pictures_configuration(
             "(on the scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), "
             "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
         )
-    settings = validated(Configuration, _fields(footage, asked), str(path), overrides)
+    values, usual = _fields(footage, asked), dict(_USUAL)
+    size = max(_LEAST_SIZE, min(60, values["camera"]["height"]))
+    usual["benchmark"] = {"sizes": [size]}, _BENCHMARK.model_copy(update={"sizes": (size,)})
+    changed = {setting.partition(".")[0] for setting in overrides}
+    for name in usual.keys() & changed - values.keys():
+        values[name] = usual[name][0]
+    settings = validated(Configuration, values, str(path), overrides)
+    unchanged = {name: usual[name][1] for name in usual.keys() - values.keys()}
+    settings = settings.model_copy(update=unchanged)
     longest_s, sensors = 1 / settings.trajectory.frame_rate_hz, list(settings.sensors)
     for index, sensor in enumerate(sensors):
         if sensor.exposure_s > longest_s:
@@ -94,7 +105,8 @@ def pictures_configuration(
         _check_shape(settings, footage)
     frames = picture_light.PictureFrames(footage, settings)
     brightness = _measured(frames)
-    scene, light, bands_nm = _scene(settings), settings.light, settings.render.bands_nm
+    scene, light = cast(Pictures, settings.scene), settings.light
+    bands_nm = settings.render.bands_nm
     lux_per_luminance = math.pi / scene.reflectance
     if footage.is_absolute:
         lux = brightness.luminance * lux_per_luminance
@@ -124,56 +136,44 @@ def pictures_configuration(
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Return the fields of the configuration that the file and the options state."""
-    path, (rows, columns) = footage.path, footage.shape
+    path, (rows, columns), count = footage.path, footage.shape, len(footage)
     width = asked.width or columns
-    height = max(1, round(rows * width / columns))
-    is_level = asked.spectrum in LEVELS
-    if not is_level and asked.spectrum not in (None, *SPECTRA):
+    scene = {name: getattr(asked, name) for name in _OF_SCENE}
+    light = {}
+    if asked.spectrum in LEVELS:
+        scene["spectrum"], light = "light", {"light": {"level": asked.spectrum}}
+    elif asked.spectrum in SPECTRA:
+        scene["spectrum"] = asked.spectrum
+    elif asked.spectrum is not None:
         names = ", ".join((*SPECTRA, *LEVELS))
         raise UserError(f"--spectrum {asked.spectrum}: unknown; give one of {names}")
-    scene = {name: getattr(asked, name) for name in _OF_SCENE}
-    scene["spectrum"] = "light" if is_level else asked.spectrum
-    stated = {name: value for name, value in scene.items() if value is not None}
-    return {
-        **DEFAULTS,
-        "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
-        "scene": {"kind": "pictures", "file": str(path), **stated},
-        "light": {"level": asked.spectrum} if is_level else DEFAULTS["light"],
-        "camera": {"width": width, "height": height},
-        "trajectory": timing_of(footage, asked),
-        "render": {"bands_nm": footage.bands_nm} if footage.bands_nm else {},
-        "benchmark": {"sizes": [max(_LEAST_SIZE, min(60, height))]},
-    }
-
-
-def timing_of(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
-    """Frames and their rate: as in the file, unless something else is asked for."""
-    count = len(footage)
-    times_s = picture_light.picture_times(
-        footage, asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ
-    )
-    end_s = float(times_s[-1])
+    usual_hz = asked.picture_rate_hz or asked.frame_rate_hz or _USUAL_HZ
+    end_s = float(picture_light.picture_times(footage, usual_hz)[-1])
     rate_hz = asked.frame_rate_hz or (shortest((count - 1) / end_s) if end_s else _USUAL_HZ)
     last_s = footage.last_s or 1 / rate_hz
     frames = math.floor((end_s + last_s) * rate_hz + 0.1) if count > 1 else STILL_FRAMES
-    return {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz}
+    return {
+        "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
+        "scene": {
+            "kind": "pictures",
+            "file": str(path),
+            **{name: value for name, value in scene.items() if value is not None},
+        },
+        "camera": {"width": width, "height": max(1, round(rows * width / columns))},
+        "trajectory": {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz},
+        **({"render": {"bands_nm": footage.bands_nm}} if footage.bands_nm else {}),
+        **light,
+    }
 
 
 def shortest(value: float) -> float:
     """Return the number of the fewest digits that agrees to 1e-9, such as 25 for 24.99…96."""
     rounded = (float(f"{value:.{digits}g}") for digits in range(1, 18))
-    return next(each for each in rounded if math.isclose(each, value))
-
-
-def _scene(settings: Configuration) -> Pictures:
-    return cast(Pictures, settings.scene)
+    return next(number for number in rounded if math.isclose(number, value))
 
 
 def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
-    """Average over pictures, each so many times as it is shown, and say which are not.
-
-    Raises UserError for black.
-    """
+    """Average over pictures, each so often as it is shown. Raises UserError for black."""
     footage, trajectory, weights = frames.footage, frames.settings.trajectory, frames.weights()
     if missed := max(weights) + 1 - len(weights):
         say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
@@ -197,16 +197,14 @@ def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
 
 def import_pictures(dataset: Dataset) -> None:
     """Copy the files of the pictures into a dataset, and note what they are."""
-    settings, scene = dataset.configuration, _scene(dataset.configuration)
-    if dataset.light:
-        _import(dataset, dataset.light.frames.footage, dataset.light.brightness)
+    settings, scene = dataset.configuration, cast(Pictures, dataset.configuration.scene)
+    if not dataset.light:
+        with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
+            frames = picture_light.PictureFrames(footage, settings)
+            light = picture_light.PictureLight(frames, _measured(frames), np.zeros(0))
+            import_pictures(replace(dataset, light=light))
         return
-    with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
-        _import(dataset, footage, _measured(picture_light.PictureFrames(footage, settings)))
-
-
-def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Brightness) -> None:
-    settings, scene = dataset.configuration, _scene(dataset.configuration)
+    footage, brightness = dataset.light.frames.footage, dataset.light.brightness
     folder, camera = picture_light.picture_folder(dataset), settings.camera
     if not folder.exists():
         with (
@@ -233,7 +231,7 @@ def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Bright
         **asdict(brightness),
     }
     files.write_json(dataset.scene_record, {"pictures": record})
-    light = (
+    white = (
         "their spectra are used as they are"
         if footage.transfer == "spectral radiance"
         else f"{footage.transfer} codes become light, white has the spectrum of "
@@ -242,7 +240,7 @@ def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Bright
     )
     lines = [
         f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {light}"
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {white}"
     ]
     if len(footage) == 1:
         lines.append("it is one picture, which stands still")
@@ -256,9 +254,9 @@ def _import(dataset: Dataset, footage: Footage, brightness: picture_light.Bright
 
 def check_pictures(settings: Configuration) -> None:
     """Refuse, with ValueError, pictures of another shape than the frames."""
-    file, unit = Path(_scene(settings).file.path), _scene(settings).unit
-    if file.exists():  # else a dataset that came from elsewhere
-        with refused_as("scene.file"), open_footage(file, unit) as footage:
+    scene = cast(Pictures, settings.scene)
+    if (file := Path(scene.file.path)).exists():  # else a dataset that came from elsewhere
+        with refused_as("scene.file"), open_footage(file, scene.unit) as footage:
             _check_shape(settings, footage)
 
 

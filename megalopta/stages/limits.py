@@ -1,8 +1,4 @@
-"""Memory and disk that a stage needs; too much is refused before anything is built.
-
-Bytes are right within a factor of two, measured on the demo and the grating; rendering noise does
-not compress. The time of a sequence is measured, not predicted (`stages/estimate.py`).
-"""
+"""Memory and disk that a stage needs, to a factor of two; too much is refused."""
 
 import os
 import shutil

@@ -1,8 +1,4 @@
-"""Make the sequences of a plan, and add output to all sequences of a dataset.
-
-Each sequence is one job: in this process, in processes of this machine, or on a Dask cluster. The
-index is made again from the records at the end.
-"""
+"""Make the sequences of a plan, and add output to all sequences of a dataset."""
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -29,7 +25,7 @@ from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.index import write_index
 from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistics
 from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
-from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of
+from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of, open_sequence
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
@@ -79,8 +75,8 @@ def make(
         finished = set(tree.names()) - {
             path.stem for path in (tree.root / "sequences").glob("*.begun")
         }
-        asked = range(plan.sequences) if only is None else only
-        todo = [index for index in asked if drawing.sequence_name(index) not in finished]
+        indices = range(plan.sequences) if only is None else only
+        todo = [index for index in indices if drawing.sequence_name(index) not in finished]
         if todo:
             _check_same_machinery(tree)
         try:
@@ -132,16 +128,13 @@ def _run(
 
 
 def _whole_plan(tree: Tree, plan: Plan) -> Plan:
-    """Return the plan of a folder: this one, with the largest number of sequences requested so far.
-
-    Raises UserError for a folder of other files, or with sequences of another plan.
-    """
+    """Return the plan of a folder, with the most sequences requested so far; refuse another."""
     root = tree.root
     if not tree.exists():
         return plan
     if (former := tree.plan) is None:
         raise UserError(f"{root}: a dataset without a plan; choose another folder")
-    old, new = ({**each.model_dump(mode="json"), "sequences": 0} for each in (former, plan))
+    old, new = ({**kept.model_dump(mode="json"), "sequences": 0} for kept in (former, plan))
     if changes := differences_text(old, new):
         raise UserError(
             f"{root} was made from another plan ({changes}); choose another folder "
@@ -284,13 +277,8 @@ def measure(
         job = partial(_measure, tree.root, overrides, stage, redo)
         _on_all(tree, f"Measuring sequences ({stage})", job, workers, scheduler)
         return
-    datasets = [tree.opened(name) for name in tree.names()]
-    if not datasets:
-        raise UserError(f"{tree.root}: no finished sequence; run: {tree.make_again}")
-    for dataset in datasets:
-        values = dataset.configuration.model_dump(mode="json")
-        changed = validated(Configuration, values, str(root), overrides)
-        run_stage(root, changed, stage, redo)
+    values = open_sequence(tree.root).configuration.model_dump(mode="json")
+    run_stage(root, validated(Configuration, values, str(root), overrides), stage, redo)
 
 
 def _on_all(
@@ -300,10 +288,7 @@ def _on_all(
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    """Do a job on every finished sequence of a plan, after checking all, and renew the index.
-
-    `job(index, is_checked=True)` checks whether it can be done, with False does it.
-    """
+    """Do a job on every sequence of a plan, after each `is_checked`, and renew the index."""
     plan = tree.plan
     assert plan is not None
     with locked(tree.root):
@@ -369,10 +354,7 @@ def add_exposures(
 
 
 def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> None:
-    """Add missing exposures to a sequence; its record lists them when all are complete.
-
-    Files of a run that was killed lie beside the listed ones, and are removed.
-    """
+    """Add missing exposures to a sequence; its record lists them when all are complete."""
     made = Tree(root).opened(drawing.sequence_name(index))
     record = made.former
     values = {
@@ -405,7 +387,7 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
         return
     folders = [root / kind / made.sequence for kind in ("counts", "corrected")]
     with locked(made.record_path.parent, f".{made.sequence}.lock"), silent():
-        for path in [path for folder in folders for path in folder.glob("*")]:
+        for path in [path for folder in folders for path in folder.glob("*")]:  # of a killed run
             if product_stem(path) not in made.exposures:
                 files.remove(path)
         expose(wanted)
@@ -415,7 +397,10 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
         measured = exposure_statistics(replace(wanted, record=None))
-        exposures = (*record.exposures, *(each for each in measured if each.name in missing))
+        exposures = (
+            *record.exposures,
+            *(exposure for exposure in measured if exposure.name in missing),
+        )
         update = {
             "statistics": record.statistics.model_copy(update={"exposures": exposures}),
             "stages": {**record.stages, "sense": sensed.model_copy(update={"files": files_of})},

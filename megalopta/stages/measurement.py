@@ -1,9 +1,6 @@
 """Responses and errors of one detector on one exposure, a few frames at a time.
 
-A detector runs on the readings, on their mean (the same device without temporal noise, "self"), and
-on the photons themselves ("perfect": an ideal sensor). If there are corrected readings it runs on
-them too; these are compared with the perfect sensor only. Only sums of errors and velocities of
-blocks are kept, not the frames.
+References are the mean of the readings ("self") and the photons ("perfect").
 """
 
 from dataclasses import dataclass
@@ -132,15 +129,15 @@ class SequenceMeasurement:
     def _against_truth(self, truth: BlockTruth) -> Record:
         left_out = np.concatenate(self._left_out)[..., None]
         known, pure = (
-            np.where(left_out, np.nan, each) for each in (truth.velocities, truth.without_mixed)
+            np.where(left_out, np.nan, truths) for truths in (truth.velocities, truth.without_mixed)
         )
-        velocities = {name: np.concatenate(each) for name, each in self._velocities.items()}
+        velocities = {name: np.concatenate(chunks) for name, chunks in self._velocities.items()}
         ideal, counts = (
             truth_splits(velocities[name], known, truth.hidden) for name in ("ideal", "counts")
         )
 
         def errors(truth: Floats) -> Record:
-            return {name: truth_error(each, truth).to_dict() for name, each in velocities.items()}
+            return {name: truth_error(flow, truth).to_dict() for name, flow in velocities.items()}
 
         return {
             "truth": errors(known),

@@ -1,9 +1,4 @@
-"""The stages in order, and the dependencies of their output.
-
-Beside settings, output depends on models of the program, libraries and their back ends: frames by
-LLVM and by scalar code, or counts of two sensor models, look alike and are not. An interrupted
-stage, or a dataset of many sequences, continues with the same or not at all.
-"""
+"""The stages in order, and the settings and software that their output depends on."""
 
 from collections.abc import Collection, Mapping
 from typing import Any

@@ -227,17 +227,17 @@ class FrameWriter:
 
     def write_sequence_labels(self) -> None:
         """Write names of classes and tracks of points, which belong to all frames."""
-        dataset, asked = self._dataset, self._settings.tracks
+        dataset, tracked = self._dataset, self._settings.tracks
         if "classes" in self._settings.labels:
             labels.write_class_names(dataset, self._kinds)
-        if asked:
-            image = asked.points(self._settings.camera)
+        if tracked:
+            image = tracked.points(self._settings.camera)
             with step("following points"):
                 tracks = [
                     self._renderer.tracks(self._poses, frame, image, self._times_s)
-                    for frame in asked.frames
+                    for frame in tracked.frames
                 ]
-            labels.write_tracks(dataset.tracks, asked, tracks)
+            labels.write_tracks(dataset.tracks, tracked, tracks)
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame with the shutter; its seeds are independent of the sharp frame's."""

@@ -1,13 +1,6 @@
 """Run the stages of a sequence: keep what is fresh, refuse or redo what is stale, make the rest.
 
-fresh     finished with these settings by this model of the program, and every file is whole
-stale     of other settings, or of software that gives other numbers: refused with the differences;
-          with `redo`, the new settings are checked, then the old output is removed and made again
-missing   made; where it was begun with the same settings and software, what is there is kept
-
-A file appears whole or not at all, and the record of a sequence is written after its files. A kill
-at any moment so leaves files that no record lists. The next run continues them if SEQ.begun says
-that they are of the same settings and software; with others it refuses, or removes what is derived.
+A kill at any moment leaves files that no record lists; SEQ.begun says with what they can go on.
 """
 
 import json
@@ -67,8 +60,8 @@ def run_stages(
     for name in () if is_checked else stages:
         check_stage(name, configuration, root)
     tree, header = Tree(root), root / "dataset.yaml"
-    is_new = not tree.exists()
-    if not is_new and (tree.plan or set(tree.names()) - {configuration.name}):
+    created = [folder for folder in (root, *root.absolute().parents) if not folder.exists()]
+    if tree.exists() and (tree.plan or set(tree.names()) - {configuration.name}):
         raise UserError(f"{root}: holds other sequences; choose another folder")
     try:
         with locked(root):
@@ -88,8 +81,9 @@ def run_stages(
                     files.remove(header)
                 raise
     finally:
-        if is_new and root.is_dir() and not any(root.iterdir()):
-            root.rmdir()
+        for folder in created:
+            with suppress(OSError):  # it has output, or was not made
+                folder.rmdir()
 
 
 def check_stage(name: str, configuration: Configuration, root: Path) -> None:
@@ -111,12 +105,15 @@ class Work:
 def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work:
     """Return the work that stages of a sequence need. Nothing is changed here.
 
-    Raises UserError for stale output without `redo`, and for needed stages that are not finished.
+    Output is fresh if it was finished with these settings by this model of the program, and every
+    file is whole. Of other settings or software it is stale. Missing output that was begun with the
+    same settings and software is continued. Raises UserError for stale output without `redo`, and
+    for needed stages that are not finished.
     """
     root, settings, former = dataset.root, dataset.configuration, dataset.former
     known = former.stages
     stale = [name for name in known if known[name].settings != stage_hash(settings, name)]
-    changes = _differences(former, dataset.record_path, settings, stale)
+    changes = _differences(former, dataset.record_path, settings, stale) if stale else ""
     if stale and not redo:
         raise UserError(
             f"{root} holds {' and '.join(stale)} output of another configuration ({changes}); "
@@ -174,11 +171,9 @@ def _differences(
     record: SequenceRecord, path: Path, settings: Configuration, stages: Collection[str]
 ) -> str:
     """Return what stages depend on and differs from a record."""
-    if not stages:
-        return ""
     old = stored_settings(record, path)
     return registry.differences_text(
-        *(registry.stage_configuration(each, *stages) for each in (old, settings))
+        registry.stage_configuration(old, *stages), registry.stage_configuration(settings, *stages)
     )
 
 
@@ -204,7 +199,8 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
                 for part in path.parent.glob(f".part-*-{path.name}"):
                     files.remove(part)
                 files.sweep(path)
-        spent, growing = timings(dataset), replace(dataset, record=kept.without(work.todo))
+        spent = timings(dataset) if former.stages else {}
+        growing = replace(dataset, record=kept.without(work.todo))
         marked = former.model_copy(update={**described, "stages": dict(work.todo)})
         files.write_text(dataset.begun_path, marked.to_json())
         try:
@@ -234,7 +230,7 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
 
 
 def _entered(dataset: Dataset, record: SequenceRecord) -> Dataset:
-    """Write the record of a sequence; nothing of it is in progress any more."""
+    """Write the record of a sequence, of which nothing is in progress any more."""
     files.write_text(dataset.record_path, record.to_json())
     files.remove(dataset.begun_path)
     return replace(dataset, record=record)
@@ -250,9 +246,8 @@ def forget(dataset: Dataset, stages: Collection[str]) -> None:
         else:
             files.remove(dataset.record_path)
         files.remove(dataset.root / "report.html")
-    for name in stages:
-        for path in STAGES[name].outputs(dataset):
-            files.remove(path)
+    for path in [path for name in stages for path in STAGES[name].outputs(dataset)]:
+        files.remove(path)
 
 
 def has_output(dataset: Dataset, stage: str) -> bool:

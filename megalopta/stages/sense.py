@@ -1,16 +1,10 @@
 """The sense stage: from radiance to the readings of every sensor at every light level, on disk.
 
-SPAD arrays read counts, CTIA arrays electrons. Events, binary frames and TIFF stacks are written
-too if `products` asks for them. With `sub_frames` light moves within a frame. SPAD arrays may keep
-their state from frame to frame.
-
-Light is additive: a scene under the same light, k times as bright, has k times the radiance in
-every band. So one rendering serves all levels. The direction of the light does not change: a full
-moon sensed from a rendering under an overcast sky casts no shadows.
+Light is additive: one rendering, scaled, serves all levels; its direction stays.
 """
 
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -49,6 +43,9 @@ LIGHT_SPEED_M_S = 299_792_458.0
 
 def sense(dataset: Dataset) -> None:
     """Expose what is missing, and write readings of the IMU and images."""
+    if dataset.light:  # open pictures, for which nothing was made before
+        with refused_as("sense"):
+            _check(dataset.configuration)
     expose(dataset)
     if (imu := dataset.configuration.imu) and not dataset.imu.exists():
         write_imu(dataset.imu, dataset.configuration, imu)
@@ -71,7 +68,7 @@ def expose(dataset: Dataset) -> None:
     with ExitStack() as stores:
         exposers = [_Exposer(dataset, *pair, stores) for pair in settings.exposures]
         exposers = [exposer for exposer in exposers if exposer.products]
-        counting = [exposer for exposer in exposers if exposer.draws("events")]
+        counting = [exposer for exposer in exposers if "events" in exposer.products]
         for first, radiance in read_radiance_frames(dataset) if counting else ():
             for exposer in counting:  # before anything is drawn
                 exposer.check_events(first, radiance)
@@ -94,22 +91,6 @@ def expose(dataset: Dataset) -> None:
         write_corrected(dataset, sensor, opened)
 
 
-@dataclass(frozen=True)
-class _Product:
-    """Files of one kind of readings of an exposure, which are drawn once."""
-
-    kind: products.Kind
-    files: list[products.Write]
-
-    def write(self, shot: Shot, is_stated: bool, state: PixelState | None) -> PixelState | None:
-        """Draw readings of some frames and write them; return the state of a running array."""
-        for reading, after in shot.drawn(self.kind, state, is_stated):
-            state = after
-            for write in self.files:
-                write(reading)
-        return state
-
-
 class _Exposer:
     """Exposes frames on one sensor at one light level, and writes the products that are missing."""
 
@@ -121,7 +102,7 @@ class _Exposer:
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(settings, level).astype(np.float32)
-        self._states: dict[products.Kind, PixelState | None] = {}
+        self._states: dict[str, PixelState | None] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
@@ -136,19 +117,16 @@ class _Exposer:
             extra=unusual,
         )
         shape = settings.trajectory.frames, *settings.camera.shape
-        writers: dict[products.Kind, list[products.Write]] = {}
+        self.products: dict[products.Kind, list[products.Write]] = {}
+        """Writers of the missing products, by the kind of their readings, which are drawn once"""
         for name in settings.products:
             if not (path := products.product_path(self._counts, name)).exists():
                 timing = self._period_s, burst_frames(settings)
                 writer = products.product_writer(name, path, origin, shape, *timing)
-                writers.setdefault(products.kind_of(name), []).append(stores.enter_context(writer))
-        self.products = [_Product(kind, files) for kind, files in writers.items()]
-        self.needs_depth = self.draws("histograms") and starts_at_camera(sensor)
+                write = stores.enter_context(writer)
+                self.products.setdefault(products.kind_of(name), []).append(write)
+        self.needs_depth = "histograms" in self.products and starts_at_camera(sensor)
         """True if pulses leave from the camera"""
-
-    def draws(self, kind: products.Kind) -> bool:
-        """True if readings of a kind are written."""
-        return any(product.kind == kind for product in self.products)
 
     def expose(
         self,
@@ -162,10 +140,12 @@ class _Exposer:
         if self.needs_depth:
             shot = replace(shot, later_s=later_s)
         with refused_as(self._what):
-            for product in self.products:
-                state = self._states.get(product.kind)
-                is_stated = self._settings.expectation
-                self._states[product.kind] = product.write(shot, is_stated, state)
+            for kind, writers in self.products.items():
+                state = self._states.get(kind)  # of a running array, after the last frame
+                for reading, after in shot.drawn(kind, state, self._settings.expectation):
+                    self._states[kind] = after
+                    for write in writers:
+                        write(reading)
 
     def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
@@ -191,10 +171,7 @@ def starts_at_camera(sensor: ImageSensor) -> bool:
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
-    """Return the frames that follow frames (n, H, W, B); None if light stands still.
-
-    After the last frame of a rendered sequence the light continues as before; pictures stand still.
-    """
+    """Return the frames that follow frames (n, H, W, B); None if light stands still."""
     settings, end = dataset.configuration, first + len(radiance)
     if settings.sub_frames == 1:
         return None
@@ -203,7 +180,7 @@ def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) ->
     truths = [read_truth_frame(dataset, index) for index in range(first, end)]
     flow = np.stack([truth.flow_forward for truth in truths])
     hidden = np.stack([truth.occluded_forward for truth in truths])
-    if end == settings.trajectory.frames:
+    if end == settings.trajectory.frames:  # the light continues as before
         flow[-1], hidden[-1] = -truths[-1].flow_backward, True
         after = radiance[-1]
     else:
@@ -249,24 +226,10 @@ def burst_frames(settings: Configuration) -> int:
 
 def _check(settings: Configuration) -> None:
     """Refuse what does not fit frames, and measured devices with unusable maps, as ValueError."""
-    _check_timing(settings)
-    for sensor in settings.sensors:
-        try:
-            shape = settings.camera.height, settings.camera.width
-            check_sensor(sensor, settings.render.bands_nm, shape)
-            for product in settings.products:
-                products.check_product(product, sensor, shape)
-            if starts_at_camera(sensor) and not settings.scene.has_truth:
-                raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
-        except ValueError as problem:
-            raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
-
-
-def _check_timing(settings: Configuration) -> None:
-    """Refuse exposures, moving light, bursts and continuous exposure that do not fit frames."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     usual_hz = Configuration.model_fields["burst_hz"].default
-    has_burst, in_burst = "burst_npy" in settings.products, burst_frames(settings)
+    has_burst = "burst_npy" in settings.products
+    in_burst = burst_frames(settings) if has_burst else 1
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
             f"sub_frames {parts}: shutter already renders the motion within an exposure; "
@@ -298,6 +261,16 @@ def _check_timing(settings: Configuration) -> None:
                 "remove the setting"
             )
     settings.check_exposures()
+    shape = settings.camera.height, settings.camera.width
+    for sensor in settings.sensors:
+        try:
+            check_sensor(sensor, settings.render.bands_nm, shape)
+            for product in settings.products:
+                products.check_product(product, sensor, shape)
+            if starts_at_camera(sensor) and not settings.scene.has_truth:
+                raise ValueError("tcspc.from_camera: pictures have no depth; use a rendered scene")
+        except ValueError as problem:
+            raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 
 
 STAGE = Stage(
@@ -315,4 +288,5 @@ STAGE = Stage(
     model=lambda: str(SENSOR_MODEL),
     machinery=lambda _: {name: version(name) for name in ("numpy", "numba")},
     check=_check,
+    rehearse=_check,
 )

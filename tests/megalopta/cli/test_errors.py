@@ -28,7 +28,6 @@ def one_line(refused):
     ("arguments", "message"),
     [
         (["flow"], "flow: the following arguments are required: dataset; see megalopta flow"),
-        (["check", "all"], "check: argument what: invalid choice: 'all'"),
         (["reproduce", "fig-4.5", "--workers", "0"], "reproduce: argument --workers: '0'; give a"),
         (["check", "files", "x", "--truth=-1"], "--truth: '-1'; give a whole number, 0"),
         (["render", "--"], "--: not a setting"),
@@ -39,11 +38,9 @@ def one_line(refused):
         (["rendr", "demo"], "rendr: no such verb; did you mean 'render'?"),
         (["capture"], "capture: no such verb; did you mean 'spadcam capture'?"),
         (["dataset", "mak", "--out", "x"], "dataset mak: no such verb; did you mean 'make'?"),
-        (["dataset", "x"], "dataset x: no such verb; use one of make"),
         (["render", "--scene.trees", "9", "my.yaml"], "my.yaml: no such configuration"),
         (["demo", "--camera.height", "30"], "size 32 × 137 px of frames of 30 × 128 px: choose sizes"),
         (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
-        (["check", "truth"], "check: the following arguments are required: dataset"),
         (["check", "physics"], "check: argument what: invalid choice: 'physics'"),
         (["reproduce", "fig-2.9"], "no figure 'fig-2.9'; give chapter-4 or some of fig-4.5"),
         *(([*verb.split(), "none"], "none: no dataset here") for verb in (

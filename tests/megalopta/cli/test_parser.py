@@ -51,7 +51,7 @@ def test_no_setting_is_taken_for_a_mistyped_option():
             description()["models"][command.settings.models[0]] if command.settings else ()
         ):
             words = [name, f"--{field.replace('_', '-')}=1"]
-            assert split_overrides(words, command.options, command.takes)[0] == [name]
+            assert split_overrides(words, command.named, command.takes)[0] == [name]
 
 
 @pytest.mark.parametrize(
