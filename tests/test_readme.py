@@ -37,7 +37,7 @@ def parsed(line):
     parser = command = program()
     for word in words:
         command = command.verbs.get(word, command)
-    own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
+    own, overrides = split_overrides(words, parser.named | command.named, command.takes)
     return parser.parse_args(own, Namespace(overrides=overrides))
 
 

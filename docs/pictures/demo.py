@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
 from megalopta.report.style import method_style
+from megalopta.scenes import Forest
 from megalopta.sensor import open_counts
 from megalopta.stages.run import run_all
 
@@ -29,7 +30,8 @@ def photons(dataset: Dataset, path: Path) -> None:
             axis.plot([low, high], [place, place], color=color, linewidth=5, alpha=0.4)
             axis.plot(found["flux"], place, "o", color=color, markersize=8, markerfacecolor=fill)
     axis.set_yticks(list(places.values()), list(places))
-    ideal, trees = dataset.configuration.sensors[-1], dataset.configuration.scene.trees
+    ideal, forest = dataset.configuration.sensors[-1], dataset.configuration.scene
+    assert isinstance(forest, Forest)
     for level in dataset.configuration.light_levels:
         events = open_counts(dataset.counts(ideal, level))["mean_events"]
         flux = events.mean() * events.shape[1] * events.shape[2]
@@ -43,7 +45,7 @@ def photons(dataset: Dataset, path: Path) -> None:
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(
-        f"A forest of {trees} trees; gray: photons that an ideal sensor detects in "
+        f"A forest of {forest.trees} trees; gray: photons that an ideal sensor detects in "
         f"{ideal.exposure_s:g} s",
         loc="left",
         pad=22,
