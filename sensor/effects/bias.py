@@ -87,11 +87,6 @@ class Bias(Effect, frozen=True):
         slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
         return scales != (None, None) or any(slopes)
 
-    def without_efficiency(self) -> "Bias":
-        """Return the bias without influence on efficiency, except for the onset."""
-        without = self.model_copy(update={"efficiency_scale_v": None})
-        return without if without.matters else Bias()
-
 
 Dependence = Callable[[Bias, ArrayLike], Floats]
 """Factor on a quantity, for pixels of given breakdown voltages above nominal, V."""

@@ -170,10 +170,7 @@ def _add_active(
     times_s: Floats,
     active: Floats,
 ) -> None:
-    """Find the last time at which each trap was redrawn, from a Poisson process.
-
-    Time is divided into blocks of the trap's correlation time, each with its own random numbers.
-    """
+    """Add traps as last redrawn, by a Poisson process in blocks of their correlation time."""
     for at in range(pixels.shape[0]):
         row, column = pixels[at]
         pixel = _mixed(_mixed(run ^ np.uint64(row)) ^ np.uint64(column))

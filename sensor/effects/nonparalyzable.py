@@ -139,10 +139,7 @@ def _safe_leap(left: float, a: float) -> int:
 
 @compiled
 def _counts_inside(rng: np.random.Generator, left: float, a: float, leap: int, waits: float) -> int:
-    """Counts in the remaining time, given that count `leap` comes later, after `waits` of waiting.
-
-    The waiting time up to an intermediate count is a beta fraction of the whole; bisect to one gap.
-    """
+    """Counts before `left` if `leap` counts take longer, of `waits`: beta fractions, bisected."""
     low, high = 0, leap
     waits_low, waits_high = 0.0, waits
     while high - low > 1:

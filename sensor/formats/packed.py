@@ -13,11 +13,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import mapped_array, undamaged
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import (
-    RecordedFrames,
-    file_bytes,
-    wanted,
-)
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 _SHAPES = {"spad512": (512, 512), "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
 _PACKED_NAMES = (".binary.npy", ".burst.npy")

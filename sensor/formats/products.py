@@ -94,17 +94,8 @@ def product_writer(
 ) -> Iterator[Write]:
     """Yield a function that appends frames to a product, which appears once complete.
 
-    Parameters
-    ----------
-    product : str
-        One of `PRODUCTS`.
-    origin : Origin
-        Origin of the exposure.
-    shape : (frames, rows, columns)
-    frame_period_s : float
-        Time between the starts of consecutive frames, s.
-    burst_frames : int
-        Binary frames per burst in that time.
+    `shape`: frames, rows and columns; `frame_period_s`: time between the starts of frames, s;
+    `burst_frames`: binary frames per burst in that time.
     """
     from megalopta.sensor.formats import counts_store, events, packed, recorded_frames
     from megalopta.sensor.optics import demosaiced

@@ -26,12 +26,10 @@ NOT_READ = 0xFFFF
 """Sample of a pixel outside the row window."""
 NOMINAL_STEP_BIAS = 2048
 """Code at which the counters have their nominal step."""
-_LARGEST_STEP_BIAS = 4095
 
 _HEADER = struct.Struct("<BBIQ")
 _ADLER = struct.Struct("<I")
 _CRC = struct.Struct("<H")
-_CRC_START = 0xFFFF
 _SETTINGS = struct.Struct("<HIIHBB")
 _IDENTITY = struct.Struct("<BBBBHH16s32s")
 
@@ -159,7 +157,7 @@ class Parser:
 def _checked(content: bytes) -> bytes:
     """Content without its verified checksums."""
     summed = content + _ADLER.pack(zlib.adler32(content))
-    return summed + _CRC.pack(binascii.crc_hqx(summed, _CRC_START))
+    return summed + _CRC.pack(binascii.crc_hqx(summed, 0xFFFF))
 
 
 class Settings(NamedTuple):
@@ -188,7 +186,7 @@ class Settings(NamedTuple):
         return (
             self.frame_rate_mhz > 0
             and 0 < self.exposure_us <= self.period_us
-            and 0 <= self.step_bias <= _LARGEST_STEP_BIAS
+            and 0 <= self.step_bias < 2**12
             and 0 <= self.first_row < self.end_row <= ROWS
         )
 

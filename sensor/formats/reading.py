@@ -9,13 +9,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from megalopta.sensor.formats.events import (
-    HDF5_SIGNATURE,
-    NPZ_SIGNATURE,
-    StoredEvents,
-    read_events_hdf5,
-    read_events_npz,
-)
+from megalopta.sensor.formats import events
 from megalopta.sensor.formats.packed import raw_files, read_binary_npy, read_raw
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, read_tiff, wanted
 
@@ -32,9 +26,9 @@ _SIGNATURES: dict[bytes, FrameKind] = {
     b"II+\0": "tiff",
     b"MM\0+": "tiff",
 }
-_EVENTS: dict[bytes, Callable[[Path], StoredEvents]] = {
-    HDF5_SIGNATURE: read_events_hdf5,
-    NPZ_SIGNATURE: read_events_npz,
+_EVENTS: dict[bytes, Callable[[Path], events.StoredEvents]] = {
+    events.HDF5_SIGNATURE: events.read_events_hdf5,
+    events.NPZ_SIGNATURE: events.read_events_npz,
 }
 
 
@@ -89,7 +83,7 @@ def read_frames(
     return recorded
 
 
-def read_events(path: str | Path) -> StoredEvents:
+def read_events(path: str | Path) -> events.StoredEvents:
     """Read events from HDF5 or `.npz`.
 
     Raises FileNotFoundError if the path does not exist; ValueError if the file is of another
@@ -128,11 +122,8 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
         raise ValueError(f"{path}: cut short within its header; copy it again")
     stated: np.void = content[8:_DATA].view(_HEADER)[0]
     header = {name: int(stated[name]) for name in _HEADER.names or ()}
-    pixels, counters, total = (
-        header["rows"] * header["columns"],
-        header["counters"],
-        header["frames"],
-    )
+    pixels, counters = header["rows"] * header["columns"], header["counters"]
+    total = header["frames"]
     for name, possible in (
         ("bits", (8, 16)),
         ("counters", (1, 2, 3)),

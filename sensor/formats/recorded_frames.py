@@ -14,7 +14,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import check_count, check_decoded, check_file, undamaged
+from megalopta.core import bounded
 from megalopta.core.files import atomic_write
 
 
@@ -42,7 +42,7 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give the path of a recording")
     try:
-        check_file(path, sys.maxsize)
+        bounded.check_file(path, sys.maxsize)
         if path.stat().st_size == 0:
             raise ValueError(f"{path}: the file is empty; copy it again")
         return np.memmap(path, np.uint8, "r")
@@ -59,7 +59,7 @@ def wanted(total: int, frames: slice, path: Path, frame_bytes: float) -> slice:
     first, end = frames.start or 0, total if frames.stop is None else frames.stop
     if not 0 <= first <= end <= total:
         raise ValueError(f"{path}: frames {first} to {end - 1} are requested; it has {total}")
-    check_decoded(path, (end - first,), 2 * frame_bytes)  # decoded, and copied
+    bounded.check_decoded(path, (end - first,), 2 * frame_bytes)  # decoded, and copied
     return slice(first, end)
 
 
@@ -96,10 +96,10 @@ def tiff_writer(
 def read_tiff(path: Path, frames: slice) -> RecordedFrames:
     """Read the first stack of a file, (T, H, W); raises as `read_frames`."""
     size = file_bytes(path).size
-    with undamaged(path), _complaining(), tifffile.TiffFile(path) as file:
+    with bounded.undamaged(path), _complaining(), tifffile.TiffFile(path) as file:
         with suppress(IndexError):
             file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
-            check_count(path, "pages", len(file.pages), _MOST_PAGES)
+            bounded.check_count(path, "pages", len(file.pages), _MOST_PAGES)
         stack = file.series[0]
         pages = [page for page in stack.pages if page is not None]
         expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
@@ -124,7 +124,7 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
             images = [file_page.asarray() for file_page in pages[range_]]
             counts = np.array(images).reshape(-1, *stack.shape[-2:])
         else:
-            check_decoded(path, stack.shape, stack.dtype.itemsize)
+            bounded.check_decoded(path, stack.shape, stack.dtype.itemsize)
             counts = stack.asarray()[range_]
         exposure_s = _exposure_s(file)
     depth = 8 * counts.dtype.itemsize

@@ -9,18 +9,8 @@ from typing import Literal, NamedTuple
 import h5py
 import numpy as np
 
+from megalopta.core import bounded
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import (
-    ARRAY_BYTES,
-    check_count,
-    check_decoded,
-    dataset_in,
-    is_in,
-    numbers_in,
-    opened_hdf5,
-    read_bytes,
-    undamaged,
-)
 from megalopta.core.errors import DamagedFileError
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes
@@ -64,7 +54,7 @@ def read_time_tags(path: str | Path) -> TimeTags:
         read = _photon_hdf5
     else:
         raise DamagedFileError(f"{path}: no time tags; give a .ptu or Photon-HDF5 file")
-    with undamaged(path):
+    with bounded.undamaged(path):
         return _sorted(path, read(path))
 
 
@@ -91,7 +81,7 @@ def read_linospad2(
             "stamps each and an absolute time; state the recording's time stamps per cycle, or "
             "record with them"
         )
-    check_decoded(path, (content.size // 4,), _DECODED_BYTES)
+    bounded.check_decoded(path, (content.size // 4,), _DECODED_BYTES)
     words = content.view("<u4").reshape(-1, cycle)
     clock = words[:, 0] + (words[:, 1].astype(np.int64) << 32)
     start_s = _CLOCK_S * (clock - clock.min())
@@ -109,7 +99,7 @@ def _sorted(path: Path, tags: TimeTags) -> TimeTags:
     """Return events in the order of time; a duration of 0 is that from the first to the last."""
     if tags.time_s.size < 2:
         raise DamagedFileError(f"{path}: {tags.time_s.size} events; give a file with more")
-    check_count(path, "channels", tags.channels, _MOST_CHANNELS)
+    bounded.check_count(path, "channels", tags.channels, _MOST_CHANNELS)
     order = np.argsort(tags.time_s, kind="stable")
     time_s, channel = tags.time_s[order], tags.channel[order]
     if channel.min() < 0 or channel.max() >= tags.channels:
@@ -129,8 +119,8 @@ def _ptu(path: Path) -> TimeTags:
 
     import ptufile
 
-    with ptufile.PtuFile(io.BytesIO(read_bytes(path, ARRAY_BYTES))) as file:
-        check_decoded(path, (file.number_records,), _DECODED_BYTES)
+    with ptufile.PtuFile(io.BytesIO(bounded.read_bytes(path, bounded.ARRAY_BYTES))) as file:
+        bounded.check_decoded(path, (file.number_records,), _DECODED_BYTES)
         records = file.decode_records()
         records = records[records["channel"] >= 0]
         unit_s = file.global_resolution
@@ -147,18 +137,21 @@ def _ptu(path: Path) -> TimeTags:
 
 def _photon_hdf5(path: Path) -> TimeTags:
     times, detectors, unit_s = [], [], 0.0
-    with opened_hdf5(path) as file:
+    with bounded.opened_hdf5(path) as file:
         spots = [name for name in file if name.startswith("photon_data")]
         if not spots:
             raise ValueError("no photon_data")
         spots.sort(key=lambda name: int(name.removeprefix("photon_data") or 0))
-        stamps = [dataset_in(file, f"{spot}/timestamps", "iu", 1, _DECODED_BYTES) for spot in spots]
-        check_decoded(path, (sum(ticks.size for ticks in stamps),), _DECODED_BYTES)
+        stamps = [
+            bounded.dataset_in(file, f"{spot}/timestamps", "iu", 1, _DECODED_BYTES)
+            for spot in spots
+        ]
+        bounded.check_decoded(path, (sum(ticks.size for ticks in stamps),), _DECODED_BYTES)
         for spot, ticks in zip(spots, stamps, strict=True):
             unit_s = _number_in(file, f"{spot}/timestamps_specs/timestamps_unit", 0.0)
             detector = np.zeros(ticks.size, np.int64)
-            if is_in(file, f"{spot}/detectors"):
-                detector = numbers_in(file, f"{spot}/detectors", "iu", 1).astype(np.int64)
+            if bounded.is_in(file, f"{spot}/detectors"):
+                detector = bounded.numbers_in(file, f"{spot}/detectors", "iu", 1).astype(np.int64)
             if detector.size != ticks.size or not 0 < unit_s < 1:
                 raise ValueError(
                     f"{detector.size} detectors of {ticks.size} times, unit of {unit_s} s"
@@ -172,8 +165,8 @@ def _photon_hdf5(path: Path) -> TimeTags:
 
 def _channels(file: h5py.File, detectors: list[Ints]) -> tuple[Ints, int]:
     """Return the channel of each event, and their number: as listed, as stated, or the largest."""
-    if is_in(file, "setup/detectors/id"):
-        listed = numbers_in(file, "setup/detectors/id", "iu", 1)
+    if bounded.is_in(file, "setup/detectors/id"):
+        listed = bounded.numbers_in(file, "setup/detectors/id", "iu", 1)
         detector = np.concatenate(detectors)
         order = np.argsort(listed)
         place = order[np.searchsorted(listed, detector, sorter=order).clip(max=listed.size - 1)]
@@ -188,4 +181,5 @@ def _channels(file: h5py.File, detectors: list[Ints]) -> tuple[Ints, int]:
 
 
 def _number_in(file: h5py.File, name: str, otherwise: float) -> float:
-    return float(numbers_in(file, name, "fiu", 0)) if is_in(file, name) else otherwise
+    is_stated = bounded.is_in(file, name)
+    return float(bounded.numbers_in(file, name, "fiu", 0)) if is_stated else otherwise

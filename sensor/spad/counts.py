@@ -59,15 +59,10 @@ def draw_frame(
             try:
                 mean, variance = count_moments(some_hz, exposure_s, effects, some_maps)
             except UserError as error:
-                share, dimmer = 1.0, (counted, simulated)
-                while dimmer[1].sum() > MOST_SIMULATED or dimmer[0].max() > SIMULATED_EVENTS:
-                    share /= 2
-                    dimmer = _load(share * rate_hz, exposure_s, effects, maps)
                 raise UserError(
-                    f"about {simulated.max():.2g} events in a pixel are too many to simulate with "
-                    "these effects, and mean and variance are not known: lower the light to "
-                    f"{share * rate_hz.max():.2g} detections and dark counts per second in the "
-                    f"brightest pixel ({share:.2g} of this light), or exposure_s"
+                    f"about {simulated.max():.2g} events in a pixel, of {rate_hz.max():.2g} "
+                    "detections and dark counts per second, are too many to simulate, and their "
+                    "mean and variance are not known: lower the light or exposure_s"
                 ) from error
             counts[chosen] = draw_matched(rng, mean.ravel(), variance.ravel())
         else:
@@ -89,14 +84,10 @@ def check_load(
     """Raise UserError for light in which a frame takes too long to simulate event by event."""
     load = _load(rate_hz, exposure_s, effects, maps)[1].sum()
     if load > most:
-        share = 0.95 * most / float(load)
-        while _load(share * rate_hz, exposure_s, effects, maps)[1].sum() > most:
-            share /= 2  # counts with dead time grow less than the light
         raise UserError(
-            f"about {load:.2g} events in a frame are to be simulated one by one, more than "
-            f"{most:.0e}: lower the light to {share * rate_hz.max():.2g} detections and dark "
-            f"counts per second in the brightest pixel ({share:.2g} of this light), or use a "
-            "shorter exposure_s or fewer pixels"
+            f"about {load:.2g} events in a frame, of up to {rate_hz.max():.2g} detections and dark "
+            f"counts per second in a pixel, are to be simulated one by one, more than {most:.0e}: "
+            "lower the light, or use a shorter exposure_s or fewer pixels"
         )
 
 

@@ -18,8 +18,6 @@ from megalopta.sensor.spad.counters import AnalogCounter, AnalogPixels, analog_p
 from megalopta.sensor.spad.measured import MeasuredMaps
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
 
-_UM2_PER_M2 = 1e12
-
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
@@ -80,7 +78,7 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     efficiency = maps.get("efficiency", np.ones(shape))
     dark_hz = maps.get("dark_counts")
     if dark_hz is None:
-        area_um2 = sensor.active_area_m2 * _UM2_PER_M2
+        area_um2 = sensor.active_area_m2 * 1e12
         dark_hz = dark_counts.dark_count_density(sensor.dark_counts, shape, seed) * area_um2
     breakdown_v = maps.get("breakdown")  # above the nominal one
     if breakdown_v is None:
@@ -144,37 +142,24 @@ _draw_once = lru_cache(maxsize=8)(_draw)
 def _check(device: FixedPattern, sensor: Sensor) -> None:
     """Raise ValueError for pixels that cannot be or cannot be drawn."""
     dark_hz, most_hz = device.dark_counts_hz, MOST_ARRIVALS / sensor.exposure_s
-    limits = [
-        (
-            "efficiency",
-            device.efficiency_factor * max(sensor.efficiency.values),
-            1.0,
-            "efficiency.values, measured.efficiency or bias.excess_v",
-        ),
-        (
-            "dark_counts in Hz",
-            dark_hz,
-            most_hz,
-            f"them, bias.excess_v {sensor.bias.excess_v:g} or temperature.celsius "
-            f"{sensor.temperature.celsius:g}",
-        ),
-    ]
+    efficiency = device.efficiency_factor * max(sensor.efficiency.values)
+    limits = [("efficiency", efficiency, 1.0), ("dark_counts in Hz", dark_hz, most_hz)]
     if device.traps is not None:
         rise = 1 + sensor.telegraph.traps * sensor.telegraph.step * device.traps.step
-        limits.append(("telegraph.step in Hz", dark_hz * rise, most_hz, "it or measured.telegraph"))
+        limits.append(("telegraph.step in Hz", dark_hz * rise, most_hz))
     if device.avalanches is not None:
         for field, mean, factor in (
             ("afterpulsing.mean_carriers", sensor.afterpulsing.mean_carriers, "afterpulsing"),
             ("crosstalk.mean_fired_neighbors", sensor.crosstalk.most_fired, "crosstalk"),
         ):
-            offspring = mean * getattr(device.avalanches, factor)
-            causes = f"it, {factor}.mismatch_sigma or bias.excess_v"
-            limits.append((field, offspring, MOST_OFFSPRING, causes))
-    for field, values, most, causes in limits:
+            limits.append((field, mean * getattr(device.avalanches, factor), MOST_OFFSPRING))
+    for field, values, most in limits:
         largest = float(np.max(values, initial=0))
         if not largest <= most:
             raise ValueError(
-                f"{field}: {largest:g} in the worst pixel; lower {causes}, to {most:g} at most"
+                f"{field}: {largest:g} in the worst pixel; lower it, its spread, bias.excess_v "
+                f"{sensor.bias.excess_v:g} or temperature.celsius {sensor.temperature.celsius:g}, "
+                f"to {most:g} at most"
             )
     if device.stuck is not None:
         stuck, capacity = device.stuck, sensor.counter.capacity

@@ -190,11 +190,8 @@ def run_frame(
 def _run(  # type: ignore[no-untyped-def]
     rng, parameters, tables, counts, dead_until, heap, events, ahead, size, kept, place
 ):
-    """Run to the end of the exposure, or until the heap or the events are full.
-
-    Return their numbers, and the place of the next photon; `kept` below 0 keeps no events. Arrays
-    are extended outside: numba counts references where they may change, and those in tuples.
-    """
+    """Run to the end of the exposure, or until heap or events are full; return their numbers."""
+    # arrays are extended outside: numba counts references where they may change
     exposure_s, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
     is_coupled, twilight_s = parameters.is_coupled, parameters.twilight_s
     rates, dead_times, carriers, strengths, delays_s, cumulative, taps = tables[:7]

@@ -188,15 +188,6 @@ def without(sensor: Sensor, field: str) -> Sensor:
     if field == "dark_counts":
         changes["telegraph"] = Telegraph.off()
     if field == "efficiency":
-        changes["bias"] = sensor.bias.without_efficiency()
+        bias = sensor.bias.model_copy(update={"efficiency_scale_v": None})
+        changes["bias"] = bias if bias.matters else Bias()
     return changed(sensor, **changes)
-
-
-def active_effects(sensor: Sensor) -> tuple[str, ...]:
-    """Names of the effects that are on, in order."""
-    measured = {
-        name for name, file in MeasuredMaps.of_effect.items() if getattr(sensor.measured, file)
-    }
-    return tuple(
-        name for name in ORDER_OF_EFFECTS if name in measured or getattr(sensor, name).is_on
-    )

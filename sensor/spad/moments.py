@@ -244,10 +244,7 @@ def bright_moments(
 
 
 def _windows(exposure_s: float, effects: AvalancheEffects) -> tuple[float, float, float]:
-    """Number of whole windows in an exposure, and open time before and after these, s.
-
-    The number is −1 if a window is open at the start of an exposure that does not start live.
-    """
+    """Whole windows in an exposure, −1 if it starts in one and not live; open s around them."""
     period_s, width_s, phase_s = window = effects.gate.window
     starts_s = phase_s + np.ceil((0 - phase_s) / period_s) * period_s
     before_s = gating.open_time(min(starts_s, exposure_s), *window)
@@ -383,10 +380,7 @@ def _of_pixel(
 def _piece(
     width: float, number: float, exposure_s: float, effects: AvalancheEffects
 ) -> tuple[Floats | None, float]:
-    """Logarithm of the mean, and variance over mean, at the nodes (9, 2); operations taken.
-
-    None if a polynomial through every second does not agree with the others.
-    """
+    """Log of mean, and variance over mean, at the nodes (9, 2), None if uneven; operations."""
     arrivals = 10 ** (width * (number + _NODES))
     mean, variance, work = np.array(
         [_of_pixel(rate_hz, exposure_s, effects) for rate_hz in arrivals / exposure_s]

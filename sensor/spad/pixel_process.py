@@ -24,7 +24,6 @@ computed then, up to three ends between which the slopes agree.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaln, xlogy
@@ -43,21 +42,6 @@ _FIRST_DEAD_TIMES, _FIRST_MEMORIES, _FIRST_PERIODS = 60, 3, 6
 _OFF = 1e-4
 _MOST_CARRIERS = 160
 _CELLS_PER_MEMORY, _CELLS_PER_WINDOW = 400, 4
-
-
-class _Pixel(NamedTuple):
-    """Parameters of a pixel with dead time; times in s."""
-
-    rate_hz: float
-    step_s: float
-    dead_s: float
-    is_paralyzable: bool
-    twilight_s: float
-    release_hz: float
-    """Release rate of each trapped carrier"""
-    gate: tuple[float, float, float]
-    warm_s: float
-    """Time before the exposure, of a pixel that has run for long; 0: live at the start"""
 
 
 def counts_of_pixel(
@@ -148,11 +132,8 @@ def _with_dead_time(
             "long to compute with these effects; lower the light, exposure_s or "
             "afterpulsing.delay_s, or ask for no expectation"
         )
-    pixel = _Pixel(
-        rate_hz, step_s, dead.dead_time_s, dead.kind == "paralyzable",
-        min(dead.twilight_s, dead.dead_time_s),
-        release_hz, gate, warm_s,
-    )  # fmt: skip
+    is_paralyzable, twilight_s = dead.kind == "paralyzable", min(dead.twilight_s, dead.dead_time_s)
+    pixel = rate_hz, step_s, dead.dead_time_s, is_paralyzable, twilight_s, release_hz, gate, warm_s
     moments = np.empty((len(ends_s), 2))
     number = np.arange(states)
     trapped = np.exp(xlogy(number, traps.mean_carriers) - traps.mean_carriers - gammaln(number + 1))
@@ -163,8 +144,7 @@ def _with_dead_time(
 @compiled
 def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: ignore[no-untyped-def]
     """Fill in mean and variance (E, 2) at the ends of the exposure."""
-    rate, step, tau, is_paralyzable = pixel[:4]
-    twilight, release, gate, warm = pixel[4:]
+    rate, step, tau, is_paralyzable, twilight, release, gate, warm = pixel
     states, window = trapped.size, tau if is_paralyzable else twilight
     # probabilities and the same weighted with counts; pixels that wait by age, the last for good
     ages = efficiencies.size
@@ -193,7 +173,7 @@ def _follow(pixel, trapped, efficiencies, steps, ends_s, moments):  # type: igno
         # come back from the dead time
         open_s = open_time(time + step / 2, *gate) - open_time(time + step / 2 - window, *gate)
         if abs(open_s - last_open) > 1e-9 * tau:
-            _returns(rate, release, tau, window, open_s, is_paralyzable, silent, all_back)
+            _returns(rate, release, tau, window, open_s, silent, all_back)
             last_open = open_s
         for w in range(2):
             for m in range(states):
@@ -284,7 +264,7 @@ def _extend(dead, back, arrival, leave, opened, arrived):  # type: ignore[no-unt
 
 
 @compiled
-def _returns(rate, release, tau, window, open_s, is_paralyzable, silent, all_back):  # type: ignore[no-untyped-def]
+def _returns(rate, release, tau, window, open_s, silent, all_back):  # type: ignore[no-untyped-def]
     """Chances to come back from n carriers with m: without arrival in the window, and at all."""
     states = len(silent)
     opened = open_s / window if window > 0 else 0.0

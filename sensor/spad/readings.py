@@ -26,7 +26,6 @@ events (`tests/sensor/spad/test_readings.py`).
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -192,27 +191,11 @@ def _distributions(
 
 
 def _sums(first: Floats, probability: Floats) -> tuple[float, Floats]:
-    """A center, and sums (3, K, N) of the probability up to each number of events.
-
-    Alone, and times the distance from the center and its square.
-    """
+    """A center, and sums (3, K, N) of probability times distance from it to the power 0, 1, 2."""
     center = float(np.rint(np.mean(first) + probability.shape[1] / 2)) if first.size else 0.0
     distance = first[:, None] + np.arange(probability.shape[1]) - center
     weighted = probability * distance
     return center, np.cumsum([probability, weighted, weighted * distance], axis=-1)
-
-
-class CounterPixel(NamedTuple):
-    """Step, leakage and offset, V; assumed step and output without events."""
-
-    step_v: float
-    leaked_v: float
-    offset_v: float
-    known_step_v: float
-    reference_v: float
-    capacity: float
-    exact_below: float
-    """Number of events below which they are read exactly"""
 
 
 def _respond(
@@ -228,19 +211,8 @@ def _respond(
 ) -> Moments:
     """Mean and variance of the readings of pixels (P,): response times distribution.
 
-    Parameters
-    ----------
-    pixels : AnalogPixels, optional
-        Pixels of an analog counter, each (P,).
-    first : (K,)
-        Number of events of the first column of `probability`.
-    probability : (K, N)
-        Probability of that number of events and of the following ones.
-    center, sums : float, (3, K, N)
-        Result of `_sums`; computed if an analog counter needs them.
-    rows, weights : (P,), (P, M), optional
-        First of the M consecutive distributions that a pixel mixes, with these weights; default:
-        each pixel has its own.
+    `probability` (K, N) is that of `first` (K,) and more events. A pixel mixes M distributions from
+    `rows` (P,) on with `weights` (P, M), or has its own.
     """
     if isinstance(counter, counters.DigitalCounter):
         events = first[:, None] + np.arange(probability.shape[1])
@@ -267,8 +239,16 @@ def _fill_moments(mixed, center, pixels, known, volts, is_exact, mean, variance)
     first, probability, sums, rows, weights = mixed
     points, width = weights.shape[1], probability.shape[1]
     for at in range(rows.size):
-        pixel, row = _pixel_of(at, pixels, known, volts, is_exact), rows[at]
-        events = max(np.ceil(pixel.exact_below), first[row])
+        row, step_v, leaked_v = rows[at], pixels.step_v[at], pixels.leaked_v[at]
+        offset_v, known_step_v = pixels.offset_v[at], known.step_v[at]
+        capacity = counters.largest_count(known_step_v, known.leaked_v[at], volts[1])
+        exact_below = 0.0  # the number of events up to which all are read exactly
+        if is_exact:
+            exact_swing = volts[1] - leaked_v - _FAR * volts[4]
+            exact_below = min(capacity, exact_swing / step_v)
+        reference_v = volts[0] + known.offset_v[at] - known.leaked_v[at]
+        pixel = step_v, leaked_v, offset_v, known_step_v, reference_v, capacity
+        events = max(np.ceil(exact_below), first[row])
         below = once = twice = 0.0
         for point in range(points):
             column = min(int(events - 1 - first[row + point]), width - 1)
@@ -292,31 +272,14 @@ def _fill_moments(mixed, center, pixels, known, volts, is_exact, mean, variance)
 
 
 @compiled
-def _pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
-    """Values of one pixel, and the number of events below which it reads exactly."""
-    supply, swing, read_noise = volts[0], volts[1], volts[4]
-    leaked = pixels.leaked_v[at]
-    capacity = counters.largest_count(known.step_v[at], known.leaked_v[at], swing)
-    exact_below = 0.0
-    if is_exact:
-        exact_swing = swing - leaked - _FAR * read_noise
-        exact_below = min(capacity, exact_swing / pixels.step_v[at])
-    reference = supply + known.offset_v[at] - known.leaked_v[at]
-    return CounterPixel(
-        pixels.step_v[at], leaked, pixels.offset_v[at],
-        known.step_v[at], reference, capacity, exact_below,
-    )  # fmt: skip
-
-
-@compiled
 def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
     """Mean reading of a number of events, mean square about a center, and True if saturated."""
     supply, swing, slope, step_noise, read_noise, lsb = volts
-    fallen = counters.fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
-    scatter = counters.fall_deviation(events, step_noise, pixel.step_v, swing)
+    step_v, leaked_v, offset_v, step, reference, capacity = pixel
+    fallen = counters.fall(events, step_v, slope, swing) + leaked_v
+    scatter = counters.fall_deviation(events, step_noise, step_v, swing)
     noise = np.hypot(scatter, read_noise)
-    step, reference, capacity = pixel.known_step_v, pixel.reference_v, pixel.capacity
-    reached = (min(fallen, swing) - pixel.offset_v + reference - supply) / step
+    reached = (min(fallen, swing) - offset_v + reference - supply) / step
     margin = (_FAR * noise + lsb) / step
     count = min(max(np.floor(reached - margin), 0.0), capacity)
     if lsb > 0:  # an output below ground is read as ground
@@ -328,7 +291,7 @@ def _read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
         if never:
             chance = 0.0
         elif not always:
-            depth = supply + pixel.offset_v - edge
+            depth = supply + offset_v - edge
             chance = _chance(fallen - depth, swing - depth, scatter, read_noise)
         if chance < 1e-12:
             break
@@ -349,10 +312,7 @@ def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
 
 @compiled
 def _chance(deeper, clearance, scatter, read_noise):  # type: ignore[no-untyped-def]
-    """Probability that the clipped drop plus read noise exceeds a depth.
-
-    `deeper` is how far the mean drop exceeds it, `clearance` how far the bottom does.
-    """
+    """Probability that the clipped drop plus noise exceeds a depth `deeper` below its mean."""
     noise = math.hypot(scatter, read_noise)
     if noise == 0:
         return 1.0 if min(deeper, clearance) > 0 else 0.0

@@ -1,39 +1,27 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor import (
-    Sensor,
-    changed,
-    detection_rate,
-    event_moments,
-    expectation,
-    expose,
-    expose_binary,
-    expose_rate,
-    photon_rate,
-    preset,
-    reading_moments,
-)
+from megalopta import sensor as sensors
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)
 RADIANCE = RNG.uniform(0, 2e-9, (40, 12, 15, 4)).astype(np.float32)
 SENSORS = {
-    "ideal": preset("ideal"),
-    "spadcam": preset("spadcam"),
-    "nonparalyzable": changed(
-        preset("spadcam"), dead_time={"kind": "nonparalyzable", "dead_time_s": 1e-3}
+    "ideal": sensors.preset("ideal"),
+    "spadcam": sensors.preset("spadcam"),
+    "nonparalyzable": sensors.changed(
+        sensors.preset("spadcam"), dead_time={"kind": "nonparalyzable", "dead_time_s": 1e-3}
     ),
 }
 
 
 def expose_frames(sensor, radiance=RADIANCE, **place):
-    return expose(radiance, BANDS, sensor, **({"seed": 0, "stream": "forest"} | place))
+    return sensors.expose(radiance, BANDS, sensor, **({"seed": 0, "stream": "forest"} | place))
 
 
 def signal_to_noise(sensor, radiance=RADIANCE):
-    brighter = expectation(1.01 * radiance.astype(float), BANDS, sensor)
-    return expectation(radiance, BANDS, sensor).signal_to_noise(brighter, 0.01)
+    brighter = sensors.expectation(1.01 * radiance.astype(float), BANDS, sensor)
+    return sensors.expectation(radiance, BANDS, sensor).signal_to_noise(brighter, 0.01)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -63,46 +51,46 @@ CHANGES = [
 
 
 def drawn(sensor, factor, how):
-    rate = np.full(PIXELS, 20.0 * factor) / preset("ideal").exposure_s
+    rate = np.full(PIXELS, 20.0 * factor) / sensors.preset("ideal").exposure_s
     read = how(rate, sensor, seed=0, stream="one")
     counts = np.unpackbits(read) if read.__class__ is np.ndarray else read.counts
     return counts.ravel().astype(float)
 
 
-@pytest.mark.parametrize("how", [expose_rate, expose_binary])
+@pytest.mark.parametrize("how", [sensors.expose_rate, sensors.expose_binary])
 @pytest.mark.parametrize(("change", "factor"), CHANGES)
 def test_exposures_that_differ_in_anything_are_independent(change, factor, how):
-    if how is expose_binary and "crosstalk" in change:
+    if how is sensors.expose_binary and "crosstalk" in change:
         pytest.skip("binary frames have none")
-    dim = 0.02 if how is expose_binary else 1.0
-    one = drawn(preset("ideal"), dim, how)
-    changed_counts = drawn(changed(preset("ideal"), **change), dim * factor, how)
+    dim = 0.02 if how is sensors.expose_binary else 1.0
+    one = drawn(sensors.preset("ideal"), dim, how)
+    changed_counts = drawn(sensors.changed(sensors.preset("ideal"), **change), dim * factor, how)
     # 25,600 pixels or bits: |r|·√n > 5 by chance once in 1.7 million
     assert abs(np.corrcoef(one, changed_counts)[0, 1]) < 5 / np.sqrt(one.size)
-    np.testing.assert_array_equal(one, drawn(preset("ideal"), dim, how))
+    np.testing.assert_array_equal(one, drawn(sensors.preset("ideal"), dim, how))
 
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_expectation_is_the_same_with_and_without_draws_and_at_any_rate(name):
     sensor = SENSORS[name]
-    stated = expectation(RADIANCE, BANDS, sensor)
+    stated = sensors.expectation(RADIANCE, BANDS, sensor)
     beside = expose_frames(sensor, expectation=True).expectation
     assert expose_frames(sensor).expectation is None
     for field, values in vars(stated).items():
         assert values.dtype == np.float64
         np.testing.assert_array_equal(getattr(beside, field), values)
-    rate = detection_rate(RADIANCE, BANDS, sensor)
+    rate = sensors.detection_rate(RADIANCE, BANDS, sensor)
     np.testing.assert_array_equal(
-        event_moments(rate, sensor), (stated.mean_events, stated.events_variance)
+        sensors.event_moments(rate, sensor), (stated.mean_events, stated.events_variance)
     )
     np.testing.assert_array_equal(
-        reading_moments(rate, sensor), (stated.mean_reading, stated.reading_variance)
+        sensors.reading_moments(rate, sensor), (stated.mean_reading, stated.reading_variance)
     )
 
 
 def test_photon_rate_is_the_textbook_formula():
     radiance, lower, upper = 1e-6, 500.0, 520.0
-    sensor = Sensor(
+    sensor = sensors.Sensor(
         name="textbook",
         pitch_m=10e-6,
         fill_factor=0.5,
@@ -113,17 +101,17 @@ def test_photon_rate_is_the_textbook_formula():
     irradiance = np.pi * radiance * 0.8 / (4 * 2.0**2 + 1)
     photons = irradiance * 20.0 * 510e-9 / 1.98644586e-25 * 10e-6**2
     arguments = np.full((1, 2, 2, 1), radiance), [(lower, upper)], sensor
-    np.testing.assert_allclose(photon_rate(*arguments), photons, rtol=1e-12)
-    np.testing.assert_allclose(detection_rate(*arguments), photons * 0.5 * 0.25, rtol=1e-12)
-    stated = expectation(*arguments)
+    np.testing.assert_allclose(sensors.photon_rate(*arguments), photons, rtol=1e-12)
+    np.testing.assert_allclose(sensors.detection_rate(*arguments), photons * 0.5 * 0.25, rtol=1e-12)
+    stated = sensors.expectation(*arguments)
     np.testing.assert_allclose(stated.photons, photons * 0.01, rtol=1e-12)
     np.testing.assert_allclose(stated.mean_events, photons * 0.125 * 0.01, rtol=1e-12)
 
 
 def test_dark_counts_are_noise_and_not_signal():
-    sensor = changed(SENSORS["ideal"], dark_counts={"bulk_mean_hz_um2": 2.0})
+    sensor = sensors.changed(SENSORS["ideal"], dark_counts={"bulk_mean_hz_um2": 2.0})
     dark = 2.0 * sensor.active_area_m2 * 1e12 * sensor.exposure_s
-    signal = detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
+    signal = sensors.detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
     np.testing.assert_allclose(signal_to_noise(sensor), signal / np.sqrt(signal + dark), rtol=1e-9)
 
 
@@ -154,14 +142,14 @@ def test_impossible_light_is_refused(light, message):
         if light.ndim == 4:
             expose_frames(SENSORS["ideal"], light)
         else:
-            expose_rate(light, SENSORS["ideal"], seed=0, stream="x")
+            sensors.expose_rate(light, SENSORS["ideal"], seed=0, stream="x")
 
 
 def test_a_sensor_by_its_name():
     light, bands, draws = np.full((1, 4, 4, 1), 1e-9), [(500, 600)], {"seed": 0, "stream": "a"}
-    named = expose(light, bands, "spadcam", **draws)
+    named = sensors.expose(light, bands, "spadcam", **draws)
     np.testing.assert_array_equal(
-        named.counts, expose(light, bands, preset("spadcam"), **draws).counts
+        named.counts, sensors.expose(light, bands, sensors.preset("spadcam"), **draws).counts
     )
     with pytest.raises(ValueError, match="'spadca' is unknown: use one of ideal, spadcam"):
-        expose(light, bands, "spadca", **draws)
+        sensors.expose(light, bands, "spadca", **draws)

@@ -15,21 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from megalopta.sensor import (
-    IMAGE_SENSORS,
-    CtiaSensor,
-    changed,
-    detection_rate,
-    expose,
-    expose_adc,
-    expose_binary,
-    expose_events,
-    expose_photocurrent,
-    expose_rate,
-    generator,
-    reading_moments,
-    volt_moments,
-)
+from megalopta import sensor as sensors
 
 from .plainest import (
     brute_force_events,
@@ -70,23 +56,23 @@ class Case:
 
 
 def counts(light, sensor):
-    drawn = expose_rate(light, sensor, **KEY)
+    drawn = sensors.expose_rate(light, sensor, **KEY)
     return drawn.counts.astype(np.float64), drawn.saturated
 
 
 def through_the_lens(light, sensor):
-    drawn = expose(banded(light), BANDS_NM, sensor, **KEY)
+    drawn = sensors.expose(banded(light), BANDS_NM, sensor, **KEY)
     return drawn.counts.astype(np.float64), drawn.saturated
 
 
 def bits(light, sensor):
-    packed = expose_binary(light, sensor, **KEY)
+    packed = sensors.expose_binary(light, sensor, **KEY)
     return np.unpackbits(packed, axis=-1, count=light.shape[-1]).astype(np.float64), None
 
 
 def times(light, sensor):
     """Events in each tenth of the exposure."""
-    events = expose_events(light, sensor, **KEY)
+    events = sensors.expose_events(light, sensor, **KEY)
     counts = np.zeros((light.shape[-2], TENTHS, light.shape[-1]))
     time = np.clip(events.time_s / sensor.exposure_s * TENTHS, 0, TENTHS - 1).astype(np.int64)
     np.add.at(counts, (events.row, time, events.column), 1)
@@ -97,7 +83,9 @@ def codes(light, sensor):
     """Codes of an ADC, converted to counts by the uniform pixels' steps."""
     counter = sensor.counter
     leaked_v = counter.leak_v_s * sensor.exposure_s
-    output_v = expose_adc(light, sensor, **KEY) * counter.supply_v / (2**counter.adc_bits - 1.0)
+    output_v = (
+        sensors.expose_adc(light, sensor, **KEY) * counter.supply_v / (2**counter.adc_bits - 1.0)
+    )
     steps = np.rint((counter.supply_v - leaked_v - output_v) / counter.step_v)
     return np.clip(steps, 0, np.floor((counter.swing_v - leaked_v) / counter.step_v + 1e-9)), None
 
@@ -105,12 +93,12 @@ def codes(light, sensor):
 def running(light, sensor):
     """Counts of consecutive frames."""
     frames = np.tile(light, (CONSECUTIVE, 1, 1))
-    drawn = expose_rate(frames, sensor, free_running=True, **KEY).counts
+    drawn = sensors.expose_rate(frames, sensor, free_running=True, **KEY).counts
     return drawn.transpose(1, 0, 2).astype(np.float64), None
 
 
 def volts(light, sensor):
-    read = expose_photocurrent(light, sensor, first_frame=CTIA_FRAME, **KEY)
+    read = sensors.expose_photocurrent(light, sensor, first_frame=CTIA_FRAME, **KEY)
     return read.volts, read.saturated
 
 
@@ -169,7 +157,7 @@ PARTS = ((1.0, 12.0), (0.3, 40.0), (2.0, 3.0))
 
 def case(term, light=FROM_POISSON_TO_DEAD, read=counts, preset="ideal", *, quick=False, **effects):
     maps = effects.pop("maps", {})
-    return Case(term, changed(IMAGE_SENSORS[preset], **effects), light, read,
+    return Case(term, sensors.changed(sensors.IMAGE_SENSORS[preset], **effects), light, read,
                 maps=maps, is_slow=not quick)  # fmt: skip
 
 
@@ -181,7 +169,7 @@ def array(term, read=counts, **effects):
 
 def ctia(term, light=(0.0, 2.5e-13), **changes):
     parts = {name: {**ELEMENT[name], **changes.pop(name, {})} for name in ("diode", "noise")}
-    return Case(term, CtiaSensor.model_validate({**ELEMENT, **parts, **changes}), light, volts,
+    return Case(term, sensors.CtiaSensor.model_validate({**ELEMENT, **parts, **changes}), light, volts,
                 is_slow=False)  # fmt: skip
 
 
@@ -281,7 +269,7 @@ def worst_comparison(case, folder):
         files = {name: str(folder / f"{name}.npy") for name in case.maps}
         for name, path in files.items():
             np.save(path, np.reshape(case.maps[name], case.layout))
-        sensor = changed(sensor, measured=files)
+        sensor = sensors.changed(sensor, measured=files)
     light = light_of(case, sensor)
     drawn, flags = (
         values if values is None else values.reshape(case.samples, -1)
@@ -321,11 +309,13 @@ def stated_moments(case, light, sensor):
     """Mean and variance, (samples or 1, places), if the sensor states them exactly."""
     few = light[:1]
     if case.read is volts:
-        moments = volt_moments(few, sensor, CTIA_FRAME)
+        moments = sensors.volt_moments(few, sensor, CTIA_FRAME)
     elif case.read in (counts, codes) and light.ndim == 3:
-        moments = reading_moments(few, sensor)
+        moments = sensors.reading_moments(few, sensor)
     elif case.read is through_the_lens:
-        moments = reading_moments(detection_rate(banded(few), BANDS_NM, sensor), sensor)
+        moments = sensors.reading_moments(
+            sensors.detection_rate(banded(few), BANDS_NM, sensor), sensor
+        )
     else:
         return ()
     return tuple(values.reshape(-1, case.rates.shape[1]) for values in moments)
@@ -333,7 +323,7 @@ def stated_moments(case, light, sensor):
 
 def simulated(case):
     """Readings and flags, (samples, places), by brute force."""
-    rng, sensor = generator(1, "brute force", case.term), case.sensor
+    rng, sensor = sensors.generator(1, "brute force", case.term), case.sensor
     light = np.tile(case.rates, (case.samples, 1, 1))  # (samples, S, levels)
     if case.read is volts:
         return plain_volts(rng, sensor, light[:, 0], CTIA_FRAME)

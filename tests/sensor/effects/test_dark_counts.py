@@ -2,23 +2,13 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from megalopta.sensor import (
-    DarkCounts,
-    Telegraph,
-    changed,
-    event_moments,
-    expose_binary,
-    expose_events,
-    expose_rate,
-    preset,
-    reading_moments,
-)
+from megalopta import sensor as sensors
 from megalopta.sensor.effects.dark_counts import dark_count_density, draw_traps, telegraph_factor
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-SPADCAM = preset("spadcam").dark_counts
+SPADCAM = sensors.preset("spadcam").dark_counts
 UM2 = 1e-12
-BROAD = DarkCounts(
+BROAD = sensors.DarkCounts(
     bulk_mean_hz_um2=1.0,
     bulk_sigma_hz_um2=2.0,
     hot_fraction=0.2,
@@ -30,8 +20,8 @@ BROAD = DarkCounts(
 @pytest.mark.slow
 def test_spadcam_pixels_have_the_measured_statistics():
     # dissertation §2.4.7; sampling error over a million pixels is below 0.005, the fit's below 0.01
-    sensor = preset("spadcam")
-    devices = [changed(sensor, device_seed=seed) for seed in range(1000)]
+    sensor = sensors.preset("spadcam")
+    devices = [sensors.changed(sensor, device_seed=seed) for seed in range(1000)]
     patterns = [draw_fixed_pattern(device, (32, 32)).dark_counts_hz for device in devices]
     values = np.ravel(patterns) / (sensor.active_area_m2 / UM2)
     assert values.mean() == pytest.approx(1.77, abs=0.015)
@@ -58,8 +48,12 @@ def test_densities_over_devices_have_the_moments_of_the_mixture(dark_counts):
     assert abs(squares.mean() - second) < 5 * squares.std() / np.sqrt(values.size)
 
 
-DARK = changed(preset("ideal"), dark_counts=DarkCounts(bulk_mean_hz_um2=1.0))
-SLOW = Telegraph(share=0.5, step=1.0, traps=2, active_share=0.3, fastest_s=1.0, slowest_s=1.0)
+DARK = sensors.changed(
+    sensors.preset("ideal"), dark_counts=sensors.DarkCounts(bulk_mean_hz_um2=1.0)
+)
+SLOW = sensors.Telegraph(
+    share=0.5, step=1.0, traps=2, active_share=0.3, fastest_s=1.0, slowest_s=1.0
+)
 
 
 def states(telegraph, frames, period_s, shape=(40, 50)):
@@ -94,7 +88,7 @@ def test_spectrum_of_a_trap_is_lorentzian():
 
 
 def test_many_traps_have_a_spectrum_of_one_over_f():
-    many = Telegraph(share=1.0, traps=8, fastest_s=0.1, slowest_s=1000.0)
+    many = sensors.Telegraph(share=1.0, traps=8, fastest_s=0.1, slowest_s=1000.0)
     power = periodogram(states(many, 2048, 0.5, (20, 25)))
     times_s = np.geomspace(0.1, 1000.0, 4001)
     expected = 8 * np.mean([sampled_lorentzian(2048, 0.5, time_s, 0.5) for time_s in times_s], 0)
@@ -114,14 +108,14 @@ def test_traps_are_active_for_their_share_of_the_time_in_their_share_of_pixels()
     assert abs(active[:, switching].mean() - 0.6) < 5 * np.sqrt(2 * 0.21 / 400 / switching.sum())
 
 
-@pytest.mark.parametrize("draw", [expose_binary, expose_events])
+@pytest.mark.parametrize("draw", [sensors.expose_binary, sensors.expose_events])
 def test_frames_are_the_same_drawn_alone_or_among_others(draw):
-    sensor = changed(DARK, telegraph=SLOW.model_dump(), exposure_s=1e-3)
+    sensor = sensors.changed(DARK, telegraph=SLOW.model_dump(), exposure_s=1e-3)
     rate = np.full((9, 12, 15), 50.0)
     named = {"seed": 3, "stream": "s", "frame_period_s": 0.5}
     frames = draw(rate, sensor, **named)
     alone = draw(rate[5:6], sensor, first_frame=5, **named)
-    if draw is expose_events:
+    if draw is sensors.expose_events:
         assert alone.time_s.size
         np.testing.assert_array_equal(frames.time_s[frames.frame == 5], alone.time_s)
     else:
@@ -130,14 +124,17 @@ def test_frames_are_the_same_drawn_alone_or_among_others(draw):
 
 @pytest.mark.parametrize("capacity", [2**32 - 1, 400])
 def test_counts_have_the_mean_and_variance_that_are_stated(capacity):
-    sensor = changed(
+    sensor = sensors.changed(
         DARK, telegraph=SLOW.model_dump(), counter={"kind": "digital", "capacity": capacity}
     )
     rate = np.full((600, 6, 6), 10.0)
-    counts = expose_rate(rate, sensor, seed=1, stream="s", frame_period_s=50.0).counts
-    mean, variance = np.array(reading_moments(rate[:1], sensor))[:, 0]
+    counts = sensors.expose_rate(rate, sensor, seed=1, stream="s", frame_period_s=50.0).counts
+    mean, variance = np.array(sensors.reading_moments(rate[:1], sensor))[:, 0]
     error = np.sqrt(variance / len(counts))
     assert (np.abs(counts.mean(0) - mean) < 6 * error).all()  # 36 pixels: false alarm 7e-8
     # three or fewer levels of Poisson counts have a kurtosis below 5
     np.testing.assert_allclose(counts.var(0).mean(), variance.mean(), rtol=5 * 2 / np.sqrt(21_600))
-    assert event_moments(rate[:1], sensor)[1].max() > 2 * event_moments(rate[:1], DARK)[1].max()
+    assert (
+        sensors.event_moments(rate[:1], sensor)[1].max()
+        > 2 * sensors.event_moments(rate[:1], DARK)[1].max()
+    )

@@ -4,20 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, exponnorm, kstest, norm
 
-from megalopta.sensor import (
-    Jitter,
-    changed,
-    expose_histograms,
-    expose_rate,
-    mean_histograms,
-    preset,
-)
+from megalopta import sensor as sensors
 from megalopta.sensor.effects.timing import sorted_in_time, stamp
 from megalopta.sensor.histograms import periods
 
 LASER = {"bins": 100, "period_s": 20e-9, "pulse_sigma_s": 0.1e-9, "decay_s": 3e-9, "delay_s": 2e-9}
 RESPONSE = {"sigma_s": 0.2e-9, "tail_share": 0.3, "tail_s": 0.5e-9}
-TCSPC = changed(preset("ideal"), exposure_s=1e-3, tcspc=LASER, jitter=RESPONSE)
+TCSPC = sensors.changed(sensors.preset("ideal"), exposure_s=1e-3, tcspc=LASER, jitter=RESPONSE)
 
 
 def rate_of(photons_per_period, sensor=TCSPC, shape=(1, 1, 1)):
@@ -38,35 +31,37 @@ def test_faint_light_is_pulse_decay_and_response_convolved():
         0.5e-9, number
     )
     seen = np.histogram(times % 20e-9, 100, (0, 20e-9))[0]
-    mean = mean_histograms(rate_of(1e-6), TCSPC)[0, 0, 0]
+    mean = sensors.mean_histograms(rate_of(1e-6), TCSPC)[0, 0, 0]
     assert agree(seen, number * mean / mean.sum())
 
 
 @pytest.mark.parametrize("photons", [0.01, 1.0, 5.0])
 def test_pile_up_of_constant_light_is_exponential(photons):
-    sensor = changed(TCSPC, tcspc={"pulsed_share": 0.0}, jitter={"sigma_s": 0, "tail_share": 0})
-    chances = mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
+    sensor = sensors.changed(
+        TCSPC, tcspc={"pulsed_share": 0.0}, jitter={"sigma_s": 0, "tail_share": 0}
+    )
+    chances = sensors.mean_histograms(rate_of(photons, sensor), sensor)[0, 0, 0] / periods(sensor)
     ends = np.arange(101) / 100
     np.testing.assert_allclose(chances, -np.diff(np.exp(-photons * ends)), rtol=1e-9)
 
 
 def test_every_pixel_has_the_delay_of_its_own():
     later = np.array([[[0.0, 3.21e-9, 18.9e-9], [40.1e-9, 1e-9, np.inf]]])
-    sensor = changed(TCSPC, tcspc={"from_camera": True})
-    late = mean_histograms(rate_of(1.0, shape=later.shape), sensor, later)
+    sensor = sensors.changed(TCSPC, tcspc={"from_camera": True})
+    late = sensors.mean_histograms(rate_of(1.0, shape=later.shape), sensor, later)
     for place in np.ndindex(2, 3):
         delay_s = later[0][place]
         fixed = {"pulsed_share": 0.0} if np.isinf(delay_s) else {"delay_s": 2e-9 + delay_s}
-        alone = mean_histograms(rate_of(1.0), changed(TCSPC, tcspc=fixed))[0, 0, 0]
+        alone = sensors.mean_histograms(rate_of(1.0), sensors.changed(TCSPC, tcspc=fixed))[0, 0, 0]
         # between parts of a bin the pulse is a mixture: 1 % of its steepest bins
         np.testing.assert_allclose(late[0][place], alone, atol=0.01 * alone.max(), rtol=1e-3)
 
 
 def test_a_pulse_without_width_falls_into_the_bin_of_its_delay():
     bare = {"pulse_sigma_s": 0, "decay_s": 0, "delay_s": 0, "from_camera": True}
-    sensor = changed(TCSPC, tcspc=bare, jitter=Jitter())
+    sensor = sensors.changed(TCSPC, tcspc=bare, jitter=sensors.Jitter())
     later = np.array([[[0.05e-9, 0.25e-9, 19.99e-9, 20.3e-9]]])  # bins of 0.2 ns
-    drawn = expose_histograms(
+    drawn = sensors.expose_histograms(
         rate_of(0.5, shape=later.shape), sensor, seed=1, stream="a", later_s=later
     )
     assert drawn[0, 0].argmax(axis=-1).tolist() == [0, 1, 99, 1]
@@ -75,14 +70,14 @@ def test_a_pulse_without_width_falls_into_the_bin_of_its_delay():
 
 @pytest.mark.parametrize(("is_from_camera", "later"), [(True, None), (False, np.zeros((1, 1, 1)))])
 def test_delays_belong_to_a_source_at_the_camera(is_from_camera, later):
-    sensor = changed(TCSPC, tcspc={"from_camera": is_from_camera})
+    sensor = sensors.changed(TCSPC, tcspc={"from_camera": is_from_camera})
     with pytest.raises(ValueError, match=r"tcspc\.from_camera: .* needs later_s"):
-        mean_histograms(rate_of(1.0), sensor, later)
+        sensors.mean_histograms(rate_of(1.0), sensor, later)
 
 
 def test_first_photons_of_simulated_pulses_have_the_same_histogram():
     rng, pulses, pixels, period_s = np.random.default_rng(2), 100_000, 3, 20e-9
-    sensor = changed(TCSPC, exposure_s=period_s * pulses, tcspc={"pulsed_share": 0.8})
+    sensor = sensors.changed(TCSPC, exposure_s=period_s * pulses, tcspc={"pulsed_share": 0.8})
     number = rng.poisson(0.9 * pulses, pixels)
     pixel = np.repeat(np.arange(pixels), number)
     late = 2e-9 + 0.1e-9 * rng.standard_normal(pixel.size) + rng.exponential(3e-9, pixel.size)
@@ -91,8 +86,8 @@ def test_first_photons_of_simulated_pulses_have_the_same_histogram():
     )
     times = period_s * rng.integers(pulses, size=pixel.size) + late
     sorted_times = sorted_in_time(times, pixel, pixels, sensor.tcspc)
-    plain = changed(sensor, jitter={"sigma_s": 0, "tail_share": 0})
-    mean = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), plain)[0, 0]
+    plain = sensors.changed(sensor, jitter={"sigma_s": 0, "tail_share": 0})
+    mean = sensors.mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), plain)[0, 0]
     assert sorted_times.sum() < 0.7 * pixel.size  # pile-up
     assert agree(sorted_times.sum(axis=0), mean.sum(axis=0))
     # stamps scatter after the first avalanche is chosen
@@ -101,21 +96,21 @@ def test_first_photons_of_simulated_pulses_have_the_same_histogram():
     moved = moved + 0.2e-9 * rng.standard_normal(moved.size)
     moved += (rng.random(moved.size) < 0.3) * rng.exponential(0.5e-9, moved.size)
     seen = np.histogram(moved % period_s, 100, (0, period_s))[0]
-    blurred = mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), sensor)[0, 0].sum(axis=0)
+    blurred = sensors.mean_histograms(rate_of(0.9, shape=(1, 1, pixels)), sensor)[0, 0].sum(axis=0)
     # counting makes 0.8 · √(100/170 000) = 1.9 %, stamps spread evenly over a bin less than that
     assert np.abs(seen - blurred).sum() < 0.03 * blurred.sum()
 
 
 def test_drawn_histograms_have_the_stated_mean_and_variance():
     shape = (3, 40, 50)
-    drawn = expose_histograms(rate_of(0.5, shape=shape), TCSPC, seed=1, stream="a")
-    mean = mean_histograms(rate_of(0.5), TCSPC)[0, 0, 0]
+    drawn = sensors.expose_histograms(rate_of(0.5, shape=shape), TCSPC, seed=1, stream="a")
+    mean = sensors.mean_histograms(rate_of(0.5), TCSPC)[0, 0, 0]
     variance = mean * (1 - mean / periods(TCSPC))
     seen, many = drawn.reshape(-1, 100), 6000
     # 100 bins: five standard errors have a chance of 6e-5, six of 2e-7
     assert (np.abs(seen.mean(axis=0) - mean) < 6 * np.sqrt(variance / many)).all()
     assert (np.abs(seen.var(axis=0) / variance - 1) < 6 * np.sqrt(2 / many)).all()
-    again = expose_histograms(
+    again = sensors.expose_histograms(
         rate_of(0.5, shape=shape)[1:2], TCSPC, seed=1, stream="a", first_frame=1
     )
     np.testing.assert_array_equal(again[0], drawn[1])
@@ -123,8 +118,8 @@ def test_drawn_histograms_have_the_stated_mean_and_variance():
 
 def test_bins_of_faint_light_add_up_to_its_counts():
     rate = rate_of(1e-4, shape=(5, 20, 20))
-    drawn = expose_histograms(rate, TCSPC, seed=1, stream="a")
-    counts = expose_rate(rate, TCSPC, seed=1, stream="a").counts
+    drawn = sensors.expose_histograms(rate, TCSPC, seed=1, stream="a")
+    counts = sensors.expose_rate(rate, TCSPC, seed=1, stream="a").counts
     # 10 000 photons each, of which pile-up takes 1: six standard errors of the difference
     assert abs(int(drawn.sum()) - int(counts.sum())) < 6 * np.sqrt(2e4)
 
@@ -143,13 +138,15 @@ def test_bins_of_faint_light_add_up_to_its_counts():
 )
 def test_sensors_without_histograms_are_refused(words, change):
     with pytest.raises(ValueError, match=words):
-        expose_histograms(rate_of(1.0), changed(TCSPC, **change), seed=1, stream="a")
+        sensors.expose_histograms(
+            rate_of(1.0), sensors.changed(TCSPC, **change), seed=1, stream="a"
+        )
 
 
 def test_decays_and_pulses_that_are_nearly_zero_are_zero():
     def mean(**tcspc):
-        sensor = changed(TCSPC, tcspc=tcspc, jitter={"sigma_s": 0, "tail_share": 0})
-        return mean_histograms(rate_of(0.5), sensor)
+        sensor = sensors.changed(TCSPC, tcspc=tcspc, jitter={"sigma_s": 0, "tail_share": 0})
+        return sensors.mean_histograms(rate_of(0.5), sensor)
 
     short, none = mean(pulse_sigma_s=1e-9, decay_s=1e-18), mean(pulse_sigma_s=1e-9, decay_s=0)
     np.testing.assert_allclose(short, none, rtol=1e-6, atol=1e-9)
@@ -159,7 +156,7 @@ def test_decays_and_pulses_that_are_nearly_zero_are_zero():
 
 
 SIGMA_S, SHARE, TAIL_S, EVENTS = 50e-12, 0.2, 300e-12, 200_000
-JITTER = Jitter(sigma_s=SIGMA_S, tail_share=SHARE, tail_s=TAIL_S)
+JITTER = sensors.Jitter(sigma_s=SIGMA_S, tail_share=SHARE, tail_s=TAIL_S)
 
 
 def test_stamps_are_a_mixture_of_a_normal_and_an_exponentially_modified_normal():

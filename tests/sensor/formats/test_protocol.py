@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 from cobs import cobs
 
-from megalopta.sensor.formats.protocol import (
-    LONGEST,
-    PAYLOAD_BYTES,
-    Kind,
-    Packet,
-    Parser,
-    encode,
-    frame_packet,
-    samples_of,
-)
+from megalopta.sensor.formats import protocol
 
 RNG = np.random.default_rng(0)
 SAMPLES = RNG.integers(0, 4096, (16, 16)).astype(np.uint16)
@@ -37,51 +28,53 @@ def uncobs(line):
 
 
 def test_bytes_on_the_line_are_those_of_the_definition():
-    line = encode(frame_packet(7, 2**40 + 1, SAMPLES))
-    assert line[-1] == 0 and 0 not in line[:-1] and len(line) <= LONGEST + 1
+    line = protocol.encode(protocol.frame_packet(7, 2**40 + 1, SAMPLES))
+    assert line[-1] == 0 and 0 not in line[:-1] and len(line) <= protocol.LONGEST + 1
     body = uncobs(line[:-1])
     content = struct.pack("<BBIQ256H", 1, 1, 7, 2**40 + 1, *SAMPLES.ravel())
     checked = content + struct.pack("<I", zlib.adler32(content))
     assert body == checked + struct.pack("<H", binascii.crc_hqx(checked, 0xFFFF))
 
 
-@pytest.mark.parametrize("kind", Kind)
+@pytest.mark.parametrize("kind", protocol.Kind)
 def test_every_kind_comes_back_from_single_bytes(kind):
-    packet = Packet(
-        kind, 2**32 - 1, 2**64 - 1, bytes(range(256))[: PAYLOAD_BYTES[kind] % 256] or b""
+    packet = protocol.Packet(
+        kind, 2**32 - 1, 2**64 - 1, bytes(range(256))[: protocol.PAYLOAD_BYTES[kind] % 256] or b""
     )
-    packet = packet._replace(payload=packet.payload.ljust(PAYLOAD_BYTES[kind], b"\0"))
-    parser = Parser()
-    found = [each for byte in encode(packet) for each in parser.feed(bytes([byte]))]
+    packet = packet._replace(payload=packet.payload.ljust(protocol.PAYLOAD_BYTES[kind], b"\0"))
+    parser = protocol.Parser()
+    found = [each for byte in protocol.encode(packet) for each in parser.feed(bytes([byte]))]
     assert found == [packet] and parser.damaged == 0
 
 
 def test_samples_come_back_in_row_order():
-    (packet,) = Parser().feed(encode(frame_packet(2**32 + 3, 5, SAMPLES)))
+    (packet,) = protocol.Parser().feed(
+        protocol.encode(protocol.frame_packet(2**32 + 3, 5, SAMPLES))
+    )
     assert packet.sequence == 3
-    np.testing.assert_array_equal(samples_of(packet), SAMPLES)
+    np.testing.assert_array_equal(protocol.samples_of(packet), SAMPLES)
 
 
 def test_another_version_is_told_and_not_read():
-    line = encode(Packet(Kind.IDENTIFY, 1, 2, b""))
+    line = protocol.encode(protocol.Packet(protocol.Kind.IDENTIFY, 1, 2, b""))
     content = b"\x02" + uncobs(line[:-1])[1:-6]
     checked = content + struct.pack("<I", zlib.adler32(content))
     body = checked + struct.pack("<H", binascii.crc_hqx(checked, 0xFFFF))
-    parser = Parser()
+    parser = protocol.Parser()
     assert list(parser.feed(cobs.encode(body) + b"\0")) == []
     assert (parser.other_version, parser.damaged) == (2, 1)
 
 
 def test_bytes_without_end_take_no_memory():
-    parser = Parser()
+    parser = protocol.Parser()
     tracemalloc.start()
     for _ in range(1000):
         assert list(parser.feed(b"x" * 1000)) == []
     kept, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert kept < 10_000
-    good = frame_packet(1, 2, SAMPLES)
-    assert list(parser.feed(b"\0" + encode(good))) == [good]
+    good = protocol.frame_packet(1, 2, SAMPLES)
+    assert list(parser.feed(b"\0" + protocol.encode(good))) == [good]
     assert parser.damaged == 1
 
 
@@ -111,7 +104,7 @@ def test_damage_is_refused_and_forgotten_after_one_packet():
     """
     packets, rng = 5_000, np.random.default_rng(0)
     noise = rng.bytes(2**20)
-    parser, waiting = Parser(), b""
+    parser, waiting = protocol.Parser(), b""
     was_damaged = True
     required, accepted = set(), set()
 
@@ -123,10 +116,12 @@ def test_damage_is_refused_and_forgotten_after_one_packet():
 
     def sent(number):
         start = number * 7919 % (2**20 - 512)
-        return Packet(Kind.FRAME, number, number * 1000, noise[start : start + 512])
+        return protocol.Packet(
+            protocol.Kind.FRAME, number, number * 1000, noise[start : start + 512]
+        )
 
     for number in range(packets):
-        line = encode(sent(number))
+        line = protocol.encode(sent(number))
         is_damaged = rng.random() < 0.3
         if not is_damaged and not was_damaged:
             required.add(number)

@@ -1,6 +1,5 @@
 """Daylight: moments in bright light, what every door of a sensor takes for it, and refusals."""
 
-import re
 import time
 
 import numpy as np
@@ -105,21 +104,16 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("door", REFUSED)
-def test_light_that_takes_too_long_is_refused_at_once_with_light_that_does_not(door):
+def test_light_that_takes_too_long_is_refused_at_once(door):
     draw, effects, how = REFUSED[door]
     sensor = changed(PRESETS["ideal"], **({"dead_time": ACTIVE} | effects))
     # the last of many frames is the bright one
     rate_hz = np.full((20, 60, 80), 1e3)
     rate_hz[-1] = 1e9
     start = time.process_time()
-    with pytest.raises(UserError, match="detections and dark counts per second") as refused:
+    with pytest.raises(UserError, match="detections and dark counts per second"):
         draw(rate_hz, sensor, seed=1, stream="a", **how)
     assert time.process_time() - start < 2
-    share = float(re.search(r"\((\S+) of this light\)", str(refused.value)).group(1))
-    assert 0 < share < 1
-    # a frame alone, as far as its cost goes
-    allowed_hz = share * rate_hz[-1, :2, :2][None]
-    draw(allowed_hz, sensor, seed=1, stream="a", **how)
 
 
 def test_histograms_of_too_many_bins_are_refused():

@@ -6,13 +6,7 @@ from scipy.stats import linregress
 
 from megalopta.sensor import changed, event_moments, expose_adc, expose_rate, preset
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.counters import (
-    AnalogCounter,
-    analog_pixels,
-    counts_of_codes,
-    nominal_pixels,
-    read_analog,
-)
+from megalopta.sensor.spad import counters
 
 RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
 
@@ -23,11 +17,13 @@ def test_codes_become_the_counts_that_the_same_draws_make(calibrated):
     sensor = changed(preset("spadcam"), counter=counter)
     codes = expose_adc(RATE, sensor, seed=1, stream="a")
     exposure = expose_rate(RATE, sensor, seed=1, stream="a")
-    assert isinstance(sensor.counter, AnalogCounter)
-    known = nominal_pixels(sensor.counter, sensor.exposure_s)
+    assert isinstance(sensor.counter, counters.AnalogCounter)
+    known = counters.nominal_pixels(sensor.counter, sensor.exposure_s)
     if calibrated:
-        known = analog_pixels(sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed)
-    counts, saturated = counts_of_codes(codes, sensor.counter, known)
+        known = counters.analog_pixels(
+            sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed
+        )
+    counts, saturated = counters.counts_of_codes(codes, sensor.counter, known)
     np.testing.assert_array_equal(counts, exposure.counts)
     # An ADC does not tell an empty counter from one that noise keeps off the bottom.
     assert not (saturated & ~exposure.saturated).any()
@@ -48,9 +44,9 @@ def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
         for n, count in ((8, 1), (4000, 1000))
     )
     np.testing.assert_array_equal(together[0], single[0])
-    assert isinstance(sensor.counter, AnalogCounter)
-    counts, _ = counts_of_codes(
-        together, sensor.counter, nominal_pixels(sensor.counter, sensor.exposure_s)
+    assert isinstance(sensor.counter, counters.AnalogCounter)
+    counts, _ = counters.counts_of_codes(
+        together, sensor.counter, counters.nominal_pixels(sensor.counter, sensor.exposure_s)
     )
     mean, variance = np.array(event_moments(RATE[:1], sensor))[:, 0]
     # 256 means: false alarm below 1e-6 at 6 σ; moments with crosstalk are exact without dead time.
@@ -67,16 +63,16 @@ def test_impossible_counters_are_refused():
     with pytest.raises(ValueError, match="adc_bits: 20"):
         expose_adc(RATE, changed(preset("spadcam"), counter={"adc_bits": 20}), seed=1, stream="a")
     with pytest.raises(ValueError, match=r"exposure_s: 1000; .*expose for less"):
-        analog_pixels(preset("spadcam").counter, (128, 128), 1000.0, 0)
+        counters.analog_pixels(preset("spadcam").counter, (128, 128), 1000.0, 0)
 
 
-QUIET = AnalogCounter(step_v=10e-3)
+QUIET = counters.AnalogCounter(step_v=10e-3)
 RAMP = np.tile(np.arange(400), (50, 1))
 
 
 def read(counter, events=RAMP, exposure_s=0.1):
-    pixels = analog_pixels(counter, events.shape, exposure_s, 0)
-    return read_analog(generator(0), events, counter, pixels, exposure_s)
+    pixels = counters.analog_pixels(counter, events.shape, exposure_s, 0)
+    return counters.read_analog(generator(0), events, counter, pixels, exposure_s)
 
 
 def test_without_noise_counts_are_exact_up_to_saturation_and_flagged_from_there():

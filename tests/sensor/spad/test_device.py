@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.sensor import (
-    changed,
-    expose_binary,
-    expose_rate,
-    load_sensor,
-    preset,
-    reading_moments,
-)
+from megalopta import sensor as sensors
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (6, 9)
@@ -42,7 +35,7 @@ def write(folder, values):
 
 
 def load(folder):
-    return load_sensor(folder / "device.yaml")
+    return sensors.load_sensor(folder / "device.yaml")
 
 
 @pytest.mark.parametrize("measured", [("dark_counts", "efficiency"), tuple(MAPS)])
@@ -118,11 +111,11 @@ def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
 def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
     write(folder, values)
     with pytest.raises(ValueError, match=message) as refusal:
-        load_sensor(str(folder / "device.yaml"))
+        sensors.load_sensor(str(folder / "device.yaml"))
     assert "\n" not in str(refusal.value)
 
 
-HOT = r"dark_counts in Hz: .*; lower them, bias\.excess_v .*celsius"
+HOT = r"dark_counts in Hz: .*; lower it, its spread, bias\.excess_v .*celsius"
 PERFECT = {"wavelengths_nm": (400, 700), "values": (0.95, 0.95)}
 WARM = {"celsius": 40, "breakdown_v_per_k": 0.02}
 
@@ -138,7 +131,7 @@ WARM = {"celsius": 40, "breakdown_v_per_k": 0.02}
 )
 def test_impossible_pixels_are_refused_with_what_makes_them(name, changes, message):
     with pytest.raises(ValueError, match=message):
-        draw_fixed_pattern(changed(preset(name), **changes), (64, 64))
+        draw_fixed_pattern(sensors.changed(sensors.preset(name), **changes), (64, 64))
 
 
 def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
@@ -147,8 +140,8 @@ def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
     for name, values in factors.items():
         np.save(tmp_path / f"{name}.npy", values)
     files = {name: {"path": str(tmp_path / f"{name}.npy")} for name in factors}
-    sensor = changed(
-        preset("ideal"),
+    sensor = sensors.changed(
+        sensors.preset("ideal"),
         dead_time={"kind": "nonparalyzable", "dead_time_s": 1e-6, "mismatch_sigma": 0.3},
         crosstalk={"mean_fired_neighbors": 0.1},
         measured=files,
@@ -158,7 +151,7 @@ def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
     np.testing.assert_array_equal(maps.crosstalk, factors["crosstalk"])
     assert (maps.afterpulsing == 1).all()
     with pytest.raises(ValueError, match=r"measured\.crosstalk: a map of factors on crosstalk"):
-        changed(sensor, crosstalk={"mean_fired_neighbors": 0})
+        sensors.changed(sensor, crosstalk={"mean_fired_neighbors": 0})
 
 
 LARGER = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
@@ -182,7 +175,7 @@ def test_a_map_is_what_the_counters_have(tmp_path, name, field, times):
     values = np.linspace(5e-3, 2e-2, 12).reshape(3, 4)
     np.save(tmp_path / "map.npy", values)
     maps = {name: str(tmp_path / "map.npy")}
-    sensor = changed(preset("spadcam"), measured=maps, exposure_s=0.5)
+    sensor = sensors.changed(sensors.preset("spadcam"), measured=maps, exposure_s=0.5)
     counters = draw_fixed_pattern(sensor, (3, 4)).counters
     np.testing.assert_allclose(getattr(counters, field), times * values)
     np.save(tmp_path / "map.npy", np.zeros((3, 4)) - (name != "step") * np.inf)
@@ -202,13 +195,13 @@ def with_stuck(folder, capacity=255):
 def test_stuck_pixels_read_the_same_in_every_frame(folder):
     sensor = with_stuck(folder)
     rate = np.full((5, *SHAPE), 1e3)
-    counts = expose_rate(rate, sensor, seed=1, stream="stuck").counts
+    counts = sensors.expose_rate(rate, sensor, seed=1, stream="stuck").counts
     np.testing.assert_array_equal(counts[:, 1, 2], 0)
     np.testing.assert_array_equal(counts[:, 3, 8], 100)
-    mean, variance = reading_moments(rate, sensor)
+    mean, variance = sensors.reading_moments(rate, sensor)
     assert (mean[0, 3, 8], variance[0, 3, 8]) == (100, 0)
-    working = changed(sensor, measured={"stuck": None})
-    all_work = expose_rate(rate, working, seed=1, stream="stuck").counts
+    working = sensors.changed(sensor, measured={"stuck": None})
+    all_work = sensors.expose_rate(rate, working, seed=1, stream="stuck").counts
     works = np.delete(np.arange(counts[0].size), [1 * 9 + 2, 3 * 9 + 8])
     np.testing.assert_array_equal(
         *(frames.reshape(5, -1)[:, works] for frames in (counts, all_work))
@@ -217,7 +210,7 @@ def test_stuck_pixels_read_the_same_in_every_frame(folder):
 
 def test_stuck_bits_are_those_of_every_binary_frame(folder):
     sensor = with_stuck(folder, capacity=1)
-    packed = expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, stream="stuck")
+    packed = sensors.expose_binary(np.full((9, *SHAPE), 50.0), sensor, seed=1, stream="stuck")
     bits = np.unpackbits(packed, axis=-1)
     assert bits[:, 1, 2].max() == 0
     assert bits[:, 3, 8].min() == 1
@@ -228,6 +221,6 @@ def test_stuck_bits_are_those_of_every_binary_frame(folder):
 def test_readings_that_a_counter_cannot_have_are_refused(folder, reading):
     sensor = with_stuck(folder)
     np.save(folder / "stuck.npy", np.full(SHAPE, reading))
-    unchecked = changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
+    unchecked = sensors.changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
     with pytest.raises(ValueError, match=r"measured\.stuck: .* no reading of this counter; give"):
-        expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, stream="stuck")
+        sensors.expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, stream="stuck")
