@@ -227,7 +227,7 @@ class Film:
         These have one line for all, or each. `trace` is `render` or `measured` of an integrator;
         `before_rows` is called with the rows of each pass.
         """
-        strips = []
+        strips: list[Floats] = []
         for first_row in range(0, self._height, self._rows):
             strip: Floats = np.zeros(())
             for repeat in range(self._repeats):

@@ -55,11 +55,13 @@ class _KeyedSampler(PlugIn):
 
     def __init__(self, properties: Any) -> None:
         self.above.__init__(self, properties)
-        self.generator = mi.PCG32()
+        pcg32: Any = mi.PCG32
+        self.generator = pcg32()
 
     def start(self, key: Any, sample: Any) -> None:
         state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-        self.generator = mi.PCG32(1, state, stream)
+        pcg32: Any = mi.PCG32
+        self.generator = pcg32(1, state, stream)
 
     def schedule_state(self) -> None:
         dr.schedule(self.generator)
