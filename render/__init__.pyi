@@ -2,7 +2,6 @@ from .environment import read_picture as read_picture
 from .exr import (
     read_attributes as read_attributes,
     read_radiance as read_radiance,
-    read_size as read_size,
     read_truth as read_truth,
     write_radiance as write_radiance,
     write_truth as write_truth,

@@ -117,11 +117,6 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     return radiance, bands
 
 
-def read_size(path: Path) -> tuple[int, int]:
-    """Read rows and columns from a file's header. Raises ValueError if it is not an EXR."""
-    return size_in(read_headers(path)[0])
-
-
 def read_attributes(path: Path) -> dict[str, str]:
     """Read the text in a file's header: for truth camera, pose, time and names of kinds.
 

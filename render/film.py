@@ -20,44 +20,15 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 
 
-@dataclass(frozen=True)
-class Passes:
-    """Division of a frame into strips of rows, each repeated with some samples per pixel.
-
-    The last strip may extend beyond the frame.
-    """
-
-    height: int
-    rows: int
-    samples: int
-    repeats: int
-
-    def render(self, trace: Callable[[int, int], NDArray[np.floating]], seed: int) -> Floats:
-        """Assemble a frame (H, W, B) of strips, traced from a row on with a seed."""
-        strips = [
-            sum(
-                trace(first, pass_seed(seed, number * self.repeats + repeat)).astype(np.float64)
-                for repeat in range(self.repeats)
-            )
-            / self.repeats
-            for number, first in enumerate(range(0, self.height, self.rows))
-        ]
-        return np.concatenate(strips)[: self.height]
-
-
-def plan_passes(width: int, height: int, samples: int, most: int) -> Passes:
+def plan_passes(width: int, height: int, samples: int, most: int) -> tuple[int, int, int]:
     """Divide a frame into the fewest passes of at most `most` samples each.
 
-    A pass has at least one sample of every pixel of a row.
+    Returns rows per strip, of which the last may extend beyond the frame, samples per pixel of a
+    pass, and passes per strip. A pass has at least one sample of every pixel of a row.
     """
     strips = math.ceil(height / max(most // (width * samples), 1))
     repeats = math.ceil(samples / max(most // width, 1))
-    return Passes(height, math.ceil(height / strips), math.ceil(samples / repeats), repeats)
-
-
-def pass_seed(seed: int, number: int) -> int:
-    """32-bit Mitsuba seed of one pass of a frame; the first keeps the frame's."""
-    return part_seed(seed, "pass", number) if number else seed
+    return math.ceil(height / strips), math.ceil(samples / repeats), repeats
 
 
 _MOST_DIRECTIONS, _MOST_PARTS = 2_000_000, 8
@@ -230,9 +201,10 @@ class Film:
         if most_rows:
             most = min(most, width * samples * most_rows)
         self._on_side = on_side
-        self._passes = passes = plan_passes(width, height, samples, most)
-        size = width, passes.rows
-        parts = film_and_sampler(size, settings.bands_nm, settings.sampler, passes.samples)
+        self._height = height
+        self._rows, of_pass, self._repeats = plan_passes(width, height, samples, most)
+        size = width, self._rows
+        parts = film_and_sampler(size, settings.bands_nm, settings.sampler, of_pass)
         self._optics = self._sensor = mi.load_dict({**plugin(camera, on_side), **parts})
         if is_exposed:
             shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
@@ -240,7 +212,7 @@ class Film:
             self._sensor.optics = self._optics
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())
-        self.samples_per_pixel = self._samples * self._passes.repeats
+        self.samples_per_pixel = self._samples * self._repeats
 
     def expose(
         self,
@@ -255,22 +227,26 @@ class Film:
         These have one line for all, or each. `trace` is `render` or `measured` of an integrator;
         `before_rows` is called with the rows of each pass.
         """
-
-        def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:
-            if before_rows:
-                before_rows(slice(first_row, first_row + self._passes.rows))
-            self._aim(poses, first_row)
-            return trace(scene, self._sensor, seed=pass_seed, spp=self._samples)
-
-        image = self._passes.render(take, seed).astype(np.float32)
+        strips: list[Floats] = []
+        for first_row in range(0, self._height, self._rows):
+            strip: Floats = np.zeros(())
+            for repeat in range(self._repeats):
+                if before_rows:
+                    before_rows(slice(first_row, first_row + self._rows))
+                self._aim(poses, first_row)
+                number = len(strips) * self._repeats + repeat
+                own_seed = part_seed(seed, "pass", number) if number else seed
+                image = trace(scene, self._sensor, seed=own_seed, spp=self._samples)
+                strip = strip + image.astype(np.float64)
+            strips.append(strip / self._repeats)
+        image = np.concatenate(strips)[: self._height].astype(np.float32)
         return np.ascontiguousarray(image.swapaxes(0, 1)) if self._on_side else image
 
     def _aim(self, poses: Floats, first_row: int) -> None:
-        rows, is_exposed = self._passes.rows, poses.ndim > 2
+        rows, height, is_exposed = self._rows, self._height, poses.ndim > 2
         # An exposed film looks through optics at Mitsuba's identity.
         to_world = np.eye(4) if is_exposed else sensor_transform(poses)
         self._parameters["to_world"] = mi.Transform4f(to_world.tolist())
-        height = self._passes.height
         if "strip" in self._parameters:
             self._parameters["strip"] = mi.Point2f(first_row / height, rows / height)
         else:

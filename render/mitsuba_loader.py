@@ -57,10 +57,6 @@ class PlugIn:
 
         def __getattr__(self, name: str) -> Any: ...
 
-    def to_string(self) -> str:
-        """Return the name of the class."""
-        return f"{type(self).__name__}[]"
-
 
 def plug_in(kind: Any) -> Any:
     """Return the class of a `PlugIn` in the active variant."""

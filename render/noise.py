@@ -95,23 +95,17 @@ class RenderNoise:
 _FEWEST = 8
 
 
-@dataclass(frozen=True)
 class Standing:
-    """Error that all frames share."""
+    """Error of a pass that all frames share; zero without one, in an image of a shape (H, W, B)."""
 
-    draw: Floats  # (H, W, 2, B)
-    differences: Floats  # (H, W, G, B)
-
-    @classmethod
-    def of(cls, measured: MeasuredPass | None, like: Floats) -> "Standing":
-        """Return the error of a pass; zero without one."""
-        height, width, bands = like.shape
-        draw, compared = np.zeros((height, width, 2, bands)), np.zeros((height, width, 0, bands))
+    def __init__(self, measured: MeasuredPass | None, shape: tuple[int, ...]) -> None:
+        height, width, bands = shape
+        self.draw: Floats = np.zeros((height, width, 2, bands))
+        self.differences: Floats = np.zeros((height, width, 0, bands))
         if measured is not None and measured.standing is not None:
-            draw = measured.standing.astype(np.float64)
+            self.draw = measured.standing.astype(np.float64)
         if measured is not None and measured.differences is not None:
-            compared = measured.differences.astype(np.float64)
-        return cls(draw, compared)
+            self.differences = measured.differences.astype(np.float64)
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
@@ -213,7 +207,7 @@ class RunningMean:
         sky = measured.sky if measured else None
         surfaces = everywhere if sky is None else sky <= 0
         part = surfaces if surfaces.any() else everywhere
-        standing = Standing.of(measured, self._mean)
+        standing = Standing(measured, self._mean.shape)
         variance = self._squares / (self.count - 1)
         shown = self._region(part, variance, standing, averaged)
         flicker, fixed = variance[part].mean(axis=0), standing.covariance(part)
@@ -323,17 +317,12 @@ def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-RenderPass = Callable[[int], Image]
-"""Function that renders the pass of a given number: radiance (H, W, B), independent of others."""
-MeasurePass = Callable[[int], MeasuredPass]
-"""The same pass, with the data that determines its error."""
-
 MEASURED_EVERY = 16
 """Interval in frames between those that are rendered twice."""
 
 
 def render_once(
-    render_pass: RenderPass, measure_pass: MeasurePass | None
+    render_pass: Callable[[int], Image], measure_pass: Callable[[int], MeasuredPass] | None
 ) -> tuple[Image, RenderNoise | None]:
     """Pass 0, (H, W, B), and its error by comparison with pass 1 if it is to be measured."""
     image = render_pass(0)
@@ -347,7 +336,10 @@ def render_once(
 
 
 def render_until(
-    render_pass: RenderPass, measure_pass: MeasurePass, target_error: float, most_passes: int
+    render_pass: Callable[[int], Image],
+    measure_pass: Callable[[int], MeasuredPass],
+    target_error: float,
+    most_passes: int,
 ) -> tuple[Image, RenderNoise]:
     """Mean (H, W, B) of enough passes for the target RMS error on surfaces, and its error.
 

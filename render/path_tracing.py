@@ -48,11 +48,6 @@ def recurrence(index: Any, key: Any) -> list[Any]:
     ]
 
 
-def _generator(*state: Any) -> Any:
-    pcg32: Any = mi.PCG32
-    return pcg32(*state)
-
-
 class _KeyedSampler(PlugIn):
     """Random numbers seeded by a key and a sample's index."""
 
@@ -60,11 +55,13 @@ class _KeyedSampler(PlugIn):
 
     def __init__(self, properties: Any) -> None:
         self.above.__init__(self, properties)
-        self.generator = _generator()
+        pcg32: Any = mi.PCG32
+        self.generator = pcg32()
 
     def start(self, key: Any, sample: Any) -> None:
         state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-        self.generator = _generator(1, state, stream)
+        pcg32: Any = mi.PCG32
+        self.generator = pcg32(1, state, stream)
 
     def schedule_state(self) -> None:
         dr.schedule(self.generator)
@@ -323,7 +320,6 @@ class SplitPaths:
         return [*light, sight.sky]
 
     def _look(self, ray: Any) -> tuple[shading.Sight, shading.Weights]:
-        """Surfaces seen along rays, and the weights of their textures."""
         hit = self._layers.ray_intersect_preliminary(ray, coherent=True)
         point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
         sight = shading.Sight(point, point.wi.z > 0, point.is_valid(), self._index.of(hit))

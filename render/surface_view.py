@@ -25,13 +25,8 @@ Integrator: TypeAlias = PathIntegrator | SplitPaths | BakedLightIntegrator
 
 _MORE_HITS = 32
 """Leaves at 0.8 to 1.3 µm are the brightest surfaces: for these, 16 hits miss a thousandth."""
-_LONGER_SEED = 0
-
-
 _LONGER_PATHS = 2**15
 """Number of longer paths for the truncation bias; at least one per pixel."""
-
-
 # Height above the surface below the camera: clear of it, but below the blades of grass.
 _CLEARANCE_M = 0.02
 # Number per point. A uniform sky needs fewer.
@@ -197,8 +192,8 @@ class SurfaceView:
         settings = self._settings.model_copy(update={"sampler": "independent"})
         film, depth = Film(self._camera, settings, samples), self._settings.max_depth
         short, long = (PathIntegrator(hits, self._air) for hits in (depth, depth + _MORE_HITS))
-        light = film.expose(short.render, self._loaded, pose, _LONGER_SEED)
-        longer = film.expose(long.measured, self._loaded, pose, _LONGER_SEED)
+        light = film.expose(short.render, self._loaded, pose, seed=0)
+        longer = film.expose(long.measured, self._loaded, pose, seed=0)
         bands, shows_surfaces = light.shape[-1], longer[..., -1] == 0
         part, all_of_it = (
             image[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for image in (light, longer)

@@ -221,20 +221,20 @@ def import_pictures(dataset: Dataset) -> None:
                 scene.file.check()  # afterwards, so that it was this that was copied
             else:
                 copy = temporary / f"{_SOURCE}{footage.path.suffix.lower()}"
-                with footage.opened() as source, copy.open("wb") as target:
+                with footage.path.open("rb") as source, copy.open("wb") as target:
                     scene.file.compare(copied(source, target))
     record = {
         "files": len(footage.files),
         "pictures": len(footage),
-        "transfer": footage.transfer,
+        "transfer": footage.coding.name,
         "notes": list(footage.notes),
         **asdict(brightness),
     }
     files.write_json(dataset.scene_record, {"pictures": record})
     white = (
         "their spectra are used as they are"
-        if footage.transfer == "spectral radiance"
-        else f"{footage.transfer} codes become light, white has the spectrum of "
+        if footage.coding.name == "spectral radiance"
+        else f"{footage.coding.name} codes become light, white has the spectrum of "
         f"{scene.white_name(settings.light)}, and the mean reflectance is "
         f"{100 * scene.reflectance:g} %"
     )

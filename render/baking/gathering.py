@@ -198,15 +198,11 @@ class Gatherer:
         inside = patch.barycentric(of, a, b)
         seen = patch.barycentric(of, *unpacked(of(places.seen)))
         # If the ground or another object is in between, this point was not seen.
-        ends = [self._above(surface(place), front) for place in (inside, seen)]
+        points, upward = map(surface, (inside, seen)), dr.select(front, 1.0, -1.0)
+        ends = [point.spawn_ray(upward * point.n).o for point in points]  # slightly above
         between: Any = mi.Ray3f(ends[0], ends[1] - ends[0])
         between.maxt = 1.0
         point = surface(dr.select(self._scene.ray_test(between), seen, inside))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
         rays, through = leaving(point, front, share, mi.Point2f(x, y))
         return mi.RayDifferential3f(rays), through
-
-    @staticmethod
-    def _above(point: Any, front: Any) -> Any:
-        """Points (N,) slightly above the front or the back of their surface."""
-        return point.spawn_ray(dr.select(front, 1.0, -1.0) * point.n).o

@@ -7,10 +7,10 @@ bits without full chroma, which gives wrong colors there (libswscale 9).
 
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,17 +95,6 @@ class Film(frames.Footage):
         super().close()
         self._free()
 
-    @contextmanager
-    def opened(self) -> Iterator[BinaryIO]:
-        """Give the film's open file from its start on; the decoder then continues in it."""
-        with self._decoding:
-            place = self._file.tell()
-            self._file.seek(0)
-            try:
-                yield self._file
-            finally:
-                self._file.seek(place)
-
     def _free(self) -> None:
         if self._container is not None:
             self._container.close()
@@ -158,7 +147,6 @@ class Film(frames.Footage):
         return replace(coding, matrix=frames.to_bt709(xy))
 
     def _begin(self) -> None:
-        """Start a decoder at the first frame."""
         import av
 
         if self._container is not None:
@@ -230,7 +218,6 @@ class Film(frames.Footage):
         return self._stamps
 
     def _notes(self, first: Any, coding: frames.Coding, times_s: Floats) -> Iterator[str]:
-        """Yield notes on assumptions and changes."""
         primaries = first.color_primaries
         if first.color_trc == frames.UNSTATED:
             yield f"{self.path} does not state its transfer function; that of BT.709 is used"

@@ -349,7 +349,6 @@ def _colors(page: Any) -> int:
 
 
 def _kind(page: Any) -> tuple[Any, ...]:
-    """Return what frames of one file have in common."""
     return page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric
 
 

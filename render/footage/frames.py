@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, BinaryIO, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -214,19 +214,9 @@ class Footage(ABC):
     _decoding: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @property
-    def transfer(self) -> str:
-        """Conversion of codes to light, for readers."""
-        return self.coding.name
-
-    @property
-    def unit(self) -> Unit:
-        """Unit of the values in the file."""
-        return self.coding.unit
-
-    @property
     def is_absolute(self) -> bool:
         """True if values state how bright it was: luminance or spectral radiance."""
-        return self.unit == "cd/m2" or self.bands_nm is not None
+        return self.coding.unit == "cd/m2" or self.bands_nm is not None
 
     @property
     def luminance_shares(self) -> Floats:
@@ -269,12 +259,6 @@ class Footage(ABC):
         channels = 1 if numbers.ndim == 2 else 3
         is_below = cv2.inRange(numbers, (0,) * channels, (below,) * channels)
         return 1 - cv2.countNonZero(is_below) / is_below.size
-
-    @contextmanager
-    def opened(self) -> Iterator[BinaryIO]:
-        """Give the first file, open for reading."""
-        with self.files[0].open("rb") as file:
-            yield file
 
     def close(self) -> None:
         """Free the decoder and the cached frames."""

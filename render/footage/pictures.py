@@ -167,7 +167,7 @@ class ArrayFrames(frames.Footage):
         numbers = np.asarray(self._values[index])
         if self.coding.table is not None:
             return numbers.astype(numbers.dtype.newbyteorder("="))
-        if self.unit != "srgb":
+        if self.coding.unit != "srgb":
             return self._as_light(numbers, self.path)
         if not ((numbers >= 0) & (numbers <= 1)).all():
             raise DamagedFileError(

@@ -11,8 +11,6 @@ from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
 from megalopta.scenes.material import ColorTexture, Emission, Finish, Material, Part, Rgb, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-# Mitsuba's spectra are zero beyond their table; here the end values continue.
-_SPECTRUM_LIMITS_NM = (100.0, 4000.0)
 _LEAST_SHARE = 0.1
 
 _Surface = Callable[[Spectrum | None], dict[str, Any]]
@@ -71,7 +69,6 @@ def _of_parts(material: Material) -> dict[str, Any]:
 
 
 def _blend(weight: Any, first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
-    """Mitsuba surface that is the second with a weight, otherwise the first."""
     return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
@@ -145,13 +142,9 @@ def spectrum(of: Spectrum) -> dict[str, Any]:
     """Mitsuba spectrum, with constant values beyond the ends."""
     if not max(of.values):
         return {"type": "spectrum", "value": 0.0}  # a table without any mass is rejected
-    first, last = _SPECTRUM_LIMITS_NM
-    table = [
-        (first, of.values[0]),
-        *zip(of.wavelengths_nm, of.values, strict=True),
-        (last, of.values[-1]),
-    ]
-    return {"type": "spectrum", "value": table}
+    table = zip(of.wavelengths_nm, of.values, strict=True)
+    ends = (100.0, of.values[0]), (4000.0, of.values[-1])  # else Mitsuba's are zero beyond it
+    return {"type": "spectrum", "value": [ends[0], *table, ends[1]]}
 
 
 class _Blade(PlugIn):

@@ -54,9 +54,22 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 
 def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
     """Return a scene of loaded shapes, in order, under a light."""
-    lights = lights_of(lighting) if lighting else {}
+    parts: dict[str, Any] = {"type": "scene"}
+    if lighting and lighting.patterns:
+        parts["sky"] = uneven_sky(lighting)
+    elif lighting and max(lighting.sky.values):
+        parts["sky"] = {"type": "constant", "radiance": spectrum(lighting.sky)}
+    if lighting and lighting.sun:
+        irradiance = spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
+        for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):
+            parts[f"sun_{index:02d}"] = {
+                "type": "directional",
+                "direction": [-x for x in point],
+                "irradiance": irradiance,
+                "sampling_weight": 1 / DISC_POINTS,  # all of them as often as the sky
+            }
     names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
-    return mi.load_dict({"type": "scene", **lights, **names})
+    return mi.load_dict({**parts, **names})
 
 
 def load_mesh(mesh: MergedMesh, **parts: Any) -> Any:
@@ -95,25 +108,6 @@ def _loaded(material: Material, name: str) -> Any:
             f"material {name!r}: Mitsuba does not accept it ({printable(quoted(reason, 200))}); "
             "correct the file, or give its reflectance in `materials`"
         ) from None
-
-
-def lights_of(lighting: Lighting) -> dict[str, Any]:
-    """Mitsuba emitters of a light from outside, by name."""
-    lights: dict[str, Any] = {}
-    if lighting.patterns:
-        lights["sky"] = uneven_sky(lighting)
-    elif max(lighting.sky.values):
-        lights["sky"] = {"type": "constant", "radiance": spectrum(lighting.sky)}
-    if lighting.sun:
-        irradiance = spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
-        for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):
-            lights[f"sun_{index:02d}"] = {
-                "type": "directional",
-                "direction": [-x for x in point],
-                "irradiance": irradiance,
-                "sampling_weight": 1 / DISC_POINTS,  # all of them as often as the sky
-            }
-    return lights
 
 
 def move_meshes(

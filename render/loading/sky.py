@@ -27,26 +27,19 @@ class SkyPatterns:
         self._rows = [len(sky.pattern) for sky in patterns]
 
     def toward(self, direction: Any, active: Any) -> list[Any]:
-        """Value of each pattern in directions."""
-        place = place_of(direction)
-        return [
-            read(texture, rows, place, active)
-            for texture, rows in zip(self._textures, self._rows, strict=True)
-        ]
+        """Value of each pattern in directions; constant beyond its first and last row."""
+        place, values = place_of(direction), []
+        for texture, rows in zip(self._textures, self._rows, strict=True):
+            half, at = 0.5 / rows, _zeros(mi.SurfaceInteraction3f)
+            at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
+            values.append(texture.eval_1(at, active))
+        return values
 
 
 def place_of(direction: Any) -> Any:
     """Position of a direction in a pattern, (u, v) from 0 to 1."""
     azimuth = dr.atan2(direction.y, direction.x)
     return mi.Point2f(0.5 - azimuth / dr.two_pi, dr.safe_acos(direction.z) / dr.pi)
-
-
-def read(texture: Any, rows: int, place: Any, active: Any) -> Any:
-    """Value of a pattern; constant beyond its first and last row, without wrapping."""
-    half = 0.5 / rows
-    at = _zeros(mi.SurfaceInteraction3f)
-    at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
-    return texture.eval_1(at, active)
 
 
 def _zeros(kind: Any) -> Any:
@@ -85,7 +78,6 @@ class BrightDirections:
         return self._texels.pdf(texel, active) * self._texels_per(direction.z)
 
     def _texels_per(self, z: Any) -> Any:
-        """Texels per solid angle, for directions with this z."""
         sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
         return self._rows * self._columns / (2 * dr.pi**2 * sine)
 

@@ -5,9 +5,7 @@ Graphics Gems IV, 1994), the same for all pixels and frames. Four more are in th
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,8 +77,9 @@ class Footprints:
         step = max(1, _RAYS_AT_ONCE[family] // per_row)
         strips = [slice(first, min(first + step, height)) for first in range(0, height, step)]
         parts = [self._of_rows(view, following, previous, object_id, rows) for rows in strips]
-        joined: Footprint = _joined(parts)
-        return joined
+        purity, sky, *flows = np.split(np.concatenate(parts), [1, 2, 6], axis=-1)
+        spreads = (FlowSpread(flow[..., :2], flow[..., 2], flow[..., 3]) for flow in flows)
+        return Footprint(purity[..., 0], sky[..., 0], *spreads)
 
     def _of_rows(
         self,
@@ -89,7 +88,8 @@ class Footprints:
         previous: View | None,
         object_id: NDArray[np.uint32],
         rows: slice,
-    ) -> Footprint:
+    ) -> Float32:
+        """Purity, sky, and mean flow (x, y), spread and hidden share of both flows (h, W, 10)."""
         camera, centers = self._camera, object_id[rows]
         places = (camera.pixel_centers()[rows] - 0.5).reshape(-1, 2)
         image = (places[:, None] + self._offsets).reshape(-1, 2)
@@ -107,26 +107,18 @@ class Footprints:
         used = weights > 0
         pixel = np.nonzero(used)[0]
         seen, places_used = surface.of(used.ravel()), image[used.ravel()]
-
-        def share(where: Mask) -> Float32:
-            sums = (weights * where).sum(axis=1)
-            return np.asarray(sums.reshape(centers.shape), np.float32)
-
-        def flow(other: View | None) -> FlowSpread:
-            if other is None:
-                undefined = np.full((*centers.shape, 2), np.nan, np.float32)
-                return FlowSpread(undefined, undefined[..., 0], np.zeros(centers.shape, np.float32))
-            way = correspondence(self._geometry, camera, seen, places_used, other)
-            spread = _spread(*way, weights[used], pixel, centers.size)
-            shaped = spread.reshape(*centers.shape, 4).astype(np.float32)
-            return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
-
-        return Footprint(
-            share(things == centers.reshape(-1, 1)),
-            share(things == 0),
-            flow(following),
-            flow(previous),
-        )
+        shares = [
+            (weights * (things == thing)).sum(axis=1) for thing in (centers.reshape(-1, 1), 0)
+        ]
+        columns = [np.stack(shares, axis=-1)]
+        for other in (following, previous):
+            spread = np.broadcast_to([np.nan, np.nan, np.nan, 0.0], (centers.size, 4))
+            if other is not None:
+                way = correspondence(self._geometry, camera, seen, places_used, other)
+                spread = _spread(*way, weights[used], pixel, centers.size)
+            columns.append(spread)
+        table = np.concatenate(columns, axis=1).reshape(*centers.shape, 10)
+        return np.asarray(table, np.float32)
 
 
 def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int) -> Floats:
@@ -144,15 +136,6 @@ def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int
         away = np.where(known, (x - mean_x[pixel]) ** 2 + (y - mean_y[pixel]) ** 2, 0.0)
         spread = np.sqrt(total(shares * away) / shown)
     return np.stack([mean_x, mean_y, spread, total(weights * hidden)], axis=-1)
-
-
-def _joined(parts: Sequence[Any]) -> Any:
-    """Return strips of rows joined, for arrays or records of them."""
-    kind = type(parts[0])
-    if kind is np.ndarray:
-        return np.concatenate(parts)
-    columns = ([getattr(part, field.name) for part in parts] for field in fields(kind))
-    return kind(*map(_joined, columns))
 
 
 # In compiled loops numbers are set one by one: an assignment to a row takes seconds to compile.

@@ -329,12 +329,10 @@ class Geometry:
         return points
 
     def _moves(self, surface: Surface) -> Mask:
-        """True for points (N,) of moving objects."""
         return np.asarray(surface.triangle >= self._triangles_at_rest)
 
     @cached_property
     def _rolling(self) -> MovingTriangles:
-        """Moving triangles for rays that each have their own time."""
         return MovingTriangles(self._moving, self._triangles_at_rest)
 
     def _rows(self, distance: Floats, mesh: Ints, triangle: Ints) -> Ints:

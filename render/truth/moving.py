@@ -124,7 +124,6 @@ class MovingTriangles:
         return local
 
     def _bounds(self, start_s: float, end_s: float) -> ClusterBounds:
-        """Bounding boxes of clusters from one time to another."""
         for bounds in self._bounds_kept:
             if bounds.start_s <= start_s and end_s <= bounds.end_s:
                 return bounds

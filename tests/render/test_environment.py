@@ -8,13 +8,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import (
-    horizontal,
-    solid_angles,
-    turned_panorama,
-    under_panorama,
-    without_disc,
-)
+from megalopta.render.environment import horizontal, solid_angles, under_panorama, without_disc
 from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.scene import pattern_directions
 
@@ -147,15 +141,6 @@ def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():
     given = horizontal(left) + found * direction[2]
     np.testing.assert_allclose(given, horizontal(picture), rtol=1e-3)
     assert left.max() < picture.max() / 50
-
-
-def test_turning_moves_columns_to_the_left():
-    picture = landscape()
-    np.testing.assert_array_equal(
-        turned_panorama(picture, 90.0), np.roll(picture, -ROWS // 2, axis=1)
-    )
-    half = turned_panorama(picture, 360 / (2 * ROWS) / 2)
-    np.testing.assert_allclose(half[:, 0], (picture[:, 0] + picture[:, 1]) / 2, rtol=1e-6)
 
 
 def test_the_picture_behind_a_scene_is_the_one_looked_at_alone(picture):

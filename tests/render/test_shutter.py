@@ -127,14 +127,12 @@ def rendered(camera, seed=1, **settings):
 @pytest.mark.parametrize("samples", [1, 25, 100_000])
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (240, 240), (720, 361), (16384, 8192)])
 def test_passes_cover_the_frame_with_no_more_samples_than_allowed(width, height, samples, most):
-    passes = plan_passes(width, height, samples, most)
-    strips = -(-height // passes.rows)
-    assert strips * passes.rows >= height > (strips - 1) * passes.rows
-    assert passes.samples * passes.repeats >= samples > (passes.samples - 1) * passes.repeats
-    smallest = passes.rows == passes.samples == 1
-    assert width * passes.rows * passes.samples <= max(most, width) or smallest
-    if passes.repeats > 1:
-        assert passes.rows == 1
+    rows, of_pass, repeats = plan_passes(width, height, samples, most)
+    strips = -(-height // rows)
+    assert strips * rows >= height > (strips - 1) * rows
+    assert of_pass * repeats >= samples > (of_pass - 1) * repeats
+    assert width * rows * of_pass <= max(most, width) or rows == of_pass == 1
+    assert repeats == 1 or rows == 1
 
 
 @pytest.mark.parametrize(

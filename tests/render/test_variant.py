@@ -64,15 +64,6 @@ def test_an_untried_libllvm_is_never_used_by_the_renderer(library, before):
     assert render_in_a_process_of_its_own(library, before).startswith("scalar")
 
 
-def test_dr_jit_that_was_imported_before_keeps_its_choice_and_the_reason_says_so(monkeypatch):
-    monkeypatch.setattr("drjit.detail.llvm_version", lambda: (-1, -1, -1))
-    variant.llvm_in_use.cache_clear()
-    try:
-        assert "take Mitsuba from megalopta.render" in choose_variant().reason
-    finally:
-        variant.llvm_in_use.cache_clear()
-
-
 @pytest.mark.parametrize(
     ("version", "expected"),
     [

@@ -75,7 +75,7 @@ def test_whole_numbers_are_codes_of_the_unit(tmp_path, dtype, unit, light, told)
         np.testing.assert_allclose(footage.frame(0)[0, :, 1], expected, rtol=1e-6)
         np.testing.assert_allclose(footage.mean(0), expected.mean(), rtol=1e-6)
         assert footage.saturated(0) == pytest.approx(2 / 6)
-        assert (footage.transfer, footage.unit) == (told, unit)
+        assert (footage.coding.name, footage.coding.unit) == (told, unit)
 
 
 def test_coded_floats_lie_between_0_and_1(tmp_path):
@@ -141,7 +141,7 @@ def test_frames_and_times(tmp_path, suffix):
             np.testing.assert_array_equal(footage.frame(k), in_order[k])
             np.testing.assert_allclose(footage.mean(k), in_order[k].mean((0, 1), dtype=float))
         assert footage.saturated(1) == pytest.approx(1 / 54)
-        assert footage.notes == () and footage.transfer == "sRGB"
+        assert footage.notes == () and footage.coding.name == "sRGB"
 
 
 @pytest.mark.parametrize("suffix", ["gif", "png", "webp"])

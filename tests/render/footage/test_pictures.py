@@ -31,7 +31,7 @@ def test_a_picture_of_8_bits_is_one_frame_of_light(tmp_path, codes, suffix):
     with open_footage(tmp_path / f"a.{suffix}") as footage:
         light = footage.frame(0)
         assert (len(footage), footage.shape, footage.times_s) == (1, (12, 20), None)
-        assert (footage.transfer, footage.unit, footage.notes) == ("sRGB", "srgb", ())
+        assert (footage.coding.name, footage.coding.unit, footage.notes) == ("sRGB", "srgb", ())
         assert light.dtype == np.float32 and light.flags.c_contiguous
         np.testing.assert_allclose(light, decode_srgb(codes), rtol=1e-6)
         assert_mean_of_frame(footage)
@@ -99,11 +99,12 @@ def test_light_of_exr_and_radiance_and_float_tiff(tmp_path):
     for name, tolerance in (("a.exr", 0), ("a.hdr", 0.05), ("a.tif", 0)):
         with open_footage(tmp_path / name) as footage:
             np.testing.assert_allclose(footage.frame(0), light, rtol=tolerance, atol=tolerance)
-            assert (footage.transfer, footage.unit, footage.saturated(0)) == ("linear", "linear", 0)
+            assert footage.coding.name == footage.coding.unit == "linear"
+            assert footage.saturated(0) == 0
             assert_mean_of_frame(footage, 1e-7)
     np.testing.assert_allclose(light_of(tmp_path / "gray.exr")[..., 2], red, rtol=1e-3)
     with open_footage(tmp_path / "a.exr", "cd/m2") as footage:
-        assert (footage.transfer, footage.unit) == ("cd/m²", "cd/m2")
+        assert (footage.coding.name, footage.coding.unit) == ("cd/m²", "cd/m2")
 
 
 def test_light_below_zero(tmp_path):

@@ -79,7 +79,7 @@ def test_other_attributes_are_told(tmp_path, stated, told):
 def test_the_luminance_of_white_makes_light_absolute(tmp_path):
     path = exr(tmp_path / "a.exr", rgb(), whiteLuminance=50.0)
     with open_footage(path) as footage:
-        assert footage.unit == "cd/m2" and footage.is_absolute
+        assert footage.coding.unit == "cd/m2" and footage.is_absolute
         np.testing.assert_allclose(footage.frame(0)[..., 0], 50 * PICTURE)
 
 

@@ -42,7 +42,7 @@ def test_light_of_a_gray_of_10_bits_by_closed_form(film, number):
     path = film([gray(700, 10)], format="yuv420p10le", colors=colors)
     with open_footage(path) as footage:
         frame = footage.frame(0)
-        assert footage.transfer == name and footage.unit == "srgb"
+        assert footage.coding.name == name and footage.coding.unit == "srgb"
         np.testing.assert_allclose(frame, light((700 - 64) / 876), rtol=2e-4)
         assert_mean_of_frame(footage, 1e-6)
 
