@@ -16,7 +16,6 @@ from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.level import Level
 
 BLOCKS = 20
-_FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
 
 
@@ -73,7 +72,7 @@ def mean_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -
         np.rint(sample.frames * sample.mean).clip(0) for sample in (captured, expected)
     )
     total, share = first + second, captured.frames / (captured.frames + expected.frames)
-    few = (total < _FEW_COUNTS) & (np.asarray(error) == 0)
+    few = (total < 200.0) & (np.asarray(error) == 0)
     # two-sided, of a binomial number: twice the smaller tail
     tails = np.minimum(binom.cdf(first, total, share), binom.sf(first - 1, total, share))
     p = np.where(few, np.minimum(2 * tails, 1), p)
@@ -120,7 +119,6 @@ class Difference(NamedTuple):
         return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
 
     def __str__(self) -> str:
-        """Describe it in a phrase."""
         if self.base:
             low, high = (self.expected + self.scale * end for end in (self.low, self.high))
             values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
