@@ -104,7 +104,6 @@ def write_device(path: Path, calibration: Calibration, base: str) -> None:
 
 
 def _filled(values: Floats) -> Floats:
-    """Return maps with missing values replaced by the median."""
     return np.where(np.isfinite(values), values, np.nanmedian(values))
 
 
@@ -133,7 +132,6 @@ def primary(
 
 
 def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
-    """Crosstalk for the sensor stage."""
     shares = np.maximum(kernel.share, 0.0)
     orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
     return Crosstalk(

@@ -94,7 +94,6 @@ def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) 
 def _compare_levels(
     captured: Sequence[Level], device: Sensor, settings: CompareSettings
 ) -> pages.Compared:
-    """Compare levels of uniform light."""
     rates = []
     for level in captured:
         shape = level.readings.shape[1], level.readings.shape[2]

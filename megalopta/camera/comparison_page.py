@@ -213,7 +213,6 @@ def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
 
 @style.in_style
 def _dark_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw the distribution of dark counts over pixels."""
     figure, axes = style.new_axes(*style.CHART_PT)
     for level, line in zip((captured, simulated), _STYLES, strict=True):
         rates = np.maximum(level.readings.mean(axis=0) / level.exposure_s, 1e-3)
@@ -226,7 +225,6 @@ def _dark_chart(captured: Level, simulated: Level) -> Markup:
 
 @style.in_style
 def _time_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw mean counts of frames over time."""
     figure, axes = style.new_axes(1.5 * style.CHART_PT[0], 0.8 * style.CHART_PT[1])
     for frames, line in zip((captured, simulated), _STYLES, strict=True):
         means = frames.readings[:200].mean(axis=(1, 2))

@@ -18,14 +18,7 @@ from numpy.typing import NDArray
 from megalopta.camera.capture import sensor_as_set
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
-from megalopta.sensor import (
-    AnalogCounter,
-    Sensor,
-    changed,
-    detection_rate,
-    expose_adc,
-    photon_rate,
-)
+from megalopta.sensor import AnalogCounter, Sensor, changed, detection_rate, expose_adc, photon_rate
 from megalopta.sensor.formats import protocol
 
 BAND_NM = (699.99, 700.01)

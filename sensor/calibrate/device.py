@@ -11,13 +11,7 @@ from scipy.stats import chi2
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
-from megalopta.sensor.calibrate.level import (
-    Drops,
-    Level,
-    check_levels,
-    drops_of,
-    photon_transfer,
-)
+from megalopta.sensor.calibrate.level import Drops, Level, check_levels, drops_of, photon_transfer
 from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
 from megalopta.sensor.spad.counters import AnalogCounter
@@ -209,7 +203,7 @@ def _efficiency_and_dead_time(counts: MeanCounts, shape: tuple[int, int]) -> dic
 
 
 def _dark_counts(fit: CombFit, counts: MeanCounts, shape: tuple[int, int]) -> Estimate:
-    """Events per second in the dark, which dead time does not hide."""
+    """Rates of all dark frames, with exact intervals."""
     is_dark = counts.light_hz == 0
     live_s = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
     total = fit.counts[is_dark].sum(axis=0)

@@ -244,7 +244,6 @@ def _coincidences(neighbors: float, level: Residual) -> float:
 
 
 def _causes_of(expected: _Expected) -> tuple[Cause, ...]:
-    """All causes that recordings can show."""
     levels, features = expected.levels, expected.features
     model = levels[0].model
     sensor = model.sensor

@@ -117,7 +117,6 @@ def steady(levels: Sequence[Residual]) -> None:
 
 
 def _remove_drifts(levels: Sequence[Residual]) -> None:
-    """Subtract linear drifts, and note them."""
     standardized = [level.standardized for level in levels]
     drifts = [drift(readings.mean) for readings in standardized]
     if not any(abs(change.z) > _DRIFT_Z for change in drifts):
@@ -173,7 +172,6 @@ def _drifting(
 
 
 def _remove_lines(level: Residual) -> None:
-    """Subtract flicker and banding, and note them."""
     moving, captured = level.moving, level.captured
     change, n = level.parts[moving], len(captured.readings)
     # lost frames count: they would break the phase of a line

@@ -136,18 +136,17 @@ def _percent(share: float) -> float | int:
 
 def difference(
     name: str, unit: str, captured: Floats, expected: Floats, margin: float,
-    standard_error: float = 0.0, least: float = 0.0,
+    standard_error: float = 0.0,
 ) -> Difference:  # fmt: skip
     """Compare the values of blocks, (blocks,) each.
 
     `margin` is the negligible relative difference; `standard_error` that of the expected
-    values, for example from a calibration, which further blocks do not reduce. Differences are
-    relative to the expected value, or to `least` if larger.
+    values, for example from a calibration, which further blocks do not reduce.
     """
     samples = Sample.of(captured), Sample.of(expected)
     error, freedom = (float(value) for value in _welch(*samples, standard_error))
     means = float(samples[0].mean), float(samples[1].mean)
-    scale = max(abs(means[1]), least, 1e-300)
+    scale = max(abs(means[1]), 1e-300)
     change = means[0] - means[1]
     p = float(2 * t.sf(abs(change) / error, freedom)) if error > 0 else float(change == 0)
     wide, narrow = (float(t.ppf(level, freedom)) * error / scale for level in (0.975, 0.95))

@@ -27,13 +27,7 @@ from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.formats.protocol import (
-    Identity,
-    Kind,
-    Packet,
-    Settings,
-    command,
-)
+from megalopta.sensor.formats.protocol import Identity, Kind, Packet, Settings, command
 
 from ..process_group import wait_for
 from .conftest import FILM, RUN, acting, emulating, expected_adc, frames, running, wanted
