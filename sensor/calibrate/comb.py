@@ -115,7 +115,7 @@ def comb_period(drops: Drops, typical_v: float, within: float) -> tuple[Floats, 
         drop_v, times = drops.drop_v[entries], drops.times[entries]
         starts = np.flatnonzero(np.diff(drops.level[entries], prepend=-1))
         peaks = max(np.ptp(drop_v) / typical_v, 4.0)
-        trials = int(np.ceil(2 * within * peaks * 4)) + 3
+        trials = int(np.ceil(8 * within * peaks)) + 3  # four per peak
         frequency = np.linspace(1 - within, 1 + within, trials) / typical_v
         step = float(frequency[1] - frequency[0])
         phase = 2j * np.pi * (drop_v - drop_v.mean())

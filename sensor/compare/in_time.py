@@ -178,7 +178,7 @@ def _remove_lines(level: Residual) -> None:
     places = np.arange(n)
     if captured.times_s is not None and n > 1:
         timed = np.rint((captured.times_s - captured.times_s[0]) / captured.interval_s)
-        if (np.diff(timed) > 0).all() and timed[-1] < 4 * n:
+        if (np.diff(timed) > 0).all() and timed[-1] < 4 * n:  # not if most are lost
             places = timed.astype(np.int64)
     for _ in range(3):
         standardized = level.standardized

@@ -157,13 +157,13 @@ def odd_lines(
                 if squares > 0 and total - products**2 / squares < smallest:
                     cause, size = parameter, products / squares
                     smallest = total - products**2 / squares
-            if cause == "offset" and abs(size) >= 0.05:
+            if cause == "offset" and abs(size) >= 0.05:  # counts
                 offsets.append(np.where(line, size, 0.0))
                 unit = f"{size:+.2g} counts"
                 if volts_per_count:  # counts lower the output
                     unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
-            elif cause != "offset" and abs(size) >= 0.03:
+            elif cause != "offset" and abs(size) >= 0.03:  # relative
                 masked |= line
                 text = f"{_NAMES[cause]} of {name} {index} differs by {100 * size:+.2g} %"
                 faults.append(Fault(f"odd {name}", text))
