@@ -190,11 +190,12 @@ def compare_recordings(
     p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
     for level in levels:
         recordings = level.captured.readings, level.expected.readings
-        samples = [two_sample.Sample.of(readings) for readings in recordings]
-        of_level = two_sample.mean_test(*samples, level.error), two_sample.variance_test(*samples)
+        first, second = (two_sample.Sample.of(readings) for readings in recordings)
         is_tested = level.good & (not are_dependent)
-        for p, of_levels in zip(of_level, p_values.values(), strict=True):
-            of_levels.append(np.where(is_tested, p, np.nan))
+        p = two_sample.mean_test(first, second, level.error)
+        p_values["mean"].append(np.where(is_tested, p, np.nan))
+        p = two_sample.variance_test(first, second)
+        p_values["variance"].append(np.where(is_tested, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
     pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
     return Comparison(order, tuple(faults), causes, causes.alone, pixel_tests, margin)
