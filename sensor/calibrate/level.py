@@ -311,7 +311,7 @@ def _weighted_fits(
 def unit_diagonal(matrices: Floats) -> tuple[Floats, Floats]:
     """Return symmetric matrices (…, k, k) scaled to a unit diagonal, and the factors (…, k)."""
     size = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 0))
-    factor = np.divide(1, size, out=np.zeros_like(size), where=size > 0)
+    factor = np.divide(1, size, out=np.zeros_like(size), where=size > 1e-150)
     return matrices * factor[..., :, None] * factor[..., None, :], factor
 
 
