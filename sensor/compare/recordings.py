@@ -190,11 +190,11 @@ def compare_recordings(
     p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
     for level in levels:
         recordings = level.captured.readings, level.expected.readings
-        first, second = (two_sample.Sample.of(readings) for readings in recordings)
+        sample, reference = (two_sample.Sample.of(readings) for readings in recordings)
         is_tested = level.good & (not are_dependent)
-        p = two_sample.mean_test(first, second, level.error)
+        p = two_sample.mean_test(sample, reference, level.error)
         p_values["mean"].append(np.where(is_tested, p, np.nan))
-        p = two_sample.variance_test(first, second)
+        p = two_sample.variance_test(sample, reference)
         p_values["variance"].append(np.where(is_tested, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
     pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
