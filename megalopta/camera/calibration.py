@@ -18,8 +18,7 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.report.sections import Section
 from megalopta.report.text import number
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
-from megalopta.sensor.calibrate import crosstalk as estimates
-from megalopta.sensor.calibrate.counts import CountingDevice, calibrate_counts, summed, summed_bits
+from megalopta.sensor.calibrate import counts, crosstalk as estimates
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.level import Level
@@ -27,10 +26,6 @@ from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
 
 _95 = 1.959964
-_SLOWEST_DEAD_TIMES = 5.0
-"""Assumed delay of afterpulses in dead times; frames do not show it, a shorter one hides them."""
-_UP_TO_S = 8e-6
-"""Longest delay of an afterpulse in tables; later ones count as dark counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +104,6 @@ def write_device(path: Path, calibration: Calibration, base: str) -> None:
 
 
 def _filled(values: Floats) -> Floats:
-    """Return maps with missing values replaced by the median."""
     return np.where(np.isfinite(values), values, np.nanmedian(values))
 
 
@@ -138,7 +132,6 @@ def primary(
 
 
 def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
-    """Crosstalk for the sensor stage."""
     shares = np.maximum(kernel.share, 0.0)
     orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
     return Crosstalk(
@@ -149,7 +142,7 @@ def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
 
 
 def _of_events(
-    device: Device | CountingDevice,
+    device: Device | counts.CountingDevice,
     source: str,
     base: Sensor,
     wavelength_nm: float | None,
@@ -181,7 +174,8 @@ def _of_events(
         if kernel.is_seen:
             fields["crosstalk"] = _crosstalk_of(kernel).model_dump(exclude_defaults=True)
         if kernel.are_afterpulses_seen:
-            delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_s)
+            # frames do not show the delay; a shorter one hides them
+            delay_s = max(base.afterpulsing.delay_s, 5.0 * dead_s)
             carriers = kernel.afterpulses * float(np.exp(dead_s / delay_s))
             fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
     return calibration
@@ -255,22 +249,20 @@ def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -
             if source.sums and recorded.is_binary:
                 raise ValueError(f"sums: {source.sums}, but its frames are bits; omit sums")
             if source.sums:
-                level = summed_bits(recorded.counts, source.sums, *conditions)
+                level = counts.summed_bits(recorded.counts, source.sums, *conditions)
             else:
-                level = summed(recorded.counts, *conditions, is_binary=recorded.is_binary)
+                level = counts.summed(recorded.counts, *conditions, is_binary=recorded.is_binary)
         levels.append(level)
         photons = level.light_hz * level.exposure_s
         steps.append((level.exposure_s, Step(photons, level.mean, level.variance, level.frames)))
-    dead = sensor.dead_time
-    known = None if dead.kind == "ideal" else (dead.dead_time_s, dead.kind)
-    device = calibrate_counts(levels, known)
+    device = counts.calibrate_counts(levels, sensor.dead_time)
     if device.dark_counts_hz is None and device.efficiency is None:
         raise ValueError(pages.reasons(device))
     return calibration_of_counts(device, sensor, beam.wavelength_nm), device.bad.shape, steps
 
 
 def calibration_of_counts(
-    device: CountingDevice, base: Sensor, wavelength_nm: float | None
+    device: counts.CountingDevice, base: Sensor, wavelength_nm: float | None
 ) -> Calibration:
     """Return what the file and the page of a camera of counts or bits hold.
 
@@ -304,7 +296,7 @@ def calibration_of_counts(
     return replace(calibration, summary=summary, sections=sections)
 
 
-def _crosstalk_of_hot_pixels(device: CountingDevice) -> Crosstalk | None:
+def _crosstalk_of_hot_pixels(device: counts.CountingDevice) -> Crosstalk | None:
     """Crosstalk of hot pixels; None for bits, which the sensor draws without crosstalk."""
     dark = device.dark_counts_hz
     if dark is None or device.capacity == 1 or dark.value.size < estimates.FEWEST_PIXELS:
@@ -329,7 +321,8 @@ def write_array_device(path: Path, tables: Sequence[Measurement], base: str, sou
         raise ValueError("no map of dark counts; give a table of them")
     pairs, lags = by_kind.get(estimates.PairCrosstalk), by_kind.get(Autocorrelation)
     talk = estimates.fit_crosstalk(pairs) if pairs else Crosstalk()
-    pulses = fit_table(lags.of(slice(None), _UP_TO_S)) if lags else Afterpulsing()
+    # later afterpulses count as dark counts
+    pulses = fit_table(lags.of(slice(None), 8e-6)) if lags else Afterpulsing()
     counted = _filled(rates)
     dark = np.maximum(counted - crosstalk.fired_mean(counted, talk), 0)
     fields = {}

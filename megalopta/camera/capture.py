@@ -21,7 +21,6 @@ from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
 from megalopta.sensor.formats import protocol
 
 _SHOW_EVERY_S = 0.1
-_LOOK_AGAIN_S = 0.1
 PATIENCE_S = 8.0
 """Longest wait for frames of a connected camera, beyond three frame periods."""
 
@@ -145,7 +144,7 @@ def _linked(find: Callable[[], str], wait_s: float, stop: threading.Event) -> li
             if not is_noted:
                 say(f"capture: waiting up to {wait_s:g} s: {problem}")
             is_noted = True
-            stop.wait(_LOOK_AGAIN_S)
+            stop.wait(0.1)
 
 
 def _identity(link: links.Link) -> protocol.Identity:

@@ -28,7 +28,6 @@ from megalopta.sensor.spad.measured import MapFile
 
 _95 = 1.959964
 _SHIFTS_PER_FRAME = 4
-_TIE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,6 @@ def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) 
 def _compare_levels(
     captured: Sequence[Level], device: Sensor, settings: CompareSettings
 ) -> pages.Compared:
-    """Compare levels of uniform light."""
     rates = []
     for level in captured:
         shape = level.readings.shape[1], level.readings.shape[2]
@@ -220,7 +218,7 @@ def _compare_scene(
     fit = (counts @ rates.T)[np.arange(len(counts)), frame].sum(axis=1)
     norm = np.sqrt(np.square(counts).sum() * size[frame].sum(axis=1))
     correlation = fit / np.maximum(norm, 1e-300)  # 0 without motion
-    best = np.flatnonzero(correlation >= correlation.max() - _TIE)
+    best = np.flatnonzero(correlation >= correlation.max() - 1e-9)
     # the middle of equal shifts is the least sensitive to clock differences
     rates_hz = cycle.rates_hz[frame[best[len(best) // 2]]]
     compared = _compared([captured], [rates_hz], device, settings, "scene, ")

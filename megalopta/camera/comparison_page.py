@@ -38,7 +38,6 @@ _DARK = (
     "Distribution of dark counts over pixels. A horizontal shift is a difference in temperature "
     "or excess bias; a difference at the end only is one of hot pixels."
 )
-_FRAMES_SHOWN = 200
 _MOST_POINTS = 2000
 """Most points in a picture; of a larger array, evenly spaced pixels."""
 _STYLES: tuple[dict[str, Any], ...] = (
@@ -214,7 +213,6 @@ def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
 
 @style.in_style
 def _dark_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw the distribution of dark counts over pixels."""
     figure, axes = style.new_axes(*style.CHART_PT)
     for level, line in zip((captured, simulated), _STYLES, strict=True):
         rates = np.maximum(level.readings.mean(axis=0) / level.exposure_s, 1e-3)
@@ -227,10 +225,9 @@ def _dark_chart(captured: Level, simulated: Level) -> Markup:
 
 @style.in_style
 def _time_chart(captured: Level, simulated: Level) -> Markup:
-    """Draw mean counts of frames over time."""
     figure, axes = style.new_axes(1.5 * style.CHART_PT[0], 0.8 * style.CHART_PT[1])
     for frames, line in zip((captured, simulated), _STYLES, strict=True):
-        means = frames.readings[:_FRAMES_SHOWN].mean(axis=(1, 2))
+        means = frames.readings[:200].mean(axis=(1, 2))
         axes.plot(means, **line | {"marker": ""})
     axes.set(xlabel="frame", ylabel="mean counts")
     outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}

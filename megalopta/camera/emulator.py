@@ -18,24 +18,14 @@ from numpy.typing import NDArray
 from megalopta.camera.capture import sensor_as_set
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
-from megalopta.sensor import (
-    AnalogCounter,
-    Sensor,
-    changed,
-    detection_rate,
-    expose_adc,
-    photon_rate,
-)
+from megalopta.sensor import AnalogCounter, Sensor, changed, detection_rate, expose_adc, photon_rate
 from megalopta.sensor.formats import protocol
 
 BAND_NM = (699.99, 700.01)
 """Band of the flat light, narrow like a laser's, so that efficiency is that of one wavelength."""
-_AHEAD_S = 0.064
-_MOST_AHEAD = 64
 BUFFER_BYTES = 24576 + 65536
 """Buffer of unread bytes, in the firmware and in the host's driver, which for a USB port has 64 KiB
 and for a pseudo-terminal a sixth of it; a frame that does not fit is dropped."""
-_LONGEST_WAIT_S = 0.05
 
 
 class Cycle(NamedTuple):
@@ -163,7 +153,8 @@ class EmulatedCamera:
     ) -> NDArray[np.uint16]:
         """Draw the next frame and those after it that share its stream, from a fixed number on."""
         period_us = settings.period_us
-        together = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
+        # frames of 64 ms share a stream
+        together = int(np.clip(0.064 * 1e6 / period_us, 1, 64))
         gone = self._number % together
         numbers = np.arange(-gone, together - gone, dtype=np.float64)
         times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
@@ -203,7 +194,7 @@ def emulate(
         while not stop.is_set():
             now_us = int((time.monotonic() - start_s) * 1e6 * clock_rate)
             packets = [camera.next_frame()] if camera.due_us <= now_us else []
-            pause_s = min(max((camera.due_us - now_us) * 1e-6 / clock_rate, 0.0), _LONGEST_WAIT_S)
+            pause_s = min(max((camera.due_us - now_us) * 1e-6 / clock_rate, 0.0), 0.05)
             ends = select.select([end], [end] if waiting else [], [], 0 if packets else pause_s)
             for command in parser.feed(os.read(end, 4096)) if ends[0] else ():
                 if command.kind >= protocol.Kind.IDENTIFY:

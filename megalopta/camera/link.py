@@ -28,7 +28,6 @@ _REMEDIES = {
     errno.EACCES: "no permission; join its group (sudo usermod -aG dialout $USER, log in again)",
     **dict.fromkeys((errno.EBUSY, errno.EAGAIN), _BUSY),
 }
-_RETRY_S = 0.1
 _SWITCHING_S = 0.0002
 """The reader releases the GIL several times per 4 KiB, and waits this long for it while a record is
 written: with the default of 5 ms, 1000 frames/s are too fast."""
@@ -186,7 +185,7 @@ class Link:
             self.is_plugged = False
             self._port.close()
             while not self.is_plugged:
-                if self._stop.wait(_RETRY_S):
+                if self._stop.wait(0.1):
                     return
                 with suppress(UserError):
                     self.path = self._find()

@@ -17,7 +17,6 @@ import math
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,10 +42,10 @@ FRAMES = 32
 PIXELS = 16
 OPEN_PHOTONS = 65.0
 SPEEDS_MM_S = tuple(float(speed) for speed in range(11))
-TIME_CONSTANTS_S = MappingProxyType({"NDM": 60e-3, "NDS": 40e-3})
-UNITS = MappingProxyType({"NDM": "counts²", "NDS": "counts"})
+TIME_CONSTANTS_S = {"NDM": 60e-3, "NDS": 40e-3}
+UNITS = {"NDM": "counts²", "NDS": "counts"}
 """Units of the responses."""
-SENSORS = MappingProxyType({"Poisson noise only": preset("ideal"), "SPADCAM": preset("spadcam")})
+SENSORS = {"Poisson noise only": preset("ideal"), "SPADCAM": preset("spadcam")}
 
 _CAMERA = PerspectiveCamera(width=PIXELS, height=1, fov_deg=20)
 _BANDS_NM = ((690.0, 710.0),)
@@ -55,8 +54,6 @@ _LUX = 1.0
 _ROWS = 16
 _PHASES = 4
 """Positions of the edge at a frame, as equal parts of its motion per frame."""
-_REPEATS = 4
-"""Noise realizations of each phase."""
 
 
 class Peaks(NamedTuple):
@@ -142,7 +139,8 @@ def stimulus(speed_mm_s: float) -> Floats:
 
 def record(speed_mm_s: float, sensor: Sensor, seed: int = 0) -> Exposure:
     """Expose 16 rows, (recordings·2·FRAMES, 16, 16), recordings concatenated."""
-    rows = np.tile(_frames(speed_mm_s, sensor), (_REPEATS, 1, 1, 1))
+    # noise realizations of each phase
+    rows = np.tile(_frames(speed_mm_s, sensor), (4, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
     return expose(rows, _BANDS_NM, sensor, seed=seed, stream=name)
 
@@ -199,8 +197,6 @@ _CLEAR = 6.0
 _SHARE_BEYOND = 0.25
 """An edge passes when the mean count goes from this close to one level to this close to the other,
 as a share of their difference."""
-_CLOSEST = FRAMES - 2
-"""Frames between edges: half a frame before and after the middle may be lost to rounding."""
 
 
 def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> NDArray[Any]:
@@ -215,7 +211,8 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
     """
     edges = list(_edges(np.asarray(counts.mean(axis=(1, 2)), np.float64)))
     gap = min((second - first for (first, _), (second, _) in pairwise(edges)), default=FRAMES)
-    if gap < _CLOSEST:
+    # half a frame before and after the middle may be lost to rounding
+    if gap < FRAMES - 2:
         raise ValueError(
             f"an edge passes {gap:.0f} frames after another; let the plate rest at its ends for a "
             f"gap of {FRAMES} frames"

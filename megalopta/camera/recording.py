@@ -31,8 +31,6 @@ from megalopta.sensor.spad.counters import counts_of_codes, nominal_pixels
 
 FRAMES = "frames.bin"
 SETTINGS = "recording.yaml"
-_SETTINGS_BYTES = 4 * 1024**2
-_LARGEST_BYTES = 2**40
 
 RECORD = np.dtype(
     [
@@ -108,8 +106,6 @@ class Recording:
     """Places where the frame counter skipped or restarted."""
     missing_frames: int
     """Frames skipped there, as far as known."""
-    dropped_bytes: int
-    """Bytes of an incomplete record at the end."""
 
     @property
     def kind(self) -> str:
@@ -144,12 +140,12 @@ def open_recording(path: str | Path) -> Recording:
     if not header.exists():
         raise FileNotFoundError(f"{header}: no such file; give the folder of a recording")
     with refused_as(str(header)):
-        values = strict_yaml.load(read_text(header, _SETTINGS_BYTES))
+        values = strict_yaml.load(read_text(header, 4 * 1024**2))
         if isinstance(values, Mapping):
             check_format("recording", values, header)
             values = {name: value for name, value in values.items() if name != "format"}
         settings = checked(RecordingSettings, values)
-    check_file(path / FRAMES, _LARGEST_BYTES)
+    check_file(path / FRAMES, 2**40)
     frames, dropped_bytes = divmod((path / FRAMES).stat().st_size, RECORD.itemsize)
     if not settings.finished or dropped_bytes:
         dropped = f", {dropped_bytes} bytes of an incomplete one are dropped" * bool(dropped_bytes)
@@ -178,7 +174,6 @@ def open_recording(path: str | Path) -> Recording:
         connection=connection,
         gaps=int(restarts.sum() + (skipped > 0).sum()),
         missing_frames=int(skipped.sum(dtype=np.int64)),
-        dropped_bytes=dropped_bytes,
     )
 
 

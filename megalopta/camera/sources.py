@@ -28,7 +28,6 @@ from megalopta.core.validation import checked
 from megalopta.sensor import Sensor
 from megalopta.sensor.formats.reading import FrameKind, read_frames
 
-_LIST_BYTES = 2**20
 _PLANCK_TIMES_C = 1.98644586e-25
 """J·m"""
 
@@ -65,7 +64,7 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
         path = Path(words[0])
         try:
             with refused_as(str(path)):
-                listed = checked(_List, strict_yaml.load(read_text(path, _LIST_BYTES))).recordings
+                listed = checked(_List, strict_yaml.load(read_text(path, 2**20))).recordings
         except OSError as error:
             raise UserError(
                 f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"

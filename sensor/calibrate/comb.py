@@ -43,18 +43,10 @@ HIDDEN_AT = 0.36
 """Read noise over step above which the comb is too faint to fit."""
 _CLEAR = 0.12
 """Read noise over step below which no reading is between two peaks."""
-_TRIALS_PER_PEAK = 4
 
 _NUDGE = 1e-4
-_NEIGHBORS = np.arange(-1.0, 2.0)
 _STAGES, _ROUNDS_OF_START = 20, 2
 _FEW_EVENTS = 6.0
-_MOST_ROUNDS, _CONVERGED = 30, 1e-8
-_DETERMINED = 1e-9
-_OF_MEDIAN = 1.2533
-"""Standard error of a median over that of a mean."""
-_LARGEST_SLOPE_ERROR = 0.02
-"""Standard error of the slope above which it is taken as 0."""
 
 
 class Curve(NamedTuple):
@@ -123,7 +115,7 @@ def comb_period(drops: Drops, typical_v: float, within: float) -> tuple[Floats, 
         drop_v, times = drops.drop_v[entries], drops.times[entries]
         starts = np.flatnonzero(np.diff(drops.level[entries], prepend=-1))
         peaks = max(np.ptp(drop_v) / typical_v, 4.0)
-        trials = int(np.ceil(2 * within * peaks * _TRIALS_PER_PEAK)) + 3
+        trials = int(np.ceil(8 * within * peaks)) + 3  # four per peak
         frequency = np.linspace(1 - within, 1 + within, trials) / typical_v
         step = float(frequency[1] - frequency[0])
         phase = 2j * np.pi * (drop_v - drop_v.mean())
@@ -214,11 +206,11 @@ def fit_comb(drops: Drops, step_v: Floats, offset_v: Floats, swing_v: float) -> 
         numbers = state.nearest(drops)
     else:
         state = straight
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(30):
             before = state.solution
             state = _regressed(drops, *_posterior(drops, state), state)
             scale = np.abs(state.solution).max(axis=0)
-            if np.median(np.abs(state.solution - before) / scale) < _CONVERGED:
+            if np.median(np.abs(state.solution - before) / scale) < 1e-8:
                 break
         weights, numbers = _posterior(drops, state)
     counts = np.zeros_like(drops.mean_v)
@@ -268,7 +260,7 @@ def _started(drops: Drops, state: _State) -> _State:
 def _posterior(drops: Drops, state: _State) -> tuple[Floats, Floats]:
     """Probabilities of the event numbers near each reading, and these numbers, (3, E)."""
     step_v, steps = state.solution[drops.pixel, 2], state.steps(drops)
-    numbers = np.rint(state.curve.numbers(steps, step_v)) + _NEIGHBORS[:, None]
+    numbers = np.rint(state.curve.numbers(steps, step_v)) + np.array([[-1.0], [0.0], [1.0]])
     # mean number of events of each level and pixel
     offset_v, leak_v_s, steps_v = state.solution.T
     mean_steps = (drops.mean_v - offset_v - leak_v_s * drops.exposure_s[:, None]) / steps_v
@@ -308,9 +300,11 @@ def _regressed(drops: Drops, weights: Floats, numbers: Floats, state: _State) ->
     score = drops.sums(weights * columns[3] * state.residuals(drops, columns))
     influence = _solved(information[:, :3, :3], information[:, :3, 3])
     left = information[:, 3, 3] - np.einsum("pi,pi->p", information[:, 3, :3], influence)
-    known = regular & (left > _DETERMINED * information[:, 3, 3])
-    error = _OF_MEDIAN / np.sqrt(max(float(left[known].sum()), 1e-30))
-    if error > _LARGEST_SLOPE_ERROR:
+    known = regular & (left > 1e-9 * information[:, 3, 3])
+    # of a weighted median, 1.2533 times that of a mean
+    error = 1.2533 / np.sqrt(max(float(left[known].sum()), 1e-30))
+    # it is not determined, and taken as 0
+    if error > 0.02:
         return state
     # weighted median, robust against pixels with miscounted peaks
     changes, weight = (score / state.noise**2)[known] / left[known], left[known]
@@ -331,6 +325,4 @@ def _regressed(drops: Drops, weights: Floats, numbers: Floats, state: _State) ->
 
 def _solved(normal: Floats, right: Floats) -> Floats:
     """Solutions (P, 3) of the normal equations of each pixel."""
-    unit, scale = unit_diagonal(normal)
-    inverse = np.linalg.pinv(unit, hermitian=True)
-    return np.asarray(np.einsum("pij,pj->pi", inverse, right / scale) / scale)
+    return np.asarray(np.einsum("pij,pj->pi", inverses(normal), right))

@@ -27,19 +27,8 @@ from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MeasuredMaps
 from megalopta.sensor.spad.model import Sensor, without
 
-_NODES = 400
-_DIMMEST = 1e-3
-"""Arrivals per exposure below which the curve is straight."""
-_SMALLEST_SLOPE = 0.05
-"""Readings per arrival, relative to the dark, below which the curve is too flat to invert."""
-_BEYOND = 2.0
-"""For a curve that falls: largest arrivals considered, relative to those at its peak."""
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 _FRAMES_AT_ONCE = 16
-_NEARLY_FULL = 0.95
-_SURE = 3.0
-_DEADEST = 0.2
-"""Fraction of the median response below which a pixel counts as dead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +95,13 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
         most = min(most, 20 * plain.exposure_s / plain.dead_time.dead_time_s)
     # neighbors matter only with crosstalk
     side = 9 if plain.crosstalk.is_on else 1
-    arrivals = np.concatenate(([0.0], np.geomspace(_DIMMEST, most, _NODES)))
+    # the curve is straight below the first
+    arrivals = np.concatenate(([0.0], np.geomspace(1e-3, most, 400)))
     rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
     mean, variance = np.array(reading_moments(rates, plain))[:, :, side // 2, side // 2]
     slopes = np.diff(mean) / np.diff(arrivals)
-    flat = np.flatnonzero(slopes < _SMALLEST_SLOPE * slopes[:10].max())
+    # where the curve is too flat to invert
+    flat = np.flatnonzero(slopes < 0.05 * slopes[:10].max())
     end = int(flat[0]) if flat.size else arrivals.size - 1
     if end < 2:
         raise ValueError(
@@ -122,7 +113,7 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
     wraps = getattr(plain.counter, "overflow", "saturate") == "wrap"
     if plain.dead_time.kind == "paralyzable" or wraps:
         peak = int(np.argmax(mean))
-        after = (np.arange(arrivals.size) > peak) & (arrivals <= _BEYOND * arrivals[peak])
+        after = (np.arange(arrivals.size) > peak) & (arrivals <= 2.0 * arrivals[peak])
         lowest = mean[after] - 3 * np.sqrt(variance[after])
         ambiguous_from = float(np.min(lowest, initial=np.inf))
     rising = slice(0, end + 1)
@@ -261,15 +252,15 @@ def _of_means(
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
     # three standard errors; of no count, the error is that of one
-    error = _SURE * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
+    error = 3.0 * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
     bad = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, hot_times)
     if 2 * int(bad.sum()) >= bad.size:
         raise ValueError(
             f"hot_times: {hot_times:g} times the median of the dark counts marks {bad.mean():.0%} "
             "of the pixels; give more"
         )
-    bad |= flat.readings >= _NEARLY_FULL * curve.largest
-    bad |= light < _DEADEST * np.median(light)
+    bad |= flat.readings >= 0.95 * curve.largest
+    bad |= light < 0.2 * np.median(light)
     if bad.all() or not np.median(light) > 0:
         raise ValueError(
             f"flat frames: too dark or too bright to estimate gains; readings well above the dark "

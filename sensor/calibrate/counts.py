@@ -18,7 +18,7 @@ at its capacity, or fewer than ten binary frames were 0.
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,24 +29,10 @@ from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance
 from megalopta.sensor.calibrate import crosstalk, pixels, saturation
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
 from megalopta.sensor.calibrate.level import check_steadiness, conditions
+from megalopta.sensor.effects.dead_time import DeadTime
 
 _FEWEST_FRAMES = 50
-_MOST_COUNTS = 2**25
-"""Counts of a recording that are looked at for coincidences, 256 MiB of numbers."""
 _FEWEST_ZEROS = 10
-_BRIGHTER_Z = 6.0
-_MOST_FITTED = 2048
-_SEEN, _CLEAR_KIND = 5.0, 6.0
-_NOT_LINEAR = 8.0
-_SURE, _OF_MEDIAN = 4.0, 1.2533
-_HIDDEN = 0.36
-"""Error of the dead time over afterpulses per event: half of what those lost in it, of a delay not
-shorter than it, extend a paralyzable one"""
-_PILED = 0.5
-"""Share of frames at the largest reading of all that shows it to be the counter's capacity."""
-_GRID = 4000
-_LARGEST_STEP = 50.0
-"""Largest ratio of two levels of dark counts that data can distinguish from an infinite one."""
 _ROUNDS = 4
 
 
@@ -74,7 +60,6 @@ class Summed(NamedTuple):
         return self.total / self.frames
 
     def __str__(self) -> str:
-        """Short description for readers."""
         return conditions(self.light_hz, self.exposure_s)
 
 
@@ -96,7 +81,8 @@ def summed(
     correlation = pixels.correlation(readings, np.ones(mean.shape, np.bool_))
     kernel = None
     if not is_binary and not light_hz:
-        frames = max(_MOST_COUNTS // mean.size, _FEWEST_FRAMES)
+        # coincidences are sought in 256 MiB of numbers
+        frames = max(2**25 // mean.size, _FEWEST_FRAMES)
         varies = (variance > 0) & ~correlation.is_telegraph
         with suppress(ValueError):  # too few pixels have neighbors
             kernel = crosstalk.neighbor_kernel(readings[:frames], varies)
@@ -171,7 +157,7 @@ class CountingDevice:
     saturated: Mask
     """Usable in no recording"""
     hot: Mask
-    refused: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str]
     """Why an estimate is missing, by its name"""
 
     @property
@@ -199,21 +185,52 @@ class _Recorded(NamedTuple):
         return self.total / self.frames[:, None, None]
 
 
-def calibrate_counts(
-    recordings: Sequence[Summed], known: tuple[float, saturation.DeadTimeKind] | None = None
-) -> CountingDevice:
+def calibrate_counts(recordings: Sequence[Summed], known: DeadTime | None = None) -> CountingDevice:
     """Estimate what the recordings determine, with 95 % CI.
 
     Parameters
     ----------
     recordings : sequence of Summed
         Recordings of one camera.
-    known : (seconds, kind), optional
+    known : DeadTime, optional
         Dead time that corrects counts if recordings do not determine it.
 
     Raises ValueError if recordings are of different arrays, or light has no effect.
     """
     _check(recordings)
+    recorded, dead, stuck, capacity = _usable(recordings)
+    kernels = [recording.kernel for recording in recordings if recording.kernel is not None]
+    kernel = crosstalk.mean_kernel(kernels) if kernels else None
+    dead_time: DeadTimeEstimate | None = None
+    if not isinstance(fitted := _dead_time(recorded, kernel), str):
+        dead_time, light_hz = fitted
+        recorded = recorded._replace(light_hz=light_hz)
+    applied = dead_time
+    if not (dead_time or recorded.is_binary or known is None or known.kind == "ideal"):
+        applied = DeadTimeEstimate(known.dead_time_s, 0.0, known.kind, True)
+    dark, efficiency = _dark_counts(recorded, applied), _efficiency(recorded, applied)
+    telegraph = _telegraph(recordings, recorded, applied)
+    hot = np.zeros(dead.shape, np.bool_)
+    if isinstance(dark, Estimate):
+        hot = pixels.hot_pixels(dark.low, dark.value, dark.high)
+        hot |= np.isnan(dark.value)  # saturated in the dark
+    if isinstance(efficiency, Estimate) and telegraph is not None:
+        # how many of their counts under light were dark ones is not known
+        efficiency = efficiency.where(~telegraph.pixels)
+    estimates = {"dead time": fitted, "dark counts": dark, "efficiency": efficiency}
+    return CountingDevice(
+        dark_counts_hz=dark if isinstance(dark, Estimate) else None,
+        efficiency=efficiency if isinstance(efficiency, Estimate) else None,
+        dead_time=dead_time, capacity=capacity,
+        dead=dead, stuck=stuck, telegraph=telegraph, kernel=kernel,
+        reading=np.where(stuck, recordings[0].largest, np.where(dead, 0.0, -1.0)),
+        saturated=~recorded.used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
+        refused={name: reason for name, reason in estimates.items() if isinstance(reason, str)},
+    )  # fmt: skip
+
+
+def _usable(recordings: Sequence[Summed]) -> tuple[_Recorded, Mask, Mask, int | None]:
+    """Readings that determine rates, dead and stuck pixels, and the capacity of the counter."""
     is_binary = recordings[0].is_binary
     total, largest, at_largest = (
         np.array([getattr(recording, name) for recording in recordings])
@@ -236,49 +253,14 @@ def calibrate_counts(
     within = frames[:, None, None] - total >= _FEWEST_ZEROS
     if not is_binary:
         top = largest.max()
-        piled = ((largest == top) & (share > _PILED)).mean(axis=(1, 2))
+        piled = ((largest == top) & (share > 0.5)).mean(axis=(1, 2))
         several = (piled > 0).sum() > 1 or piled.max() > 2 / counts.size
         capacity = int(top) if top > 1 and several else None
-        within = largest < (np.inf if capacity is None else capacity)
+        within = largest < (capacity or np.inf)
     used = within & ~dead & ~stuck
     spread = np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)])
     recorded = _Recorded(total, frames, exposure_s, light_hz, used, spread, is_binary)
-    kernels = [recording.kernel for recording in recordings if recording.kernel is not None]
-    kernel = crosstalk.mean_kernel(kernels) if kernels else None
-    # dead time, dark counts, efficiency, or why they are not known
-    refused: dict[str, str] = {}
-    fitted = _dead_time(recorded, kernel)
-    dead_time: DeadTimeEstimate | None = None
-    if isinstance(fitted, str):
-        refused["dead time"] = fitted
-    else:
-        dead_time = fitted[0]
-        recorded = recorded._replace(light_hz=fitted[1])
-    applied = dead_time
-    if dead_time is None and known is not None and not is_binary:
-        applied = DeadTimeEstimate(known[0], 0.0, known[1], True)
-    dark, efficiency = _dark_counts(recorded, applied), _efficiency(recorded, applied)
-    telegraph = _telegraph(recordings, recorded, applied)
-    hot = np.zeros(dead.shape, np.bool_)
-    if isinstance(dark, str):
-        refused["dark counts"] = dark
-    else:
-        hot = pixels.hot_pixels(dark.low, dark.value, dark.high)
-        hot |= np.isnan(dark.value)  # saturated in the dark
-    if isinstance(efficiency, str):
-        refused["efficiency"] = efficiency
-    elif telegraph is not None:
-        # how many of their counts under light were dark ones is not known
-        efficiency = efficiency.where(~telegraph.pixels)
-    return CountingDevice(
-        dark_counts_hz=None if isinstance(dark, str) else dark,
-        efficiency=None if isinstance(efficiency, str) else efficiency,
-        dead_time=dead_time, capacity=capacity,
-        dead=dead, stuck=stuck, telegraph=telegraph, kernel=kernel,
-        reading=np.where(stuck, largest[0], np.where(dead, 0.0, -1.0)),
-        saturated=~used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
-        refused=refused,
-    )  # fmt: skip
+    return recorded, dead, stuck, capacity
 
 
 def _check(recordings: Sequence[Summed]) -> None:
@@ -298,7 +280,7 @@ def _check(recordings: Sequence[Summed]) -> None:
         share = recording.exposure_s / longest.exposure_s
         excess = float(np.median(recording.mean)) - dark_counts * share
         error = float(np.sqrt(recording.variance.mean() / recording.frames / recording.total.size))
-        if recording.light_hz and excess < _BRIGHTER_Z * error:
+        if recording.light_hz and excess < 6.0 * error:
             raise ValueError(
                 f"{recording}: no brighter than the dark; uncover the sensor or raise the light"
             )
@@ -325,9 +307,9 @@ def _dead_time(
     good = np.flatnonzero(recorded.used[lit].sum(axis=0) > 1)
     if len(np.unique(recorded.light_hz[lit])) < 2 or not good.size:
         return "needs counts under two lights, the brighter of which loses some to it"
-    if _nonlinearity(recorded, None) < _SEEN:
+    if _nonlinearity(recorded, None) < 5.0:
         return "no counts are lost to it; record brighter light"
-    fitted = good[np.linspace(0, good.size - 1, min(good.size, _MOST_FITTED)).astype(int)]
+    fitted = good[np.linspace(0, good.size - 1, min(good.size, 2048)).astype(int)]
     fired, fired_error = kernel.echoes if kernel else (0.0, 0.0)
     rounds = _ROUNDS if fired else 1
     dead_time, misfit, live = _fitted_dead_time(recorded, fitted, fired, 1.0, rounds)
@@ -340,7 +322,8 @@ def _dead_time(
     if kernel:
         # how many afterpulses the dead time hides depends on their delay, which frames do not show
         longer = _fitted_dead_time(recorded, fitted, fired + fired_error, live, 1)[0]
-        hidden = _HIDDEN * (kernel.afterpulses + fired_error) * dead_time.seconds
+        # half of those lost in it, of a delay not shorter than it, extend a paralyzable one
+        hidden = 0.36 * (kernel.afterpulses + fired_error) * dead_time.seconds
         error = np.hypot(longer.seconds - dead_time.seconds, max(hidden, 0.0))
         dead_time = dead_time._replace(
             error=float(np.hypot(dead_time.error, error)),
@@ -368,7 +351,7 @@ def _fitted_dead_time(
     # events in excess of Poisson's widen the interval, too
     spread = float(recorded.spread.max())
     error *= float(np.sqrt(spread))
-    dead_time = DeadTimeEstimate(seconds, error, fit.kind, ratio > _CLEAR_KIND)
+    dead_time = DeadTimeEstimate(seconds, error, fit.kind, ratio > 6.0)
     return dead_time, saturation.misfit(counts, fit, spread**2), np.asarray(live)
 
 
@@ -378,10 +361,10 @@ def _pooled(fit: saturation.SaturationFit) -> tuple[float, float]:
     known = (error > 0) & np.isfinite(error) & np.isfinite(seconds)
     of_pixel = float(np.median(error[known]))
     of_array = of_pixel / np.sqrt(known.sum())
-    if np.median(seconds[known]) > _SURE * of_pixel:
+    if np.median(seconds[known]) > 4.0 * of_pixel:
         return float(seconds[known].mean()), float(of_array)
     # fits end at 0, which moves the mean, but not the median
-    return float(np.median(seconds[known])), float(_OF_MEDIAN * of_array)
+    return float(np.median(seconds[known])), float(1.2533 * of_array)
 
 
 def _nonlinearity(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> float:
@@ -444,7 +427,7 @@ def _counted(
     """Rates, and mean and variance of their counts, for a dead time so many errors longer."""
     seconds = max(dead_time.seconds + errors * dead_time.error, 1e-12)
     most = 0.95 if dead_time.kind == "paralyzable" else 50.0
-    grid_hz = np.geomspace(1e-3 / exposure_s, max(most / seconds, 1 / exposure_s), _GRID)
+    grid_hz = np.geomspace(1e-3 / exposure_s, max(most / seconds, 1 / exposure_s), 4000)
     dead_s = np.full(grid_hz.shape, seconds)
     mean, variance = saturation.dead_time_moments(grid_hz, exposure_s, dead_s, dead_time.kind)
     return grid_hz, np.maximum.accumulate(mean), variance
@@ -505,7 +488,8 @@ def _telegraph(
         recording.mean, recording.variance, recording.correlation, marked
     )
     low_hz, high_hz = (_rates(recorded, best, mean, dead_time) for mean in means)
-    low_hz = np.maximum(low_hz, high_hz / _LARGEST_STEP)
+    # the largest ratio that data can distinguish from an infinite one
+    low_hz = np.maximum(low_hz, high_hz / 50.0)
     return Switching(marked, low_hz, high_hz, frames * recording.exposure_s)
 
 
@@ -515,7 +499,7 @@ def _efficiency(recorded: _Recorded, dead_time: DeadTimeEstimate | None) -> Esti
     if len(lights) < 2:
         need = "the dark or a second light" if lights.max() else "a recording under uniform light"
         return f"needs {need}"
-    if abs(_nonlinearity(recorded, dead_time)) > _NOT_LINEAR:
+    if abs(_nonlinearity(recorded, dead_time)) > 8.0:
         return (
             "rates are not proportional to light; check the lights, or record dimmer and brighter "
             "ones, so that dead time is found"

@@ -36,8 +36,6 @@ from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
 OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 _FAR = 4
 _SIZE = 32
-_ROUNDS = 60
-_ROUNDS_OF_BOTH = 4
 
 
 class Kernel(NamedTuple):
@@ -107,11 +105,11 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
     spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
-    for _ in range(_ROUNDS_OF_BOTH):
+    for _ in range(4):
         # the kernel that produces the observed covariances
         target = seen * left**2
         relative = target / 2
-        for _ in range(_ROUNDS):
+        for _ in range(60):
             response = _response(relative)
             relative = relative - (np.array([response[place] for place in OFFSETS]) - target) / 2
             total = 2 * np.abs(relative).sum()
@@ -172,9 +170,6 @@ FEWEST_PIXELS = 4096
 """Pixels that a map needs for an estimate."""
 PERIOD = 2
 """Rows and columns after which the layout of pixels may repeat."""
-_ROUNDS_OF_SHARES = 20
-_FINEST = 0.02
-_SEEN, _CLEAR = 3.0, 4.0
 _SIDE = 2 * REACH + 1
 _PLACES = np.delete(np.arange(_SIDE**2), _SIDE**2 // 2)
 
@@ -207,9 +202,9 @@ def crosstalk_of_hot_pixels(rates: Floats) -> Floats:
         matrix = np.column_stack((np.ones(known.sum()), around[known]))
         typical = float(np.median(received[known]))
         solution = np.concatenate(([typical], np.zeros(len(_PLACES))))
-        for _ in range(_ROUNDS_OF_SHARES):
+        for _ in range(20):
             residual = np.abs(received[known] - matrix @ solution)
-            weighted = matrix / np.maximum(residual, _FINEST * typical)[:, None]
+            weighted = matrix / np.maximum(residual, 0.02 * typical)[:, None]
             solution = np.linalg.solve(weighted.T @ matrix, weighted.T @ received[known])
         shares[row, column, _PLACES] = solution[1:]
     return shares.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
@@ -223,10 +218,10 @@ def kernel_of(shares: Floats) -> Crosstalk:
     """
     distance = np.hypot(*(np.indices((_SIDE, _SIDE)) - REACH))
     noise = robust_sigma(shares[:, :, distance >= REACH])
-    if shares[:, :, distance == 1].mean() < _SEEN * noise:
+    if shares[:, :, distance == 1].mean() < 3.0 * noise:
         return Crosstalk()
     kernel = np.zeros_like(shares)
-    for row, column, down, right in np.argwhere(shares > _CLEAR * noise):
+    for row, column, down, right in np.argwhere(shares > 4.0 * noise):
         sender = (row + down - REACH) % PERIOD, (column + right - REACH) % PERIOD
         place = _SIDE - 1 - down, _SIDE - 1 - right
         kernel[(*sender, *place)] = shares[row, column, down, right]

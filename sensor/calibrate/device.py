@@ -3,38 +3,22 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.comb import HIDDEN_AT, Curve, comb_period, fit_comb
+from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
-from megalopta.sensor.calibrate.level import (
-    Drops,
-    Level,
-    check_levels,
-    drops_of,
-    photon_transfer,
-)
+from megalopta.sensor.calibrate.level import Drops, Level, check_levels, drops_of, photon_transfer
 from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
 from megalopta.sensor.spad.counters import AnalogCounter
 
 _95 = 1.959964
-_WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
-_DEVIATIONS_SEARCHED = 5.0
-_SHALLOW = 0.12
-"""Fraction of the swing above which a changing step blurs the comb."""
 _LOUDEST = 2.0
 """Residual, relative to the comb's median, above which a pixel's fit has failed."""
-_SURELY = 5.0
-_FAR_LEAK = 40.0
-"""Distance from the median, relative to its median, above which a leak is implausible."""
-_SURE_OFFSET = 0.2
-"""Standard error of the offset, in steps, above which peaks cannot be distinguished."""
-_CLEAR_KIND = 6.0
-"""Log-likelihood ratio above which the kind of dead time is named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +63,12 @@ class Device:
     step_v: Estimate
     read_noise_v: Estimate
     dark_counts_hz: Estimate
-    efficiency: Estimate | None
+    efficiency: Estimate | None = None
     """Events per unit of light; None without flat frames"""
-    dead_time_s: Estimate | None
-    dead_time_kind: str | None
+    dead_time_s: Estimate | None = None
+    dead_time_kind: str | None = None
     """None if the saturation curve does not determine it"""
-    kind_ratio: float
+    kind_ratio: float = 0.0
     """Log-likelihood ratio of the two kinds"""
     misfit: float = 0.0
     """Deviation of counts from the saturation curve, relative, if it does not hold: neither
@@ -106,13 +90,6 @@ class Device:
         """True if the step changes over the swing, beyond 3 standard errors."""
         return abs(self.curve.slope) > 3 * self.slope_error
 
-    def counts_of(self, level: Level, counter: AnalogCounter) -> Floats:
-        """Counts, not rounded, from the ADC codes of frames (n, rows, columns)."""
-        leaked_v = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
-        drop_v = counter.supply_v - level.readings * counter.lsb_v
-        steps = (drop_v - self.offset_v.value - leaked_v) / self.step_v.value
-        return self.curve.numbers(steps, self.step_v.value)
-
 
 def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
     """Estimate all parameters that dark and lit levels determine, with 95 % CI.
@@ -130,15 +107,44 @@ def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
     check_levels(levels, counter)
     shape = levels[0].readings.shape[1], levels[0].readings.shape[2]
     drops = drops_of(levels, counter)
-    # steps: about, from photon transfer; then from the period of the comb
+    fit = _fitted_comb(drops, counter)
+    errors = _standard_errors(fit.covariance)
+    failed = _misassigned(drops, fit, errors)
+    errors[failed], drops.frames[:, failed] = np.nan, 0
+    offset, leak, step = _estimates(fit.solution, errors, shape)
+    read_v = np.sqrt(np.maximum(fit.noise_v**2 - counter.lsb_v**2 / 12, 0))
+    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
+    mean = fit.counts / np.maximum(drops.frames, 1)
+    counts = MeanCounts(mean, drops.frames, drops.exposure_s, drops.light_hz)
+    of_light = _efficiency_and_dead_time(counts, shape)
+    dark = _dark_counts(fit, counts, shape)
+    if of_light.get("dead_time_kind"):
+        # to first order, both kinds of dead time hide the same counts
+        dark = dark.scaled(1 + dark.value * of_light["dead_time_s"].median)
+    device = Device(
+        offset_v=offset, leak_v_s=leak, step_v=step, dark_counts_hz=dark,
+        read_noise_v=Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape),
+        hot=hot_pixels(dark.low, dark.value, dark.high), counts=counts, drops=drops,
+        curve=fit.curve, slope_error=fit.slope_error, **of_light,
+    )  # fmt: skip
+    kernel = _crosstalk(device, levels, counter)
+    # readings that noise moves to the next peak vary as afterpulses do
+    if kernel and not fit.is_clear:
+        kernel = kernel._replace(afterpulses=np.nan, afterpulses_error=np.nan)
+    return replace(device, kernel=kernel)
+
+
+def _fitted_comb(drops: Drops, counter: AnalogCounter) -> CombFit:
+    """Comb of each pixel, with steps about as by photon transfer, then by its period."""
     transfer = photon_transfer(drops)
     typical_v = float(np.median(transfer.step_v))
     low, high = np.percentile(transfer.step_v, (16, 84)) / typical_v
     error = float(np.median(transfer.step_error_v)) / typical_v
     scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
-    within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(np.prod(shape)))
-    within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
-    is_shallow = drops.mean_v[drops.level, drops.pixel] < _SHALLOW * counter.swing_v
+    within = 5.0 * max(scatter, error / np.sqrt(transfer.step_v.size))
+    within = float(np.clip(within, 0.15, 0.25))
+    # below, a changing step blurs the comb
+    is_shallow = drops.mean_v[drops.level, drops.pixel] < 0.12 * counter.swing_v
     step_v, noise = comb_period(drops.at(is_shallow), typical_v, within)
     # outputs that the ADC cuts off look like a peak; the variance reveals them
     noise = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
@@ -147,84 +153,83 @@ def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
             f"read noise of {np.median(noise):.2g} steps hides single events; lower it to "
             f"{HIDDEN_AT:g} or less, or calibrate from counts"
         )
-    if np.median(transfer.offset_error_v / step_v) > _SURE_OFFSET:
+    # in steps: peaks cannot be distinguished
+    if np.median(transfer.offset_error_v / step_v) > 0.2:
         raise ValueError(
             "dark frames: the shortest exposure is too long to find the reading of no counts; add "
             "shorter ones, with few or no counts per frame"
         )
-    # offset, leak, step and read noise
     fit = fit_comb(drops, step_v, transfer.offset_v, counter.swing_v)
     if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(noise):
         raise ValueError(
             "the peaks of the comb cannot be followed through the swing, as if the step changed by "
             "more than a tenth over it; omit the levels with most counts"
         )
-    errors, leak_v_s = _standard_errors(fit.covariance), fit.solution[:, 1]
-    # pixels whose peaks were misassigned: too noisy, or with an implausible leak
+    return fit
+
+
+def _misassigned(drops: Drops, fit: CombFit, errors: Floats) -> Mask:
+    """Pixels whose peaks were misassigned: too noisy, with an implausible leak, or never used."""
+    leak_v_s = fit.solution[:, 1]
     failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    failed |= leak_v_s < -_SURELY * errors[:, 1]
+    failed |= leak_v_s < -5.0 * errors[:, 1]
     # peaks that are off by whole counts at the longest exposure look like leak
     distance = np.abs(leak_v_s - np.median(leak_v_s))
-    failed |= distance > _FAR_LEAK * np.median(distance)
-    failed |= drops.frames.sum(axis=0) == 0
-    errors[failed], drops.frames[:, failed] = np.nan, 0
-    offset, leak, step = _estimates(fit.solution, errors, shape)
-    read_v = np.sqrt(np.maximum(fit.noise_v**2 - counter.lsb_v**2 / 12, 0))
-    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
-    read_noise = Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape)
-    # efficiency and dead time
-    mean = fit.counts / np.maximum(drops.frames, 1)
-    counts = MeanCounts(mean, drops.frames, drops.exposure_s, drops.light_hz)
-    efficiency = dead_time = kind = None
-    ratio = deviation = 0.0
-    if len(np.unique(counts.light_hz)) >= 3:
-        curves, likelihood_ratio = fit_saturation(counts)
-        residual = misfit(counts, curves)
-        if residual.is_clear:
-            deviation = residual.share
-        else:
-            ratio, curve_errors = likelihood_ratio, _standard_errors(curves.covariance)
-            _, efficiency, dead_time = _estimates(curves.solution, curve_errors, shape)
-            # name the kind if there is dead time and the curve determines its kind
-            known = curve_errors[:, 2] > 0
-            z = (curves.solution / curve_errors)[known, 2]
-            is_seen = np.sum(z) / np.sqrt(max(known.sum(), 1)) > 5
-            kind = curves.kind if ratio > _CLEAR_KIND and is_seen else None
-    # dark counts
+    failed |= distance > 40.0 * np.median(distance)
+    return np.asarray(failed | (drops.frames.sum(axis=0) == 0))
+
+
+def _efficiency_and_dead_time(counts: MeanCounts, shape: tuple[int, int]) -> dict[str, Any]:
+    """Fields of a device that its saturation curve determines."""
+    if len(np.unique(counts.light_hz)) < 3:
+        return {}
+    curves, ratio = fit_saturation(counts)
+    residual = misfit(counts, curves)
+    if residual.is_clear:
+        return {"misfit": residual.share}
+    errors = _standard_errors(curves.covariance)
+    _, efficiency, dead_time = _estimates(curves.solution, errors, shape)
+    # name the kind if there is dead time and the curve determines its kind
+    known = errors[:, 2] > 0
+    z = (curves.solution / errors)[known, 2]
+    is_seen = np.sum(z) / np.sqrt(max(known.sum(), 1)) > 5
+    kind = curves.kind if ratio > 6.0 and is_seen else None
+    return {
+        "efficiency": efficiency,
+        "dead_time_s": dead_time,
+        "dead_time_kind": kind,
+        "kind_ratio": ratio,
+    }
+
+
+def _dark_counts(fit: CombFit, counts: MeanCounts, shape: tuple[int, int]) -> Estimate:
+    """Rates of all dark frames, with exact intervals."""
     is_dark = counts.light_hz == 0
     live_s = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
     total = fit.counts[is_dark].sum(axis=0)
     rates = np.stack([total, *garwood_interval(total)]) / np.where(live_s > 0, live_s, np.nan)
-    dark = Estimate(*rates.reshape(3, *shape))
-    if kind and dead_time is not None:
-        # to first order, both kinds of dead time hide the same counts
-        dark = dark.scaled(1 + dark.value * float(np.nanmedian(dead_time.value)))
-    device = Device(
-        offset_v=offset, leak_v_s=leak, step_v=step, read_noise_v=read_noise, dark_counts_hz=dark,
-        efficiency=efficiency, dead_time_s=dead_time, dead_time_kind=kind, kind_ratio=ratio,
-        misfit=deviation, hot=hot_pixels(dark.low, dark.value, dark.high),
-        counts=counts, drops=drops, curve=fit.curve, slope_error=fit.slope_error,
-    )  # fmt: skip
-    # crosstalk and afterpulses
-    kernels = []
-    for level, frames in zip(levels, counts.frames, strict=True):
+    return Estimate(*rates.reshape(3, *shape))
+
+
+def _crosstalk(device: Device, levels: Sequence[Level], counter: AnalogCounter) -> Kernel | None:
+    """Crosstalk and afterpulses, by coincidences of dark counts."""
+    step_v, kernels = device.step_v.value, []
+    for level, frames in zip(levels, device.counts.frames, strict=True):
         if level.is_dark:
+            drop_v = counter.supply_v - level.readings * counter.lsb_v
+            leaked_v = np.nan_to_num(device.leak_v_s.value) * level.exposure_s
+            numbers = device.curve.numbers(
+                (drop_v - device.offset_v.value - leaked_v) / step_v, step_v
+            )
             # pixels with a failed fit have no counts
-            readings = np.nan_to_num(np.rint(device.counts_of(level, counter)))
-            good = (frames.reshape(shape) > 0) & (readings.mean(axis=0) > 0)
+            readings = np.nan_to_num(np.rint(numbers))
+            good = (frames.reshape(step_v.shape) > 0) & (readings.mean(axis=0) > 0)
             with suppress(ValueError):  # too few pixels remain at this exposure
                 kernels.append(neighbor_kernel(readings, good))
-    if not kernels:
-        return device
-    kernel = mean_kernel(kernels)
-    # readings that noise moves to the next peak vary as afterpulses do
-    if not fit.is_clear:
-        kernel = kernel._replace(afterpulses=np.nan, afterpulses_error=np.nan)
-    return replace(device, kernel=kernel)
+    return mean_kernel(kernels) if kernels else None
 
 
 def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list[Estimate]:
-    """Estimates of the columns of a solution (P, k)."""
     return [Estimate.normal(*column, shape) for column in zip(solution.T, errors.T, strict=True)]
 
 

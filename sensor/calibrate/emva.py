@@ -37,14 +37,6 @@ from megalopta.sensor.spad.model import Sensor, without
 
 FEWEST_STEPS = 8
 """Levels of light that are needed, without the dark."""
-_STEPS = 50
-_LINEAR = 0.7
-_LINEARITY = 0.05, 0.95
-_HOT = 0.1
-_LEAST_DARK = 0.24
-"""Smallest variance of dark readings that rounding does not hide, DN²"""
-_DIM = 0.01
-"""Light, of saturation, at which no counter is near its end."""
 _STEP, _MOST_ARRIVALS = 1.2, 1e9
 """Growth of light when saturation is sought, and its limit in detections per exposure."""
 _SIDE = 64
@@ -143,7 +135,7 @@ def emva(dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1
     last = int(np.argmax(noise))
     if level[last] <= 0 or noise[last] <= 0:
         raise ValueError("the brightest light is no brighter than the dark; uncover the sensor")
-    linear = (photons <= _LINEAR * photons[last]) & (np.arange(len(steps)) <= last)
+    linear = (photons <= 0.7 * photons[last]) & (np.arange(len(steps)) <= last)
     if linear.sum() < 2:
         raise ValueError("saturated above the dimmest light; add dimmer levels")
     # slopes of lines through the origin
@@ -151,13 +143,13 @@ def emva(dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1
     responsivity, gain = factors[0] * float(x @ y / (x @ x)), factors[1] * float(y @ z / (y @ y))
     half = min(steps, key=lambda step: abs(step.level - dark.level - 0.5 * level[last]))
     # PRNU, of pixels that are not hot
-    ordinary = dark.mean < np.nanmedian(dark.mean) + _HOT * level[last]
+    ordinary = dark.mean < np.nanmedian(dark.mean) + 0.1 * level[last]
     more = (half.mean - dark.mean)[ordinary]
     mean_noise = np.nanmean((half.variance / half.frames + dark.variance / dark.frames)[ordinary])
     spread = max(float(np.nanvar(more)) - float(mean_noise), 0.0)
     prnu = float(np.sqrt(spread) / np.nanmean(more))
     # linearity, by a line that minimizes squares of relative deviations, as the standard does
-    low, high = (share * photons[last] for share in _LINEARITY)
+    low, high = (share * photons[last] for share in (0.05, 0.95))
     within = (low <= photons) & (photons <= high)
     x = photons[within]
     design = np.column_stack((np.ones_like(x), x)) / level[within, None]
@@ -165,7 +157,7 @@ def emva(dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1
     return Emva(
         responsivity=responsivity,
         gain=gain,
-        dark_noise=float(np.sqrt(max(dark.noise, _LEAST_DARK))) / gain,
+        dark_noise=float(np.sqrt(max(dark.noise, 0.24))) / gain,
         dsnu=float(np.sqrt(dark.spread)) / gain,
         prnu=prnu,
         linearity_error=float(np.mean(np.abs(level[within] / (line[0] + line[1] * x) - 1))),
@@ -193,7 +185,7 @@ def device_steps(
         scan *= _STEP
     else:
         raise ValueError("readings do not saturate; give the counter a capacity")
-    dark, *steps = _exact_steps(device, efficiency, np.linspace(0, end, _STEPS + 1))
+    dark, *steps = _exact_steps(device, efficiency, np.linspace(0, end, 51))
     return dark, steps
 
 
@@ -211,7 +203,8 @@ def without_dead_time(
     photons = [0.0, *(step.photons for step in steps)]
     dark, *lit = _exact_steps(device, efficiency, photons)
     dead = emva(dark, lit)
-    dim = [0.0, _DIM * dead.saturation_photons]
+    # light at which no counter is near its end
+    dim = [0.0, 0.01 * dead.saturation_photons]
     low, high = _exact_steps(without(device, "dead_time"), efficiency, dim)
     rise = high.level - low.level
     return rise / dim[1] / dead.responsivity, (high.noise - low.noise) / rise / dead.gain

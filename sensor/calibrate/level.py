@@ -29,13 +29,8 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.spad.counters import AnalogCounter
 
-_DEVIATIONS_ABOVE_BOTTOM = 6.0
-_DEEPEST = 0.95
-"""Fraction of the swing that is used; offsets move the bottom too."""
 _FEWEST_FRAMES = 50
 _FEWEST_DARK_EXPOSURES = 3
-_DARKEST_Z = 6.0
-_LARGEST_DRIFT_Z, _SMALLEST_DRIFT = 6.0, 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +95,6 @@ class Level:
         return np.asarray(~self.saturated.any(axis=0))
 
     def __str__(self) -> str:
-        """Short description for readers."""
         return conditions(self.light_hz, self.exposure_s)
 
 
@@ -136,7 +130,7 @@ def check_steadiness(recording: object, frame_means: Floats, variance: Floats) -
     `frame_means` (n,), and the variance of each pixel.
     """
     drifted, sigma = drift(frame_means), float(np.sqrt(variance.mean()))
-    if abs(drifted.z) > _LARGEST_DRIFT_Z and abs(drifted.change) > _SMALLEST_DRIFT * sigma:
+    if abs(drifted.z) > 6.0 and abs(drifted.change) > 0.005 * sigma:
         raise ValueError(
             f"{recording}: drifts; the second half differs from the first by "
             f"{drifted.change / max(sigma, 1e-300):+.2g} times the noise of a pixel, "
@@ -197,12 +191,13 @@ def drops_of(levels: Sequence[Level], counter: AnalogCounter) -> Drops:
     """Return the voltage drops, without pixels near their bottom at a level."""
     pixels = levels[0].readings[0].size
     top = counter.supply_v / counter.lsb_v
-    lowest = top - _DEEPEST * counter.swing_v / counter.lsb_v
+    # offsets move the bottom, too
+    lowest = top - 0.95 * counter.swing_v / counter.lsb_v
     entries, maps = [], []
     for number, level in enumerate(levels):
         codes = level.readings.reshape(len(level.readings), pixels)
         mean, variance = codes.mean(axis=0), codes.var(axis=0, ddof=1)
-        is_usable = mean - _DEVIATIONS_ABOVE_BOTTOM * np.sqrt(variance) > lowest
+        is_usable = mean - 6.0 * np.sqrt(variance) > lowest
         maps.append((np.where(is_usable, len(codes), 0), mean, variance))
         least, size = int(codes.min()), int(np.ptp(codes)) + 1
         keys = (codes.astype(np.int64) - least) + size * np.arange(pixels)
@@ -259,15 +254,10 @@ def check_levels(levels: Sequence[Level], counter: AnalogCounter) -> None:
     brightest = min(lit, key=lambda level: float(level.readings.mean()))
     frame_means = brightest.readings.mean(axis=(1, 2))
     error = float(frame_means.std(ddof=1)) / np.sqrt(len(frame_means))
-    if (max(lit_hz) - max(dark_hz)) * brightest.exposure_s < _DARKEST_Z * error:
+    if (max(lit_hz) - max(dark_hz)) * brightest.exposure_s < 6.0 * error:
         raise ValueError(
             f"{brightest}: no brighter than the dark; uncover the sensor or raise the light"
         )
-
-
-_ROUNDS = 6
-_DIMMEST = 3.0
-"""Levels with up to this many times the dimmest light are used, besides those in the dark."""
 
 
 class PhotonTransfer(NamedTuple):
@@ -284,7 +274,7 @@ class PhotonTransfer(NamedTuple):
 def photon_transfer(drops: Drops) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark."""
     light_hz = drops.light_hz
-    is_dim = light_hz <= _DIMMEST * light_hz[light_hz > 0].min(initial=np.inf)
+    is_dim = light_hz <= 3.0 * light_hz[light_hz > 0].min(initial=np.inf)
     used = (drops.frames > 0) & is_dim[:, None] & (drops.mean_v >= 0)
     # voltage drop at zero exposure in the dark
     variance = drops.variance_v2 / np.maximum(drops.frames, 1) + 1e-18
@@ -298,7 +288,7 @@ def photon_transfer(drops: Drops) -> PhotonTransfer:
     columns = [ones, (drops.mean_v - offset) / size]
     floor = 1e-3 * float(np.median(drops.variance_v2)) + 1e-18
     expected = np.maximum(drops.variance_v2, floor)
-    for _ in range(_ROUNDS):
+    for _ in range(6):
         weight = np.where(used, (np.maximum(drops.frames, 2) - 1) / (2 * expected**2), 0)
         line, covariance = _weighted_fits(columns, drops.variance_v2, weight)
         read, step = line.T
@@ -319,9 +309,10 @@ def _weighted_fits(
 
 
 def unit_diagonal(matrices: Floats) -> tuple[Floats, Floats]:
-    """Return symmetric matrices (…, k, k) scaled to a unit diagonal, and the divisors (…, k)."""
-    scale = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-300))
-    return matrices / scale[..., :, None] / scale[..., None, :], scale
+    """Return symmetric matrices (…, k, k) scaled to a unit diagonal, and the factors (…, k)."""
+    size = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 0))
+    factor = np.divide(1, size, out=np.zeros_like(size), where=size > 1e-150)
+    return matrices * factor[..., :, None] * factor[..., None, :], factor
 
 
 def inverses(matrices: Floats, smallest: float = 1e-15) -> Floats:
@@ -329,6 +320,6 @@ def inverses(matrices: Floats, smallest: float = 1e-15) -> Floats:
 
     Eigenvalues below `smallest` of the largest, at a unit diagonal, are taken as 0.
     """
-    unit, scale = unit_diagonal(matrices)
+    unit, factor = unit_diagonal(matrices)
     inverse = np.linalg.pinv(unit, rcond=smallest, hermitian=True)
-    return np.asarray(inverse / scale[..., :, None] / scale[..., None, :])
+    return np.asarray(inverse * factor[..., :, None] * factor[..., None, :])

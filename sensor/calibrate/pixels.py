@@ -17,8 +17,6 @@ from megalopta.core.arrays import Floats, Mask, mean_and_variance
 
 DEAD_BELOW = 0.05
 """Share of the reference's counts below which a pixel is dead."""
-_ENOUGH = 50.0
-"""Counts of the reference that show a pixel to be dead."""
 
 
 def dead_pixels(counts: Floats, reference: Floats) -> Mask:
@@ -26,7 +24,7 @@ def dead_pixels(counts: Floats, reference: Floats) -> Mask:
 
     `counts` and `reference`, of one shape, are those of the pixels and of healthy ones.
     """
-    return np.asarray((reference > _ENOUGH) & (counts < DEAD_BELOW * reference))
+    return np.asarray((reference > 50.0) & (counts < DEAD_BELOW * reference))
 
 
 def constant_pixels(recordings: Sequence[NDArray[np.generic]]) -> Mask:
@@ -48,8 +46,6 @@ def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float = 10.0) -> 
 
 
 LAGS = 6
-_Z = 7.0
-_FEWEST_COUNTS = 30.0
 _FARTHEST = 5.0
 """Deviation, in standard deviations, to which single readings are limited."""
 
@@ -76,7 +72,7 @@ class Correlation(NamedTuple):
     @property
     def is_telegraph(self) -> Mask:
         """Pixels (rows, columns) whose readings are correlated, by 1e-12 not by chance."""
-        return np.asarray(self.deviation > _Z)
+        return np.asarray(self.deviation > 7.0)
 
 
 def uncorrelated(shape: tuple[int, ...], frames: int) -> Correlation:
@@ -87,7 +83,7 @@ def uncorrelated(shape: tuple[int, ...], frames: int) -> Correlation:
 def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
     """Return the correlation of readings (n, rows, columns); 0 for others than good pixels."""
     mean, variance = mean_and_variance(readings)
-    counted = good & (variance > 0) & (mean * len(readings) > _FEWEST_COUNTS)
+    counted = good & (variance > 0) & (mean * len(readings) > 30.0)
     scale = np.where(counted, np.sqrt(variance), np.inf)
     sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
     cubes = np.zeros(good.shape)

@@ -22,11 +22,6 @@ from megalopta.sensor.effects.dead_time import COUNT_DISTRIBUTIONS
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
 KINDS: tuple[DeadTimeKind, ...] = get_args(DeadTimeKind)
 
-_ROUNDS = 25
-_STARTS = 30
-_STEP = 1e-5
-_CHANCE, _SMALLEST_MISFIT = 1e-6, 1e-3
-
 
 class SaturationFit(NamedTuple):
     """Rates of each pixel, (P, 3): dark counts Hz, efficiency, dead time s."""
@@ -61,7 +56,7 @@ class Misfit(NamedTuple):
     @property
     def is_clear(self) -> bool:
         """True if the curve does not hold: beyond chance, and beyond a negligible deviation."""
-        return self.p < _CHANCE and abs(self.share) > _SMALLEST_MISFIT
+        return self.p < 1e-6 and abs(self.share) > 1e-3
 
 
 def misfit(counts: MeanCounts, fit: SaturationFit, spread: float = 1.0) -> Misfit:
@@ -134,7 +129,7 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None
     is_lit = np.isfinite(light[at])
     solution, most = np.zeros((d.size, 3)), np.full(d.size, -np.inf)
     longest = float(counts.exposure_s[counts.light_hz > 0].min()) / 4
-    for tau in np.geomspace(longest * 1e-5, longest, _STARTS):
+    for tau in np.geomspace(longest * 1e-5, longest, 30):
         observed = np.maximum(rate[at] - d, 1e-9)
         eta = observed / np.maximum(1 - rate[at] * tau, 0.2) / light_hz
         eta = np.where(is_lit, eta, 1e-12)
@@ -144,7 +139,7 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind, known_s: float | None = None
         solution[better], most[better] = trial[better], value[better]
     if known_s is not None:
         solution[:, 2] = known_s
-    for _ in range(_ROUNDS):
+    for _ in range(25):
         gradient, information = _score(counts, solution, kind)
         if known_s is not None:
             gradient[:, 2], information[:, 2], information[:, :, 2] = 0, 0, 0
@@ -177,7 +172,7 @@ def _score(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[Fl
     mean, variance = _moments(counts, solution, kind)
     slopes = []
     for parameter, smallest in enumerate((1e-6, 1e-13, 1e-16)):
-        step = np.maximum(solution[:, parameter] * _STEP, smallest)
+        step = np.maximum(solution[:, parameter] * 1e-5, smallest)
         moved = solution.copy()
         moved[:, parameter] += step
         slopes.append((_moments(counts, moved, kind)[0] - mean) / step)

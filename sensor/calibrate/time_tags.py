@@ -22,9 +22,6 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.formats.time_tags import TimeTags
 
-_BACKGROUND = 0.25
-"""Share of the lags, the longest, that give the level of the light."""
-
 
 class Autocorrelation(NamedTuple):
     """Pairs of events by lag, for every pixel."""
@@ -47,7 +44,8 @@ class Autocorrelation(NamedTuple):
     def afterpulses(self) -> Floats:
         """Afterpulses per event and second at each lag, (P, K)."""
         rate = self.pairs / (self.events[:, None] * np.diff(self.edges_s))
-        far = max(int(_BACKGROUND * rate.shape[1]), 1)
+        # the longest lags give the level of the light
+        far = max(int(0.25 * rate.shape[1]), 1)
         return np.asarray(rate - rate[:, -far:].mean(axis=1, keepdims=True))
 
 
@@ -101,7 +99,6 @@ def afterpulses_between(model: Afterpulsing, edges_s: Floats) -> Floats:
     return np.asarray(model.mean_carriers * np.diff(released))
 
 
-_ROUNDS = 50
 _WITHIN = 0.25
 """Part of a unit by which a difference of times may err, which are stored as float64"""
 
@@ -143,7 +140,7 @@ def coincidences(tags: TimeTags, window_s: float) -> Coincidences:
         width_s = (2 * np.floor(window_s / tags.unit_s + _WITHIN) + 1) * tags.unit_s
     events, seen = events_of(tags), counts[first * tags.channels + second].astype(np.float64)
     by_crosstalk = np.zeros(seen.size)
-    for _ in range(_ROUNDS):
+    for _ in range(50):
         chances = (events[first] - by_crosstalk) * (events[second] - by_crosstalk)
         by_crosstalk = seen - chances * width_s / tags.duration_s
     avalanches = np.maximum(events[first] + events[second] - by_crosstalk, 1)

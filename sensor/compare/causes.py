@@ -29,7 +29,7 @@ from scipy.ndimage import convolve
 from scipy.stats import chi2, f, norm
 
 from megalopta.core.arrays import Floats, Ints, Mask
-from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.level import Level, inverses
 from megalopta.sensor.change import changed
 from megalopta.sensor.compare.residual import Residual
 from megalopta.sensor.compare.two_sample import BLOCKS, Difference
@@ -44,18 +44,11 @@ MODEL_ERROR = 0.04
 """Relative error of a predicted change."""
 _AS_GOOD = 9.0
 """Difference of χ² up to which two explanations are equally good."""
-_MOST = 2
-_FEW_COUNTS = 8.0
-_FAINT = 0.01
-"""Clearness of the comb below which it is not used."""
 _ERRORS = {"M": 2e-3, "V": 5e-3, "K": 1e-2}
 """Relative errors of expected features that are forgiven to the model."""
-_COMMON_ERROR = 1e-3
-"""Error of expected covariances over the mean that is forgiven"""
-_ROUNDS = 12
 _95, _90 = 1.959964, 1.644854
-_CROSS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]])
-_LARGEST_STEP = 8
+_SMALLEST = 1e-10
+"""Smallest eigenvalue of a covariance at a unit diagonal that is not taken as 0"""
 
 
 class Features(NamedTuple):
@@ -206,7 +199,7 @@ class _Expected:
             return (4 * first - second) / (2 * step), (second - 2 * first) / (2 * step**2)
 
         def signature(size: float) -> Floats:
-            width, widest = step, step if is_linear else _LARGEST_STEP * step
+            width, widest = step, step if is_linear else 8 * step
             while abs(size) > 2.5 * width and width < widest:
                 width *= 2
             slope, bend = parabola(width)
@@ -239,7 +232,9 @@ def _coincidences(neighbors: float, level: Residual) -> float:
     crosstalk = changed(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
     weights = neighborhoods(crosstalk).mean(axis=(0, 1))
     # each of four nearest neighbors gets a share; both directions of a pair covary
-    nearest = convolve(weights, _CROSS, mode="constant")[tuple(np.array(weights.shape) // 2)]
+    beside = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]])
+    middle = tuple(np.array(weights.shape) // 2)
+    nearest = convolve(weights, beside, mode="constant")[middle]
     share = neighbors * nearest / 4 / weights.sum()
     pairs = (good[:, :-1] & good[:, 1:]).sum() + (good[:-1] & good[1:]).sum()
     # of avalanches that crosstalk adds, dead time leaves as many as of more light
@@ -249,7 +244,6 @@ def _coincidences(neighbors: float, level: Residual) -> float:
 
 
 def _causes_of(expected: _Expected) -> tuple[Cause, ...]:
-    """All causes that recordings can show."""
     levels, features = expected.levels, expected.features
     model = levels[0].model
     sensor = model.sensor
@@ -359,8 +353,8 @@ def find_causes(
         # what was subtracted has moved the peaks
         and not level.uncertainty.keys() - {"read noise"}
         and bool(pixels.any())
-        and float(level.expected.signal[:, pixels].mean()) <= _FEW_COUNTS
-        and _clearness(level.expected.signal[:, pixels]) > _FAINT
+        and float(level.expected.signal[:, pixels].mean()) <= 8.0
+        and _clearness(level.expected.signal[:, pixels]) > 0.01
         for level, pixels in zip(levels, good, strict=True)
     ]
     captured = features([level.captured for level in levels], good, has_comb)
@@ -391,12 +385,12 @@ def find_causes(
     # errors of the model are forgiven
     off = np.select([known.kind == kind for kind in _ERRORS], list(_ERRORS.values()))
     common = np.array([means[level].mean() for level in known.level])
-    off = np.where(known.kind == "C", _COMMON_ERROR * common, off * np.abs(known.values))
+    off = np.where(known.kind == "C", 1e-3 * common, off * np.abs(known.values))
     fit = fit._replace(doubted=doubted + np.diag(off**2))
     p_forgiven = fit.explained(()).p
     # smallest sets of causes that are not refuted, the best first
     accepted: list[Explanation] = []
-    for many in range(1, _MOST + 1) if p_forgiven < FALSE_ALARMS else ():
+    for many in (1, 2) if p_forgiven < FALSE_ALARMS else ():
         fits = [fit.explained(subset) for subset in combinations(causes, many)]
         accepted = sorted((e for e in fits if e.p > REFUTED), key=lambda e: e.chi_square)
         if accepted:
@@ -413,14 +407,6 @@ def find_causes(
     return Causes(p, p_forgiven, tuple(accepted), tuple(alone))
 
 
-def _inverse(covariance: Floats) -> Floats:
-    """Inverse of a covariance matrix, for entries of any unit; 0 where nothing varies."""
-    sigma = np.sqrt(np.diagonal(covariance))
-    scale = np.divide(1, sigma, out=np.zeros_like(sigma), where=sigma > 0)
-    inverse = np.linalg.pinv(scale[:, None] * covariance * scale, rcond=1e-10, hermitian=True)
-    return np.asarray(scale[:, None] * inverse * scale)
-
-
 class _Fit(NamedTuple):
     """Difference of features, and its covariance by counting and by doubts."""
 
@@ -434,14 +420,14 @@ class _Fit(NamedTuple):
         sizes, errors = np.zeros(len(causes)), np.zeros(len(causes))
         lowest = np.array([cause.lowest for cause in causes])
         doubted, covariance = self.doubted, self.counted + self.doubted
-        for _ in range(_ROUNDS if causes else 0):
+        for _ in range(12 if causes else 0):
             base = self.expected.change(causes, sizes)
             is_covariance = self.expected.features.kind == "C"
             error = np.where(is_covariance, 3 * MODEL_ERROR, MODEL_ERROR) * np.abs(base)
             doubted = self.doubted + np.diag(error**2)
             covariance = self.counted + doubted
             slopes = self.expected.slopes(causes, sizes, base)
-            weighted = _inverse(covariance) @ slopes
+            weighted = inverses(covariance, _SMALLEST) @ slopes
             normal = np.linalg.pinv(slopes.T @ weighted, hermitian=True)
             step = normal @ (weighted.T @ (self.difference - base))
             sizes = np.clip(sizes + np.clip(step, -1, 1), lowest, 20.0)
@@ -449,14 +435,14 @@ class _Fit(NamedTuple):
         left = self.difference - change
         if causes:
             slopes = self.expected.slopes(causes, sizes, change)
-            information = slopes.T @ _inverse(covariance) @ slopes
+            information = slopes.T @ inverses(covariance, _SMALLEST) @ slopes
             errors = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True)).clip(0))
         # the χ² of each level has the chance of its T²
         known, freedom, blocks = np.zeros_like(self.counted), 0, 2 * (BLOCKS - 1)
         for number in np.unique(self.expected.features.level):
             is_of_level = self.expected.features.level == number
             block = np.ix_(is_of_level, is_of_level)
-            inverse = _inverse(self.counted[block])
+            inverse = inverses(self.counted[block], _SMALLEST)
             size = int(np.linalg.matrix_rank(inverse))
             t_square = float(left[is_of_level] @ inverse @ left[is_of_level])
             freedom_left = blocks - size + 1
@@ -466,7 +452,7 @@ class _Fit(NamedTuple):
             square = chi2.isf(max(chance, 1e-290), size) if size else 0.0
             known[block] = self.counted[block] * (t_square / square if square > 0 else 1.0)
             freedom += size
-        square = float(left @ _inverse(known + doubted) @ left)
+        square = float(left @ inverses(known + doubted, _SMALLEST) @ left)
         freedom = max(freedom - len(causes), 1)
         names = tuple(cause.name for cause in causes)
         return Explanation(names, sizes, errors, square, float(chi2.sf(square, freedom)))

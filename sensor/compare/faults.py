@@ -22,13 +22,7 @@ from scipy.stats import rankdata
 from megalopta.core.arrays import Floats, Mask
 
 _MOST_LISTED = 8
-_RARE = 0.01
-"""Share of readings with a bit at its other value, above which both values are expected."""
 _FREQUENT = 100
-_MISSING = 0.05
-_UNEVEN_Z, _SMALLEST_UNEVENNESS = 8.0, 0.05
-_CLEARLY = 6.0
-_CHANCE = 1e-6
 
 
 class Fault(NamedTuple):
@@ -62,7 +56,8 @@ def stuck_bits(histograms: Floats) -> dict[int, bool]:
     for bit in range(int(codes[-1]).bit_length()):
         is_one = (codes >> bit) & 1 == 1
         share, usual = histograms[:, is_one].sum(axis=1) / histograms.sum(axis=1)
-        if share in (0.0, 1.0) and abs(usual - share) > _RARE:
+        # otherwise both values of the bit are expected
+        if share in (0.0, 1.0) and abs(usual - share) > 0.01:
             stuck[bit] = bool(share == 1.0)
     return stuck
 
@@ -70,14 +65,14 @@ def stuck_bits(histograms: Floats) -> dict[int, bool]:
 def uneven_codes(histograms: Floats) -> list[Fault]:
     """Find missing or uneven codes, by `code_histograms`."""
     middle, least = histograms[:, 1:-1], np.minimum(histograms[:, :-2], histograms[:, 2:])
-    missing = (least[0] > _FREQUENT) & (middle[0] < _MISSING * least[0])
+    missing = (least[0] > _FREQUENT) & (middle[0] < 0.05 * least[0])
     missing &= middle[1] > 0.3 * least[1]
     if missing.any():
         text = f"the ADC lacks codes: {listed(np.flatnonzero(missing) + 1)}"
         return [Fault("missing codes", text)]
     (excess, error), (usual, usual_error) = map(_parity, histograms)
     share, error = excess - usual, float(np.hypot(error, usual_error))
-    if abs(share) <= max(_UNEVEN_Z * error, _SMALLEST_UNEVENNESS):
+    if abs(share) <= max(8.0 * error, 0.05):
         return []
     which = "even" if share > 0 else "odd"
     text = f"{which} codes of the ADC are {100 * abs(share):.2g} % wider than others"
@@ -135,7 +130,6 @@ class Arrangement(NamedTuple):
         return self.name != _AS_EXPECTED
 
     def __str__(self) -> str:
-        """Describe it in a phrase."""
         return (
             f"the image is {self.name} (rank correlation rearranged {self.correlation:.2f}, before "
             f"{self.as_it_is:.2f})"
@@ -158,7 +152,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
             correlation = _correlation(candidate, expected)
             # Fisher's z test; a map of 256 pixels has a standard error of 0.09
             z = np.arctanh(np.clip([correlation, best.correlation], -0.999999, 0.999999))
-            if (z[0] - z[1]) * np.sqrt((captured.size - 3) / 2) > _CLEARLY:
+            if (z[0] - z[1]) * np.sqrt((captured.size - 3) / 2) > 6.0:
                 best = Arrangement(name, correlation, plain, turned)
     if best.is_other:
         return best
@@ -195,7 +189,7 @@ def _order(captured: Floats, expected: Floats) -> NDArray[np.intp]:
         gain = float((alike[cycle, assigned[cycle]] - alike[cycle, cycle]).sum())
         z = gain * np.sqrt(max(captured.shape[1] - 3, 1) / (2 * size))
         # the best of so many cycles of this size, by chance once in a million maps
-        if size > 1 and z**2 / 2 > size * np.log(number) - np.log(size) - np.log(_CHANCE):
+        if size > 1 and z**2 / 2 > size * np.log(number) - np.log(size) - np.log(1e-6):
             order[cycle] = assigned[cycle]
     return order
 

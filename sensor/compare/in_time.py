@@ -26,22 +26,10 @@ _DRIFTING = {
     "offset": "offset",
 }
 """What drifts, by the parameter of the device that changes as it does"""
-_MOST_LINES = 3
-_MOST_LOST = 4
-"""Frames made over frames kept above which times are not used."""
 _FEWEST_FRAMES, _FEWEST_PIXELS = 16, 16
-_FEWEST_COUNTS = 30.0
-_OF_MEDIAN = 1.2533
-"""Standard error of a median over that of a mean"""
-_SMALLEST_MEMORY = 0.01
-"""Correlation with the frame before that is negligible"""
 _LOWEST_LINE = 3
 """Cycles per recording below which a line is a drift."""
-_OF_ROWS = 0.2
-"""Power of rows relative to that of all pixels above which a line is banding."""
 _NOISE_Z = 6.0
-_LEFT = 0.2
-"""Share of the variance of a removed fluctuation that may be left."""
 _SMALLEST_SHARE = 5e-4
 """Share of the variance of a pixel below which common noise is negligible."""
 
@@ -86,14 +74,15 @@ def check_dependence(level: Residual) -> bool:
         z = z - shared * (z * shared).sum(axis=0) / np.maximum(np.square(shared).sum(axis=0), 1e-30)
         power = np.square(z).sum(axis=0)
         counts = frames.signal.sum(axis=0, dtype=np.float64)
-        tested = good & (power > 0) & (counts > _FEWEST_COUNTS)
+        tested = good & (power > 0) & (counts > 30.0)
         memories.append(((z[1:] * z[:-1]).sum(axis=0) / np.maximum(power, 1e-30))[tested])
         readings.append(len(frames.readings) * memories[-1].size)
     if min(memory.size for memory in memories) < _FEWEST_PIXELS:
         return False
     share = float(np.median(memories[0]) - np.median(memories[1]))
-    error = _OF_MEDIAN * np.sqrt(1 / readings[0] + 1 / readings[1])
-    if abs(share) < max(_NOISE_Z * error, _SMALLEST_MEMORY):
+    # of a median, 1.2533 times that of a mean
+    error = 1.2533 * np.sqrt(1 / readings[0] + 1 / readings[1])
+    if abs(share) < max(_NOISE_Z * error, 0.01):
         return False
     text = (
         f"readings of all pixels are correlated by {share:.2g} with those of the frame before, so "
@@ -128,7 +117,6 @@ def steady(levels: Sequence[Residual]) -> None:
 
 
 def _remove_drifts(levels: Sequence[Residual]) -> None:
-    """Subtract linear drifts, and note them."""
     standardized = [level.standardized for level in levels]
     drifts = [drift(readings.mean) for readings in standardized]
     if not any(abs(change.z) > _DRIFT_Z for change in drifts):
@@ -184,16 +172,15 @@ def _drifting(
 
 
 def _remove_lines(level: Residual) -> None:
-    """Subtract flicker and banding, and note them."""
     moving, captured = level.moving, level.captured
     change, n = level.parts[moving], len(captured.readings)
     # lost frames count: they would break the phase of a line
     places = np.arange(n)
     if captured.times_s is not None and n > 1:
         timed = np.rint((captured.times_s - captured.times_s[0]) / captured.interval_s)
-        if (np.diff(timed) > 0).all() and timed[-1] < _MOST_LOST * n:
+        if (np.diff(timed) > 0).all() and timed[-1] < 4 * n:  # not if most are lost
             places = timed.astype(np.int64)
-    for _ in range(_MOST_LINES):
+    for _ in range(3):
         standardized = level.standardized
         line = _strongest(standardized, places)
         if line is None:
@@ -219,7 +206,7 @@ def _doubt_rest(level: Residual, left: float, removed: float) -> None:
     """Note what the removal of a fluctuation of an amplitude leaves uncertain."""
     counts = removed * float(level.parts[level.moving][level.good].mean())
     level.doubt(level.moving, left)
-    level.doubt("variance", _LEFT * counts**2 / 2)
+    level.doubt("variance", 0.2 * counts**2 / 2)
 
 
 def _amount(moving: str, size: float) -> str:
@@ -246,7 +233,7 @@ def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] |
         return None
     if (np.minimum(p_common, p_rows) == 0).sum() > 1:
         at = int(np.argmax(power + of_rows))
-    is_banding = bool(p_rows[at] * power.size < _CHANCE and of_rows[at] > _OF_ROWS * power[at])
+    is_banding = bool(p_rows[at] * power.size < _CHANCE and of_rows[at] > 0.2 * power[at])
     series = rows if is_banding else (rows @ weight)[:, None]
     cycles, width = float(at + _LOWEST_LINE), 1.0
     for _ in range(2):

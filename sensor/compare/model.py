@@ -17,9 +17,6 @@ from megalopta.sensor.spad.counters import AnalogCounter, counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
-_FULL = 0.98
-_TOGETHER = 64
-
 
 def level_of_codes(
     codes: NDArray[Any], device: Sensor, exposure_s: float, light_hz: float = 0.0,
@@ -34,7 +31,7 @@ def level_of_codes(
     if not isinstance(counter, AnalogCounter) or known is None:
         raise ValueError(f"counter.kind: {counter.kind!r}; only an analog counter has codes")
     counts, _ = counts_of_codes(codes, counter, known)
-    full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
+    full = 0.98 * (counter.swing_v - known.leaked_v) / known.step_v
     reference = counter.supply_v + known.offset_v - known.leaked_v
     unrounded = (reference - codes * counter.lsb_v) / known.step_v
     return Level(
@@ -57,7 +54,7 @@ class Model:
             stream = f"comparison, {stimulus}{level.exposure_s:g} s, light {level.light_hz:g}"
             rates_hz = np.broadcast_to(rate_hz, level.readings.shape)
             if level.codes is not None:
-                codes = expose_adc(rates_hz, sensor, seed=seed, stream=stream, together=_TOGETHER)
+                codes = expose_adc(rates_hz, sensor, seed=seed, stream=stream, together=64)
                 levels.append(
                     level_of_codes(codes, sensor, level.exposure_s, level.light_hz, level.times_s)
                 )

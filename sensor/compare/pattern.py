@@ -13,24 +13,6 @@ from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
 from megalopta.sensor.compare.residual import Residual
 
-_OF_LINE = 0.75
-"""Share of a line's pixels above which the fault is the line's."""
-_LINE_Z = 6.0
-_SMALLEST_OF_LINE, _SMALLEST_OFFSET = 0.03, 0.05
-"""Smallest relative difference of a line, and smallest offset (counts)."""
-_PIXEL_Z = 8.0
-_LARGE = 0.1
-"""Relative difference above which a pixel is listed."""
-_HOT = 2.0
-"""Dark counts over the expected ones above which a pixel is hot."""
-_ROUNDS = 8
-_CHI2 = 60.0
-"""Limit of the chi-squared of five coefficients; chance exceeds it once in 1e11."""
-_FEWEST = 50
-_SIDES = "captured", "expected"
-_SMALLEST = 0.03
-"""Smallest range of uneven light over the array, relative."""
-
 
 class Deviations(NamedTuple):
     """Means of good pixels at one level less the robust parabola through expected ones."""
@@ -46,7 +28,9 @@ class Deviations(NamedTuple):
 
 def unresponsive(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     """Find dead and stuck pixels (rows, columns), and their lines."""
-    captured, expected = ([getattr(level, side) for level in levels] for side in _SIDES)
+    captured, expected = (
+        [getattr(level, side) for level in levels] for side in ("captured", "expected")
+    )
     frozen = constant_pixels([level.recorded for level in captured])
     frozen &= ~constant_pixels([level.recorded for level in expected])
     counts, reference = (
@@ -58,7 +42,8 @@ def unresponsive(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     faults = []
     single = dead | stuck
     for name, axis in (("row", 1), ("column", 0)):
-        lines = (dead | stuck).mean(axis=axis) > _OF_LINE
+        # the fault is the line's, not the pixels'
+        lines = (dead | stuck).mean(axis=axis) > 0.75
         if lines.any() and not lines.all():
             plural = name + ("s" if lines.sum() > 1 else "")
             text = f"dead {plural} {listed(np.flatnonzero(lines))}"
@@ -104,7 +89,7 @@ def _robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     """Combination of columns nearest to values, by iterated least squares (Huber's weights)."""
     weight: Floats = 1 / sigma
     solution: Floats = np.zeros(columns.shape[-1])
-    for _ in range(_ROUNDS):
+    for _ in range(8):
         weighted = columns * weight[:, None]
         solution = np.asarray(np.linalg.lstsq(weighted, values * weight, rcond=None)[0])
         left = np.abs(values - columns @ solution) / sigma
@@ -128,12 +113,13 @@ def uneven_light(deviating: Sequence[Deviations]) -> tuple[Floats, Fault] | None
             [level.error for level in lit],
         )
     )
-    if len(values) < _FEWEST:
+    if len(values) < 50:
         return None
     solution = _robust_fit(columns, values, sigma)
     surface = np.asarray(shapes @ solution)
     span = float(np.ptp(surface))
-    if np.sum((columns @ solution / sigma) ** 2) < _CHI2 or span < _SMALLEST:
+    # of five coefficients; chance exceeds it once in 1e11
+    if np.sum((columns @ solution / sigma) ** 2) < 60.0 or span < 0.03:
         return None
     return surface, Fault(
         "uneven light", f"the light is uneven, by {100 * span:.2g} % over the array"
@@ -154,7 +140,7 @@ def odd_lines(
     offsets, masked, faults = [], np.zeros(shape, np.bool_), []
     for axis, name in ((0, "row"), (1, "column")):
         z = np.array([_line_z(level, axis) for level in deviating])
-        for index in np.flatnonzero((np.abs(z) > _LINE_Z).any(axis=0)):
+        for index in np.flatnonzero((np.abs(z) > 6.0).any(axis=0)):
             line = np.zeros(shape, np.bool_)
             line[(index,) if axis == 0 else (slice(None), index)] = True
             # best of four causes, and its size
@@ -171,13 +157,13 @@ def odd_lines(
                 if squares > 0 and total - products**2 / squares < smallest:
                     cause, size = parameter, products / squares
                     smallest = total - products**2 / squares
-            if cause == "offset" and abs(size) >= _SMALLEST_OFFSET:
+            if cause == "offset" and abs(size) >= 0.05:  # counts
                 offsets.append(np.where(line, size, 0.0))
                 unit = f"{size:+.2g} counts"
                 if volts_per_count:  # counts lower the output
                     unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
                 faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
-            elif cause != "offset" and abs(size) >= _SMALLEST_OF_LINE:
+            elif cause != "offset" and abs(size) >= 0.03:  # relative
                 masked |= line
                 text = f"{_NAMES[cause]} of {name} {index} differs by {100 * size:+.2g} %"
                 faults.append(Fault(f"odd {name}", text))
@@ -205,11 +191,11 @@ def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     for level in levels:
         deviating = deviations(level)
         reference = level.expected.signal.mean(axis=0, dtype=np.float64)
-        far = deviating.good & (np.abs(deviating.counts) > _PIXEL_Z * deviating.error)
-        far &= np.abs(deviating.counts) > _LARGE * np.maximum(reference, 0)
+        far = deviating.good & (np.abs(deviating.counts) > 8.0 * deviating.error)
+        far &= np.abs(deviating.counts) > 0.1 * np.maximum(reference, 0)
         odd |= far
         if deviating.is_dark:
-            hot |= far & (deviating.counts > (_HOT - 1) * deviating.parts["dark counts"])
+            hot |= far & (deviating.counts > deviating.parts["dark counts"])
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))

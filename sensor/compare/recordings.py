@@ -22,8 +22,6 @@ MARGIN = 0.05
 """Negligible relative difference."""
 _FAMILIES = 5
 _FEWEST_FRAMES = 3 * two_sample.BLOCKS
-_LIKE_NOISE = {"missing codes", "uneven codes"}
-"""Faults that change readings as noise of some codes would"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +171,10 @@ def compare_recordings(
         are_dependent = any(dependences)
         if not are_dependent:
             in_time.steady(levels)
-        if not are_dependent and {fault.kind for fault in of_codes} & _LIKE_NOISE:
-            for level in levels:
+        # of uneven codes, readings change as noise of some codes would change them
+        is_uneven = any(fault.kind in ("missing codes", "uneven codes") for fault in of_codes)
+        for level in levels:
+            if is_uneven and not are_dependent:
                 level.uncertainty["read noise"] = model.counts_per_code**2
         faults += _merged(levels)
         uneven = pattern.uneven_light([pattern.deviations(level) for level in levels])
@@ -189,14 +189,12 @@ def compare_recordings(
     # tests of every pixel that is left
     p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
     for level in levels:
-        samples = (
-            two_sample.Sample.of(level.captured.readings),
-            two_sample.Sample.of(level.expected.readings),
-        )
+        recordings = level.captured.readings, level.expected.readings
+        sample, reference = (two_sample.Sample.of(readings) for readings in recordings)
         is_tested = level.good & (not are_dependent)
-        p = two_sample.mean_test(*samples, level.error)
+        p = two_sample.mean_test(sample, reference, level.error)
         p_values["mean"].append(np.where(is_tested, p, np.nan))
-        p = two_sample.variance_test(*samples)
+        p = two_sample.variance_test(sample, reference)
         p_values["variance"].append(np.where(is_tested, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
     pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}

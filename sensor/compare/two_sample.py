@@ -16,7 +16,6 @@ from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.sensor.calibrate.level import Level
 
 BLOCKS = 20
-_FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
 
 
@@ -73,7 +72,7 @@ def mean_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -
         np.rint(sample.frames * sample.mean).clip(0) for sample in (captured, expected)
     )
     total, share = first + second, captured.frames / (captured.frames + expected.frames)
-    few = (total < _FEW_COUNTS) & (np.asarray(error) == 0)
+    few = (total < 200.0) & (np.asarray(error) == 0)
     # two-sided, of a binomial number: twice the smaller tail
     tails = np.minimum(binom.cdf(first, total, share), binom.sf(first - 1, total, share))
     p = np.where(few, np.minimum(2 * tails, 1), p)
@@ -120,7 +119,6 @@ class Difference(NamedTuple):
         return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
 
     def __str__(self) -> str:
-        """Describe it in a phrase."""
         if self.base:
             low, high = (self.expected + self.scale * end for end in (self.low, self.high))
             values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
@@ -138,18 +136,17 @@ def _percent(share: float) -> float | int:
 
 def difference(
     name: str, unit: str, captured: Floats, expected: Floats, margin: float,
-    standard_error: float = 0.0, least: float = 0.0,
+    standard_error: float = 0.0,
 ) -> Difference:  # fmt: skip
     """Compare the values of blocks, (blocks,) each.
 
     `margin` is the negligible relative difference; `standard_error` that of the expected
-    values, for example from a calibration, which further blocks do not reduce. Differences are
-    relative to the expected value, or to `least` if larger.
+    values, for example from a calibration, which further blocks do not reduce.
     """
     samples = Sample.of(captured), Sample.of(expected)
     error, freedom = (float(value) for value in _welch(*samples, standard_error))
     means = float(samples[0].mean), float(samples[1].mean)
-    scale = max(abs(means[1]), least, 1e-300)
+    scale = max(abs(means[1]), 1e-300)
     change = means[0] - means[1]
     p = float(2 * t.sf(abs(change) / error, freedom)) if error > 0 else float(change == 0)
     wide, narrow = (float(t.ppf(level, freedom)) * error / scale for level in (0.975, 0.95))

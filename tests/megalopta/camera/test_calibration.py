@@ -18,13 +18,7 @@ from megalopta.camera.measurements import read_measurement
 from megalopta.camera.sources import Beam, Source, named_sources, read_recorded
 from megalopta.cli.main import main
 from megalopta.core.errors import UserError
-from megalopta.sensor import (
-    changed,
-    expose_rate,
-    load_sensor,
-    preset,
-    reading_moments,
-)
+from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
 from megalopta.sensor.calibrate.crosstalk import Kernel
 from megalopta.sensor.calibrate.device import Estimate, calibrate_device
 from megalopta.sensor.calibrate.level import Level

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import tty
-from itertools import islice, repeat
+from itertools import cycle, islice
 
 import numpy as np
 import pytest
@@ -27,13 +27,7 @@ from megalopta.camera.recording import open_recording
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.formats.protocol import (
-    Identity,
-    Kind,
-    Packet,
-    Settings,
-    command,
-)
+from megalopta.sensor.formats.protocol import Identity, Kind, Packet, Settings, command
 
 from ..process_group import wait_for
 from .conftest import FILM, RUN, acting, emulating, expected_adc, frames, running, wanted
@@ -235,7 +229,7 @@ def test_without_room_the_frames_before_are_kept(tmp_path, capsys):
     assert ended.returncode == 2 and "the file exceeds the size limit" in told
     assert told.endswith(f"the 186 earlier frames are kept in {out}")
     recording = open_recording(out)
-    assert (len(recording), recording.dropped_bytes) == (186, 304)
+    assert len(recording) == 186
     assert "186 complete frames, 304 bytes of an incomplete one" in capsys.readouterr().err
 
 
@@ -293,23 +287,15 @@ def test_control_codes_of_a_serial_number_go_nowhere(tmp_path, monkeypatch, caps
 GARBAGE = np.random.default_rng(0).integers(0, 256, 4096, np.uint8).tobytes()
 
 
-def nothing(camera):
-    yield from ()
-
-
-def garbage(camera):
-    yield from repeat(GARBAGE)
-
-
 @pytest.mark.parametrize("sent", [0, 20])
-@pytest.mark.parametrize("then", [nothing, garbage])
-def test_a_capture_that_frames_leave_ends_and_keeps_them(monkeypatch, tmp_path, then, sent):
+@pytest.mark.parametrize("garbage", [(), (GARBAGE,)])
+def test_a_capture_that_frames_leave_ends_and_keeps_them(monkeypatch, tmp_path, garbage, sent):
     monkeypatch.setattr("megalopta.camera.capture.PATIENCE_S", 0.5)
     out = tmp_path / "a"
 
     def some(camera):
         yield from islice(frames(camera), sent)
-        yield from then(camera)
+        yield from cycle(garbage)
 
     refused = pytest.raises(UserError, match=r"no new frame in 0\.5 s; unplug")
     with acting(some) as port, refused as error:

@@ -5,6 +5,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from megalopta.sensor import changed, preset
+
 from .faulty import CAMERAS, FAULTS, compared, moved, of_readings, said, together, written
 
 CODES = FAULTS["codes"]
@@ -140,3 +142,22 @@ def test_frames_all_at_the_counters_end_are_no_repetition():
     camera = CAMERAS["counts"]._replace(shape=(8, 8))
     found = compared(1, camera, **written(np.s_[:], lambda counts: np.minimum(counts, 3)))
     assert "repeated frames" not in said(found)
+
+
+@pytest.mark.parametrize(
+    "shares",
+    [
+        {"distance_two": 0.5, "distance_three": 1.0},
+        pytest.param(
+            {"kernel": [[np.where(np.arange(25) == 12, 0.0, 1.0).reshape(5, 5).tolist()]]},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_crosstalk_of_any_kernel_is_found_with_its_size(shares):
+    known = changed(preset("ideal"), crosstalk={"mean_fired_neighbors": 0.02, **shares})
+    camera = CAMERAS["counts"]._replace(sensor=known, shape=(24, 24), levels=((1e-3, 7.5e4, 900),))
+    found = compared(1, camera, sensor={"crosstalk": {"mean_fired_neighbors": 0.12}})
+    assert found.explained.accepted[0].names == ("crosstalk",)
+    # known to about 4 %, five of which; means, variances and covariances agree
+    assert found.causes[0].captured == pytest.approx(0.12, rel=0.2)
