@@ -61,14 +61,11 @@ class Command(argparse.ArgumentParser):
         for option, arguments in verb.options:
             self.add_argument(option, **arguments)
         self.set_defaults(run=verb.run)
+        if verb.run is None:
+            self.branch = self.add_subparsers(dest=how["prog"], required=True, metavar="VERB")
+            self.verbs = self.branch.choices
         self.named = set(self._option_string_actions)
         """Option strings, such as "--out"."""
-
-    def branch(self, name: str) -> "argparse._SubParsersAction[Command]":
-        """Return what takes the verbs below this one; `name` is that of the chosen one."""
-        branch = self.add_subparsers(dest=name, required=True, metavar="VERB")
-        self.verbs = branch.choices
-        return branch
 
     def below(self, word: str) -> "Command":
         """Return the command of a verb; itself for other words. Raises UserError if unknown."""

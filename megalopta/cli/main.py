@@ -85,7 +85,7 @@ def _run(arguments: Sequence[str]) -> None:
         arguments = [*arguments, "--help"]
     words, overrides = split_overrides(arguments, parser.named | command.named, command.takes)
     options = parser.parse_args(words, Namespace(overrides=overrides))
-    with working(options.verb):
+    with working(command.prog.removeprefix("megalopta ")):
         made = options.run(options)
         for line in made if isinstance(made, list | tuple | Iterator) else [made]:
             if line is not None:
@@ -105,17 +105,15 @@ def program() -> Command:
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     parser.named.add("--version")
-    branches = {"": parser.branch("verb")}
+    commands = {"": parser}
     for name, verb in sorted(VERBS.items()):
         above, _, word = name.rpartition(" ")
-        command = branches[above].add_parser(
+        commands[name] = commands[above].branch.add_parser(
             word,
             help=verb.purpose,
             description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
             verb=verb,
         )
-        if verb.run is None:
-            branches[name] = command.branch("sub_verb")
     return parser
 
 

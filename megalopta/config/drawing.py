@@ -7,7 +7,7 @@ from typing import Any
 
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration, fitted, with_suited_depth
-from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
+from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 from megalopta.core.validation import merged
@@ -132,15 +132,19 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards."""
-    number = index // plan.cameras_per_path
-    drawn, dealt = stream(plan.seed, number), dict[str, float]()
+    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards.
+
+    Each depends on seed, index and path alone.
+    """
+    number, dealt = index // plan.cameras_per_path, dict[str, float]()
     for name in _DRAWN:
         if count := len(getattr(plan, name)):
             turn, place = divmod(number, count)
             order = generator(plan.seed, "plan", turn, name).permutation(count)
             dealt[name] = (order[place] + 0.5) / count
-    return lambda path: dealt[path] if path in dealt else drawn(path)
+    return lambda path: (
+        dealt[path] if path in dealt else float(generator(plan.seed, "plan", number, path).random())
+    )
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:

@@ -15,7 +15,6 @@ from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.base import Mount
-from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 
 Stream: TypeAlias = Callable[[str], float]
@@ -219,11 +218,6 @@ def _placed(value: Any, folder: Path | None, key: object = None) -> Any:
         is_below = place.is_absolute() and place.is_relative_to(Path.cwd())
         return str(place.relative_to(Path.cwd()) if is_below else place)
     return value
-
-
-def stream(seed: int, index: int) -> Stream:
-    """Return the random numbers of a sequence; each depends on seed, index and path alone."""
-    return lambda path: float(generator(seed, "plan", index, path).random())
 
 
 def draw_entry(value: Any, at: Stream, path: str = "") -> Any:

@@ -195,24 +195,6 @@ def printable(text: str) -> str:
     )
 
 
-def cut(message: str, given: Any) -> str:
-    """Return a message that quotes at most `QUOTED` characters of any text in `given`."""
-    if len(message) > QUOTED:
-        for text in _texts(given):
-            message = message.replace(text, quoted(text)) if len(text) > QUOTED else message
-    return message
-
-
-def _texts(values: Any) -> Iterator[str]:
-    if isinstance(values, str):
-        yield values
-    elif isinstance(values, Mapping):
-        yield from _texts(list(values.items()))
-    elif isinstance(values, list | tuple):
-        for value in values:
-            yield from _texts(value)
-
-
 def sentence(text: str, at_most: int = SENTENCE) -> str:
     """Return a message as one line with control characters escaped.
 

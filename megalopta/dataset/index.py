@@ -62,7 +62,7 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     assert statistics is not None
     camera = settings["camera"]
     yield {
-        "frames": record.frames,
+        "frames": settings["trajectory"]["frames"],
         **{name: camera.get(name) for name in ("height", "width", "fov_deg")},
         "bytes": sum(size for size, _ in record.files.values()),
         "frame_rate_hz": settings["trajectory"]["frame_rate_hz"],

@@ -67,12 +67,6 @@ def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
     return (code & 255).astype(np.uint8)
 
 
-def write_class_names(dataset: Dataset, kinds: Sequence[str]) -> None:
-    """Write the names of the classes, that of the sky first."""
-    path = dataset.frame("training/classes", 0).with_name("names.json")
-    files.write_json(path, ["sky", *kinds])
-
-
 def write_tracks(path: Path, settings: TrackSettings, by_frame: Sequence["Tracks"]) -> None:
     """Write the tracks of the points of each frame."""
     seen = [

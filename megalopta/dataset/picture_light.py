@@ -140,7 +140,7 @@ def picture_times(footage: "Footage", rate_hz: float) -> Floats:
     """Return the time of every picture, s; those of files that tell none follow at a rate."""
     if footage.times_s is not None:
         return footage.times_s
-    return np.arange(len(footage)) / rate_hz
+    return np.arange(footage.count) / rate_hz
 
 
 @dataclass(frozen=True)

@@ -184,7 +184,7 @@ STAGE = Stage(
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],
     work=measure_flow,
-    model=_model,
+    made_with=lambda _: {"model": _model()},
     is_derived=True,
     check=_check,
 )

@@ -131,12 +131,39 @@ def pictures_configuration(
             illuminance_of(level)
     light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
     settings = settings.model_copy(update={"light": light, **light_levels})
+    _say_what_is_read(settings, footage, brightness)
     return settings, picture_light.PictureLight(frames, brightness, of_unit)
+
+
+def _say_what_is_read(
+    settings: Configuration, footage: Footage, brightness: picture_light.Brightness
+) -> None:
+    """Say how the pictures become light, and what their file states and does not state."""
+    scene, camera = cast(Pictures, settings.scene), settings.camera
+    white = (
+        "their spectra are used as they are"
+        if footage.transfer == "spectral radiance"
+        else f"{footage.transfer} codes become light, white has the spectrum of "
+        f"{scene.white_name(settings.light)}, and the mean reflectance is "
+        f"{100 * scene.reflectance:g} %"
+    )
+    lines = [
+        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {footage.count} pictures; {white}"
+    ]
+    if footage.count == 1:
+        lines.append("it is one picture, which stands still")
+    lines += footage.notes
+    if brightness.saturated:
+        share = f"{100 * brightness.saturated:.2g} % of the pixels"
+        lines.append(f"{share} are saturated in the file, so too dark")
+    for line in lines:
+        say(f"pictures: {line}")
 
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Return the fields of the configuration that the file and the options state."""
-    path, (rows, columns), count = footage.path, footage.shape, len(footage)
+    path, (rows, columns), count = footage.path, footage.shape, footage.count
     width = asked.width or columns
     scene = {name: getattr(asked, name) for name in _OF_SCENE}
     light = {}
@@ -202,10 +229,11 @@ def import_pictures(dataset: Dataset) -> None:
         with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
             frames = picture_light.PictureFrames(footage, settings)
             light = picture_light.PictureLight(frames, _measured(frames), np.zeros(0))
+            _say_what_is_read(settings, footage, light.brightness)
             import_pictures(replace(dataset, light=light))
         return
     footage, brightness = dataset.light.frames.footage, dataset.light.brightness
-    folder, camera = picture_light.picture_folder(dataset), settings.camera
+    folder = picture_light.picture_folder(dataset)
     if not folder.exists():
         with (
             refused_as("scene.file"),
@@ -225,31 +253,12 @@ def import_pictures(dataset: Dataset) -> None:
                     scene.file.compare(copied(source, target))
     record = {
         "files": len(footage.files),
-        "pictures": len(footage),
+        "pictures": footage.count,
         "transfer": footage.transfer,
         "notes": list(footage.notes),
         **asdict(brightness),
     }
     files.write_json(dataset.scene_record, {"pictures": record})
-    white = (
-        "their spectra are used as they are"
-        if footage.transfer == "spectral radiance"
-        else f"{footage.transfer} codes become light, white has the spectrum of "
-        f"{scene.white_name(settings.light)}, and the mean reflectance is "
-        f"{100 * scene.reflectance:g} %"
-    )
-    lines = [
-        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {white}"
-    ]
-    if len(footage) == 1:
-        lines.append("it is one picture, which stands still")
-    lines += footage.notes
-    if brightness.saturated:
-        share = f"{100 * brightness.saturated:.2g} % of the pixels"
-        lines.append(f"{share} are saturated in the file, so too dark")
-    for line in lines:
-        say(f"pictures: {line}")
 
 
 def check_pictures(settings: Configuration) -> None:

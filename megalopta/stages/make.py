@@ -19,6 +19,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
+from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import say, silent
 from megalopta.core.record import Record
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
@@ -29,7 +30,7 @@ from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of, ope
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
-from megalopta.stages.registry import STAGES, differences_text, provenance, provenance_changes
+from megalopta.stages.registry import STAGES, differences_text, provenance_changes
 from megalopta.stages.run import check_stage, foresee, run, run_stage
 from megalopta.stages.sense import expose, open_exposure
 
@@ -155,7 +156,8 @@ def _check_same_machinery(tree: Tree) -> None:
     for dataset in map(tree.opened, _some(tree)):
         for stage in MADE:
             before = dataset.former.stages[stage].made_with
-            if change := provenance_changes(before, provenance(stage, dataset.configuration)):
+            now = STAGES[stage].made_with(dataset.configuration)
+            if change := provenance_changes(before, now):
                 raise UserError(
                     f"{tree.root}: sequence {dataset.sequence} was made by other software "
                     f"({stage}: {change}); continue with that, choose another folder, or remove "
@@ -375,12 +377,11 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             )
     if is_checked:
         check_stage("sense", settings, root)
-        model = STAGES["sense"].model()
-        if (known := record.stages["sense"].made_with["model"]) != model:
+        if (known := record.stages["sense"].made_with["model"]) != str(SENSOR_MODEL):
             raise UserError(
                 f"{root}: sequence {made.sequence} was exposed by another sensor model (sense: "
-                f"model: {known} → {model}); use the program that made it, or regenerate the "
-                "dataset in another folder"
+                f"model: {known} → {SENSOR_MODEL}); use the program that made it, or regenerate "
+                "the dataset in another folder"
             )
         return
     if not missing:

@@ -229,7 +229,8 @@ class FrameWriter:
         """Write names of classes and tracks of points, which belong to all frames."""
         dataset, tracked = self._dataset, self._settings.tracks
         if "classes" in self._settings.labels:
-            labels.write_class_names(dataset, self._kinds)
+            path = dataset.frame("training/classes", 0).with_name("names.json")
+            files.write_json(path, ["sky", *self._kinds])
         if tracked:
             image = tracked.points(self._settings.camera)
             with step("following points"):
@@ -348,12 +349,14 @@ def _check(settings: Configuration) -> None:
         check_pictures(settings)
 
 
-def _machinery(settings: Configuration) -> dict[str, str]:
+def _made_with(settings: Configuration) -> dict[str, str]:
+    model = {"model": f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}"}
     if not settings.scene.has_truth:
-        return {}
+        return model
     variant = choose_variant(settings.render.backend).name
+    libraries = {name: version(name) for name in ("mitsuba", "drjit")}
     llvm = {"llvm": llvm_in_use()[1]} if variant.startswith("llvm") else {}
-    return {"variant": variant, **{name: version(name) for name in ("mitsuba", "drjit")}, **llvm}
+    return {**model, "variant": variant, **libraries, **llvm}
 
 
 STAGE = Stage(
@@ -363,8 +366,7 @@ STAGE = Stage(
     needs=(),
     outputs=lambda dataset: [dataset.root / kind / dataset.sequence for kind in _FOLDERS],
     work=render,
-    model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
-    machinery=_machinery,
+    made_with=_made_with,
     check=_check,
     rehearse=lambda settings: build(settings) if settings.scene.has_truth else None,
 )
