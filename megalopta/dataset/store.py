@@ -121,14 +121,6 @@ class Dataset:
         """
         return self.compared(self.root / frame_file(kind, self.sequence, index))
 
-    def radiance(self, index: int) -> Path:
-        """Spectral radiance of a frame."""
-        return self.frame("radiance", index)
-
-    def truth(self, index: int) -> Path:
-        """Ground truth of a frame."""
-        return self.frame("truth", index)
-
     def exposed_radiance(self, index: int) -> Path:
         """Spectral radiance of a frame through the shutter, as sensors see it."""
         return self.frame(self._radiance, index)

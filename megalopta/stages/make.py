@@ -19,7 +19,6 @@ from megalopta.config.yaml_model import validated
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import locked
-from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import say, silent
 from megalopta.core.record import Record
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
@@ -339,19 +338,16 @@ class Exposing(Record, frozen=True):
 
 def add_exposures(
     root: Path,
-    wanted: Exposing | Mapping[str, str],
+    overrides: Mapping[str, str],
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> None:
-    """Add missing exposures to every sequence of a plan.
+    """Add missing exposures, by the fields of `Exposing`, to every sequence of a plan.
 
-    `wanted` may also be settings of the command line. Raises UserError if there is no dataset, or a
-    sensor cannot expose a sequence.
+    Raises UserError if there is no dataset, or a sensor cannot expose a sequence.
     """
-    if not isinstance(wanted, Exposing):
-        wanted = validated(Exposing, {}, "sense", wanted)
     tree = Tree(root.absolute())
-    job = partial(_expose, tree.root, wanted)
+    job = partial(_expose, tree.root, validated(Exposing, {}, "sense", overrides))
     _on_all(tree, "Exposing sequences", job, workers, scheduler)
 
 
@@ -377,11 +373,12 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             )
     if is_checked:
         check_stage("sense", settings, root)
-        if (known := record.stages["sense"].made_with["model"]) != str(SENSOR_MODEL):
+        model = STAGES["sense"].made_with(settings)["model"]
+        if (known := record.stages["sense"].made_with["model"]) != model:
             raise UserError(
                 f"{root}: sequence {made.sequence} was exposed by another sensor model (sense: "
-                f"model: {known} → {SENSOR_MODEL}); use the program that made it, or regenerate "
-                "the dataset in another folder"
+                f"model: {known} → {model}); use the program that made it, or regenerate the "
+                "dataset in another folder"
             )
         return
     if not missing:

@@ -86,7 +86,7 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
         kinds += ["disparities", "occlusions_stereo"]
     training = [dataset.frame(f"training/{kind}", index) for kind in kinds]
     of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
-    return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
+    return [dataset.frame("radiance", index), dataset.frame("truth", index), *of_shutter, *training]
 
 
 def build(settings: Configuration) -> Scene:
@@ -187,7 +187,7 @@ class FrameWriter:
     def write(self, index: int) -> None:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
-        settings, renderer = self._settings, self._renderer
+        settings, renderer, frame = self._settings, self._renderer, dataset.frame
         camera, seed, bands_nm = settings.camera, settings.seed, settings.render.bands_nm
         with step("rendering radiance"):
             radiance, noise = self._until_good(
@@ -202,21 +202,19 @@ class FrameWriter:
             "timeSeconds": f"{time:.9g}",
         }
         measured = {ATTRIBUTE: noise.to_json()} if noise else {}
-        write_radiance(dataset.radiance(index), radiance, bands_nm, {**attributes, **measured})
+        write_radiance(frame("radiance", index), radiance, bands_nm, {**attributes, **measured})
         if index + 1 < len(self._poses):
             sintel.write_flow(dataset, index, truth)
-        sintel.write_depth(dataset.frame("training/depth", index), truth.depth)
+        sintel.write_depth(frame("training/depth", index), truth.depth)
         if camera.intrinsics is not None:
-            camera_path = dataset.frame("training/camdata_left", index)
-            sintel.write_camera(camera_path, camera.intrinsics, pose)
-        clusters = None
-        if "clusters" in settings.labels:
-            clusters = renderer.leaf_clusters(pose, time)
-        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index), clusters)
+            sintel.write_camera(frame("training/camdata_left", index), camera.intrinsics, pose)
+        has_clusters = "clusters" in settings.labels
+        clusters = renderer.leaf_clusters(pose, time) if has_clusters else None
+        write_truth(frame("truth", index), truth, self._origin_m, self._view(index), clusters)
         labels.write_labels(dataset, index, truth, clusters)
         if "albedo" in settings.labels:
             albedo = renderer.albedo(pose, time)
-            write_radiance(dataset.frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
+            write_radiance(frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
         if (baseline_m := settings.baseline_m) is not None:  # of a rig's other camera
             right = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], right])
@@ -331,7 +329,7 @@ def write_previews(dataset: Dataset) -> None:
     bands_nm, frames = settings.render.bands_nm, range(settings.trajectory.frames)
 
     def radiance(index: int) -> Any:
-        return decoded(dataset.radiance(index), read_radiance)[0]
+        return decoded(dataset.frame("radiance", index), read_radiance)[0]
 
     curve = ToneCurve.of(linear_srgb(radiance(index), bands_nm, white) for index in frames)
     for index in frames:

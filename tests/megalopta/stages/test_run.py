@@ -51,7 +51,7 @@ def test_depth_and_camera_files_follow_sintels_layout(finished):
     assert np.frombuffer(raw[:4], "<f4")[0] == np.float32(202021.25)
     width, height = np.frombuffer(raw[4:12], "<i4")
     depth = np.frombuffer(raw[12:], "<f4").reshape(height, width)
-    exact = read_truth(finished.truth(0)).depth
+    exact = read_truth(finished.frame("truth", 0)).depth
     np.testing.assert_array_equal(depth, np.where(np.isinf(exact), 1e10, exact).astype("<f4"))
     raw = finished.frame("training/camdata_left", 0).read_bytes()
     intrinsics = np.frombuffer(raw[4:76], "<f8").reshape(3, 3)
@@ -182,10 +182,12 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
     (copy.root / "litter.txt").write_text("?")
     path = copy.counts(copy.configuration.sensors[0], "twilight") / "counts/c/0/0/0"
     path.write_bytes(bytes(path.stat().st_size))
-    copy.radiance(3).unlink()
+    copy.frame("radiance", 3).unlink()
     assert not run_check_files(copy.root)
     text = capsys.readouterr().out
-    assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
+    assert (
+        f"{copy.frame('radiance', 3)}: is missing; run: megalopta render {copy.root} --out" in text
+    )
     assert f"{path}: differs from its record; remove {path.parents[4]} and run" in text
     assert "litter.txt: belongs to no sequence" in text
     assert "3 faults" in text
