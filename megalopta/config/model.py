@@ -6,9 +6,11 @@ from typing import Any
 
 from megalopta.config import built_in_names, built_in_text
 from megalopta.config.measuring import MeasuringSettings
-from megalopta.config.sensing import LightLevel as LightLevel
-from megalopta.config.sensing import LightLevels as LightLevels
-from megalopta.config.sensing import level_text as level_text
+from megalopta.config.sensing import (
+    LightLevel as LightLevel,
+    LightLevels as LightLevels,
+    level_text as level_text,
+)
 from megalopta.config.yaml_model import mapping, overridden, validated, yaml_text
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.scenes.build import build_scene
