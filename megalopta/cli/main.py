@@ -84,10 +84,6 @@ def _run(arguments: Sequence[str]) -> None:
                 print(line)
 
 
-_SIMILAR = 0.8
-"""Least similarity of a mistyped option to an option; no setting reaches it."""
-
-
 def program() -> Command:
     """Return the parser with all verbs."""
     parser = Command(
@@ -130,7 +126,8 @@ def split_overrides(
             taker = name.removeprefix("--").replace("-", "_")
             if not taker:
                 raise UserError("--: not a setting; give its path, such as --camera.width")
-            if near := get_close_matches(taker, [option[2:] for option in options], 1, _SIMILAR):
+            # no setting is as similar to an option
+            if near := get_close_matches(taker, [option[2:] for option in options], 1, cutoff=0.8):
                 raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             words = takes(taker)
             if taker in settings:

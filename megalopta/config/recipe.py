@@ -23,7 +23,6 @@ Stream: TypeAlias = Callable[[str], float]
 FlowFile = Literal["kitti_png", "flo5"]
 _LONGEST_SPLIT = 60
 _KINDS = ("uniform", "log_uniform", "integer", "one_of")
-_DIGITS = 5
 Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
 
@@ -285,4 +284,4 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     is_log = kind == "log_uniform"
     value = low * (high / low) ** place if is_log else low + place * (high - low)
     # short enough for a file's name
-    return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
+    return min(max(float(f"{value:.5g}"), float(low)), float(high))

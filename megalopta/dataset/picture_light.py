@@ -27,8 +27,6 @@ Float32 = NDArray[np.float32]
 
 _SAME_TIME = 0.1
 """Share of the period of frames, or pictures, by which times of a file may be rounded"""
-_KEPT = 3
-"""Pictures in memory"""
 
 
 class PictureFrames:
@@ -42,7 +40,7 @@ class PictureFrames:
         steps = np.diff(self._places)
         self._same = _SAME_TIME * min(1.0, float(np.median(steps)) if steps.size else 1.0)
         shape = settings.camera.shape
-        self._picture: Callable[[int], Float32] = lru_cache(maxsize=_KEPT)(
+        self._picture: Callable[[int], Float32] = lru_cache(maxsize=3)(
             lambda index: resized(footage.frame(index), shape)
         )
         self._flow: Callable[[int], Floats] = lru_cache(maxsize=1)(

@@ -38,12 +38,8 @@ _USUAL: Mapping[str, tuple[Any, Any]] = {
 """Settings of pictures that do not depend on the files, as in YAML, and as of a configuration"""
 DEFAULTS = {name: values for name, (values, _) in _USUAL.items()}
 _BENCHMARK: BenchmarkSettings = Configuration.model_fields["benchmark"].default
-_LEAST_SIZE = 3
-"""Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
 _OF_SCENE = "unit", "between", "picture_rate_hz", "reflectance"
-_DIGITS = 4
-"""Digits of a light level, which names files"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +83,7 @@ def pictures_configuration(
             "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
         )
     values, usual = _fields(footage, asked), dict(_USUAL)
-    size = max(_LEAST_SIZE, min(60, values["camera"]["height"]))
+    size = max(3, min(60, values["camera"]["height"]))
     usual["benchmark"] = {"sizes": [size]}, _BENCHMARK.model_copy(update={"sizes": (size,)})
     changed = {setting.partition(".")[0] for setting in overrides}
     for name in usual.keys() & changed - values.keys():
@@ -126,7 +122,7 @@ def pictures_configuration(
             levels = [photons / per_lux[0] for photons in asked.photons]
         elif asked.luminance:
             levels = [luminance * lux_per_luminance for luminance in asked.luminance]
-        levels = list(dict.fromkeys(float(f"{lux:.{_DIGITS}g}") for lux in levels))
+        levels = list(dict.fromkeys(float(f"{lux:.4g}") for lux in levels))  # they name files
         for level in levels:
             illuminance_of(level)
     light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}

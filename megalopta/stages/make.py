@@ -33,10 +33,6 @@ from megalopta.stages.registry import STAGES, differences_text, provenance_chang
 from megalopta.stages.run import check_stage, foresee, run, run_stage
 from megalopta.stages.sense import expose, open_exposure
 
-_COUNTED = 10_000
-"""Sequences of which the splits are counted."""
-_COMPARED = 50
-"""Finished sequences that are compared with the plan and with the software."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
 _LAYOUTS: tuple[tuple[FlowFile, str, str, Callable[[Path], Any], Callable[..., None]], ...] = (
     ("kitti_png", _FLOW, "training/flow_kitti", read_flo, write_kitti_png),
@@ -66,7 +62,7 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, 10_000))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
@@ -165,8 +161,9 @@ def _check_same_machinery(tree: Tree) -> None:
 
 
 def _some(tree: Tree) -> list[str]:
+    """Finished sequences that are compared with the plan and with the software."""
     names = tree.names()
-    return names[:: max(1, len(names) // _COMPARED)]
+    return names[:: max(1, len(names) // 50)]
 
 
 def _make(root: Path, plan: Plan, index: int) -> None:
@@ -198,16 +195,13 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
                 write(path, read(dataset.frame(source, index)))
 
 
-_FRAMES_LOOKED_AT = 8
-
-
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
     """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
     from megalopta.render import out_of_view  # loads the renderer
 
     # among frames with a forward flow, unless there is only one
     last = max(dataset.configuration.trajectory.frames - 2, 0)
-    frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
+    frames = np.unique(np.linspace(0, last, min(8, last + 1)).astype(int)).tolist()
     speeds, unmatched, depths, sky, textures = [], [], [], [], []
     for index in frames:
         truth = read_truth_frame(dataset, index)

@@ -42,10 +42,6 @@ from megalopta.stages.importing import check_pictures, import_pictures
 
 _REFLECTANCE = {"emissiveUnits": "1", "quantity": "diffuse reflectance"}
 """Attributes of the files of albedo, which are laid out as those of radiance"""
-# Points below the camera's path where illuminance is measured.
-_LIGHT_METERS = 9
-_MUCH_LEFT_OUT = 0.01
-"""Truncated share of the light of surfaces, in any band, from which a warning is given"""
 
 
 def render(dataset: Dataset) -> None:
@@ -151,7 +147,8 @@ class FrameWriter:
         """
         middle = len(self._poses) // 2
         left_out = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
-        metered = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
+        # illuminance is measured below nine points of the camera's path
+        metered = np.unique(np.linspace(0, len(self._poses) - 1, 9).astype(int))
         illuminance = None  # of a self-luminous scene
         if survey := self._renderer.light_survey(self._poses[metered, :3, 3]):
             illuminance = {
@@ -290,7 +287,7 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
             )
         say(f"render: {text}")
     shares = record["light_left_out"]
-    if shares and max(shares) >= _MUCH_LEFT_OUT:
+    if shares and max(shares) >= 0.01:
         low, high = rendering.bands_nm[int(np.argmax(shares))]
         say(
             f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm "
