@@ -98,8 +98,7 @@ def pictures_configuration(
             sensors[index] = sensor.model_copy(update={"exposure_s": longest_s})
     settings = settings.model_copy(update={"sensors": tuple(sensors)})
     with refused_as("render"):
-        _check_shape(settings, footage)
-    frames = picture_light.PictureFrames(footage, settings)
+        frames = picture_light.PictureFrames(footage, settings)
     brightness = _measured(frames)
     scene, light = cast(Pictures, settings.scene), settings.light
     bands_nm = settings.render.bands_nm
@@ -127,34 +126,7 @@ def pictures_configuration(
             illuminance_of(level)
     light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
     settings = settings.model_copy(update={"light": light, **light_levels})
-    _say_what_is_read(settings, footage, brightness)
     return settings, picture_light.PictureLight(frames, brightness, of_unit)
-
-
-def _say_what_is_read(
-    settings: Configuration, footage: Footage, brightness: picture_light.Brightness
-) -> None:
-    """Say how the pictures become light, and what their file states and does not state."""
-    scene, camera = cast(Pictures, settings.scene), settings.camera
-    white = (
-        "their spectra are used as they are"
-        if footage.transfer == "spectral radiance"
-        else f"{footage.transfer} codes become light, white has the spectrum of "
-        f"{scene.white_name(settings.light)}, and the mean reflectance is "
-        f"{100 * scene.reflectance:g} %"
-    )
-    lines = [
-        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {footage.count} pictures; {white}"
-    ]
-    if footage.count == 1:
-        lines.append("it is one picture, which stands still")
-    lines += footage.notes
-    if brightness.saturated:
-        share = f"{100 * brightness.saturated:.2g} % of the pixels"
-        lines.append(f"{share} are saturated in the file, so too dark")
-    for line in lines:
-        say(f"pictures: {line}")
 
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
@@ -196,8 +168,12 @@ def shortest(value: float) -> float:
 
 
 def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
-    """Average over pictures, each so often as it is shown. Raises UserError for black."""
-    footage, trajectory, weights = frames.footage, frames.settings.trajectory, frames.weights()
+    """Average over pictures, each so often as it is shown, and say how they become light.
+
+    Raises UserError for black.
+    """
+    footage, settings, weights = frames.footage, frames.settings, frames.weights()
+    scene, camera, trajectory = cast(Pictures, settings.scene), settings.camera, settings.trajectory
     if missed := max(weights) + 1 - len(weights):
         say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
     end_s = float(frames.times_s[-1])
@@ -215,7 +191,27 @@ def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
     mean, luminance = mean / total, float(mean @ shares) / total
     if not luminance > 0:
         raise UserError(f"{footage.path} is black; give pictures with visible light in them")
-    return picture_light.Brightness(tuple(mean.tolist()), saturated / total, luminance)
+    white = (
+        "their spectra are used as they are"
+        if footage.transfer == "spectral radiance"
+        else f"{footage.transfer} codes become light, white has the spectrum of "
+        f"{scene.white_name(settings.light)}, and the mean reflectance is "
+        f"{100 * scene.reflectance:g} %"
+    )
+    lines = [
+        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {footage.count} pictures; {white}"
+    ]
+    if footage.count == 1:
+        lines.append("it is one picture, which stands still")
+    lines += footage.notes
+    saturated /= total
+    if saturated:
+        share = f"{100 * saturated:.2g} % of the pixels"
+        lines.append(f"{share} are saturated in the file, so too dark")
+    for line in lines:
+        say(f"pictures: {line}")
+    return picture_light.Brightness(tuple(mean.tolist()), saturated, luminance)
 
 
 def import_pictures(dataset: Dataset) -> None:
@@ -225,7 +221,6 @@ def import_pictures(dataset: Dataset) -> None:
         with refused_as("scene.file"), open_footage(Path(scene.file.path), scene.unit) as footage:
             frames = picture_light.PictureFrames(footage, settings)
             light = picture_light.PictureLight(frames, _measured(frames), np.zeros(0))
-            _say_what_is_read(settings, footage, light.brightness)
             import_pictures(replace(dataset, light=light))
         return
     footage, brightness = dataset.light.frames.footage, dataset.light.brightness
@@ -262,13 +257,4 @@ def check_pictures(settings: Configuration) -> None:
     scene = cast(Pictures, settings.scene)
     if (file := Path(scene.file.path)).exists():  # else a dataset that came from elsewhere
         with refused_as("scene.file"), open_footage(file, scene.unit) as footage:
-            _check_shape(settings, footage)
-
-
-def _check_shape(settings: Configuration, footage: Footage) -> None:
-    camera, (rows, columns) = settings.camera, footage.shape
-    if abs(camera.height - camera.width * rows / columns) > 1:
-        raise ValueError(
-            f"camera {camera.width} × {camera.height}: {footage.path} has {columns} × {rows} px; "
-            "give a size of the same shape"
-        )
+            picture_light.PictureFrames(footage, settings)

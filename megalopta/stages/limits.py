@@ -77,7 +77,8 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
     else:
         memory = held * 60 + pixels * 160 * methods * len(settings.benchmark.fluxes)
         disk = 8
-    return 1e9 + memory, float(frames * pixels * disk)
+    memory += 1e9  # of the program
+    return memory, float(frames * pixels * disk)
 
 
 def size(number: float) -> str:
