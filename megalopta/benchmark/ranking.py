@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_vali
 from megalopta.benchmark import table
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
-from megalopta.core.format_numbers import written
+from megalopta.core.format_numbers import FORMATS
 from megalopta.core.record import Record
 from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.scenes.levels import illuminance_of
@@ -66,7 +66,7 @@ def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
 class RankingFacts(Record, frozen=True):
     """What was measured: `ranking.json`."""
 
-    format: NonNegativeInt = written("ranking")
+    format: NonNegativeInt = FORMATS["ranking"].written
     """Format of this file (`format_numbers`)"""
     settings: RankingSettings
     sequences: tuple[str, ...]

@@ -15,7 +15,7 @@ from rich.table import Table
 from megalopta.benchmark import clips
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import written
+from megalopta.core.format_numbers import FORMATS
 from megalopta.core.freshness import digest
 from megalopta.core.pictures import read_codes
 from megalopta.core.progress import progress
@@ -38,7 +38,7 @@ has no pixel"""
 class Entry(Record, frozen=True):
     """A row of the table of scores: a program's flow over one pass, of all or of one sequence."""
 
-    format: NonNegativeInt = written("scores")
+    format: NonNegativeInt = FORMATS["scores"].written
     """Format of this row (`format_numbers`)"""
     program: str
     pass_name: str
@@ -56,7 +56,7 @@ class Entry(Record, frozen=True):
 class Scores(Record, frozen=True):
     """The table: for each pass an entry per sequence, then one over all."""
 
-    format: NonNegativeInt = written("scores")
+    format: NonNegativeInt = FORMATS["scores"].written
     """Format of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
 

@@ -21,7 +21,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.bounded import check_file, printable, read_text
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.files import write_text
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.core.progress import say
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
@@ -190,7 +190,7 @@ def counts_by_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_
 
 def write_settings(folder: Path, settings: RecordingSettings) -> None:
     """Write recording.yaml."""
-    stated = {"format": written("recording"), **settings.model_dump(mode="json")}
+    stated = {"format": FORMATS["recording"].written, **settings.model_dump(mode="json")}
     write_text(folder / SETTINGS, strict_yaml.dump(stated))
 
 

@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -61,24 +60,11 @@ class Command(argparse.ArgumentParser):
         for option, arguments in verb.options:
             self.add_argument(option, **arguments)
         self.set_defaults(run=verb.run)
+        if verb.run is None:
+            self.branch = self.add_subparsers(dest=how["prog"], required=True, metavar="VERB")
+            self.verbs = self.branch.choices
         self.named = set(self._option_string_actions)
         """Option strings, such as "--out"."""
-
-    def branch(self, name: str) -> "argparse._SubParsersAction[Command]":
-        """Return what takes the verbs below this one; `name` is that of the chosen one."""
-        branch = self.add_subparsers(dest=name, required=True, metavar="VERB")
-        self.verbs = branch.choices
-        return branch
-
-    def below(self, word: str) -> "Command":
-        """Return the command of a verb; itself for other words. Raises UserError if unknown."""
-        if not self.verbs or word.startswith("-") or word in self.verbs:
-            return self.verbs.get(word, self)
-        deeper = [f"{name} {word}" for name, command in self.verbs.items() if word in command.verbs]
-        near = deeper or get_close_matches(word, self.verbs, 1)
-        remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(self.verbs)}"
-        verb = f"{self.prog} {quoted(word)}".removeprefix("megalopta ")
-        raise UserError(f"{verb}: no such verb; {remedy}")
 
     def takes(self, path: str) -> Words:
         """Number of words that a setting takes. Raises UserError if there is none."""

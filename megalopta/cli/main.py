@@ -15,18 +15,9 @@ from megalopta import __version__
 from megalopta.cli import benchmark, reports, spadcam, stages  # noqa: F401 - their verbs
 from megalopta.cli.command import VERBS, Command
 from megalopta.cli.settings import Words
-from megalopta.core.bounded import sentence
+from megalopta.core.bounded import quoted, sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
-
-try:
-    import resource
-except ImportError:  # Windows has no such limits
-    resource = None  # type: ignore[assignment]
-
-_LEAST_BYTES, _BYTES_PER_CORE = 10**9, 10**8
-"""Address space that the libraries reserve, and per core for threads; measured: 0.76 GB on two
-cores."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -39,14 +30,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")
     logging.getLogger().addHandler(logging.NullHandler())  # libraries log what we say in a sentence
     try:
-        # OpenBLAS hangs while it starts threads under such a limit
-        limit = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
-        needed = _LEAST_BYTES + _BYTES_PER_CORE * (os.cpu_count() or 1)
-        if 0 <= limit < needed:
-            raise UserError(
-                f"the address space is limited to {limit / 1e9:.2g} GB, this machine needs "
-                f"{needed / 1e9:.2g} GB; raise it: ulimit -v {needed // 1024}"
-            )
         _run(words)
     except UserError as error:
         _refuse(str(error))
@@ -80,20 +63,25 @@ def _run(arguments: Sequence[str]) -> None:
         if any("\ud800" <= letter <= "\udfff" for letter in argument):
             # the image libraries cannot write to such names
             raise UserError(f"{argument}: not UTF-8; rename the file or folder")
-        command = command.below(argument)
+        verbs = command.verbs
+        if not verbs or argument.startswith("-"):
+            continue
+        if argument not in verbs:
+            deeper = [f"{name} {argument}" for name in verbs if argument in verbs[name].verbs]
+            near = deeper or get_close_matches(argument, verbs, 1)
+            remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(verbs)}"
+            verb = f"{command.prog} {quoted(argument)}".removeprefix("megalopta ")
+            raise UserError(f"{verb}: no such verb; {remedy}")
+        command = verbs[argument]
     if command.verbs and not any(word.startswith("-") for word in arguments):
         arguments = [*arguments, "--help"]
     words, overrides = split_overrides(arguments, parser.named | command.named, command.takes)
     options = parser.parse_args(words, Namespace(overrides=overrides))
-    with working(options.verb):
+    with working(command.prog.removeprefix("megalopta ")):
         made = options.run(options)
         for line in made if isinstance(made, list | tuple | Iterator) else [made]:
             if line is not None:
                 print(line)
-
-
-_SIMILAR = 0.8
-"""Least similarity of a mistyped option to an option; no setting reaches it."""
 
 
 def program() -> Command:
@@ -105,17 +93,15 @@ def program() -> Command:
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     parser.named.add("--version")
-    branches = {"": parser.branch("verb")}
+    commands = {"": parser}
     for name, verb in sorted(VERBS.items()):
         above, _, word = name.rpartition(" ")
-        command = branches[above].add_parser(
+        commands[name] = commands[above].branch.add_parser(
             word,
             help=verb.purpose,
             description=verb.purpose[0].upper() + verb.purpose[1:] + ".",
             verb=verb,
         )
-        if verb.run is None:
-            branches[name] = command.branch("sub_verb")
     return parser
 
 
@@ -140,7 +126,8 @@ def split_overrides(
             taker = name.removeprefix("--").replace("-", "_")
             if not taker:
                 raise UserError("--: not a setting; give its path, such as --camera.width")
-            if near := get_close_matches(taker, [option[2:] for option in options], 1, _SIMILAR):
+            # no setting is as similar to an option
+            if near := get_close_matches(taker, [option[2:] for option in options], 1, cutoff=0.8):
                 raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             words = takes(taker)
             if taker in settings:

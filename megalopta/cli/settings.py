@@ -20,7 +20,6 @@ FILE = Path(__file__).with_name("settings.json")
 Words = Literal["switch", "one", "all"]
 """Words that a setting takes on the command line; "all": up to the next option."""
 _PLUG_INS = "megalopta.scenes", "megalopta.sensors", "megalopta.detectors"
-_LONGEST = 60
 
 
 @cache
@@ -102,7 +101,7 @@ class VerbSettings:
                 meaning += f" {'Also' if len(missing) < len(field['choices']) else 'One of'}: "
                 meaning += f"{', '.join(missing)}."
             text = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
-            text = textwrap.shorten(text.removesuffix("...").strip(), _LONGEST)
+            text = textwrap.shorten(text.removesuffix("...").strip(), width=60)
             lines.append(f"  --{path.replace('_', '-')} {text}")
             indent = " " * 6
             lines += textwrap.wrap(meaning, width, initial_indent=indent, subsequent_indent=indent)

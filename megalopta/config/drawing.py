@@ -7,15 +7,13 @@ from typing import Any
 
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration, fitted, with_suited_depth
-from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry, stream
+from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 from megalopta.core.validation import merged
 from megalopta.sensor import ImageSensor, generator
 
-_LARGEST_SEED = 2**31
 _DRAWN = ("scenes", "lights", "cameras", "trajectories")
-_SHARES = (0.0, 0.5, 1 - 2**-53)
 
 
 def sequence_name(index: int) -> str:
@@ -42,7 +40,7 @@ def check_plan(plan: Plan) -> list[Configuration]:
         scene, trajectory = pairs[step % len(pairs)]
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
-        for share in _SHARES:
+        for share in (0.0, 0.5, 1 - 2**-53):
             ranges = list[str]()
 
             def at(
@@ -83,7 +81,7 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     differing = {"camera": of_rig.camera, "render": of_rig.render, "shutter": of_rig.shutter}
     values = merged(values, {name: fields for name, fields in differing.items() if fields})
     values["name"] = sequence_name(index)
-    values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
+    values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(2**31))
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
     values["sensors"] = draw_entry(of_rig.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)
@@ -132,15 +130,19 @@ def split_of(plan: Plan, index: int) -> str:
 
 
 def _stream(plan: Plan, index: int) -> Stream:
-    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards."""
-    number = index // plan.cameras_per_path
-    drawn, dealt = stream(plan.seed, number), dict[str, float]()
+    """Random numbers of a path, the same for all cameras of a rig; entries are dealt like cards.
+
+    Each depends on seed, index and path alone.
+    """
+    number, dealt = index // plan.cameras_per_path, dict[str, float]()
     for name in _DRAWN:
         if count := len(getattr(plan, name)):
             turn, place = divmod(number, count)
             order = generator(plan.seed, "plan", turn, name).permutation(count)
             dealt[name] = (order[place] + 0.5) / count
-    return lambda path: dealt[path] if path in dealt else drawn(path)
+    return lambda path: (
+        dealt[path] if path in dealt else float(generator(plan.seed, "plan", number, path).random())
+    )
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> Any:

@@ -2,8 +2,6 @@
 
 from typing import Annotated, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from megalopta.config.scene import ONCE
@@ -29,10 +27,6 @@ class FlowSettings(Record, frozen=True):
     least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
     """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed.
     The record gives the errors with and without mixed pixels."""
-
-    def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
-        """1 where pixels of a purity are not mixed, else 0."""
-        return np.asarray(purity >= self.least_purity, np.float64)
 
 
 class MeasuringSettings(SensingSettings, frozen=True):

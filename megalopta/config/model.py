@@ -6,24 +6,15 @@ from typing import Any
 
 from megalopta.config import built_in_names, built_in_text
 from megalopta.config.measuring import MeasuringSettings
-from megalopta.config.sensing import LightLevel, LightLevels, level_text
+from megalopta.config.sensing import (
+    LightLevel as LightLevel,
+    LightLevels as LightLevels,
+    level_text as level_text,
+)
 from megalopta.config.yaml_model import mapping, overridden, validated, yaml_text
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.trajectories.orbit import Fit, Orbit, bounds_of
-
-__all__ = [
-    "Configuration",
-    "LightLevel",
-    "LightLevels",
-    "by_content",
-    "differences",
-    "fitted",
-    "level_text",
-    "load",
-    "parse",
-    "with_suited_depth",
-]
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
 _LONGEST_VALUE = 60

@@ -15,7 +15,6 @@ from megalopta.core.errors import UserError, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.base import Mount
-from megalopta.sensor import generator
 from megalopta.sensor.formats.products import ProductName
 
 Stream: TypeAlias = Callable[[str], float]
@@ -24,7 +23,6 @@ Stream: TypeAlias = Callable[[str], float]
 FlowFile = Literal["kitti_png", "flo5"]
 _LONGEST_SPLIT = 60
 _KINDS = ("uniform", "log_uniform", "integer", "one_of")
-_DIGITS = 5
 Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
 
@@ -221,11 +219,6 @@ def _placed(value: Any, folder: Path | None, key: object = None) -> Any:
     return value
 
 
-def stream(seed: int, index: int) -> Stream:
-    """Return the random numbers of a sequence; each depends on seed, index and path alone."""
-    return lambda path: float(generator(seed, "plan", index, path).random())
-
-
 def draw_entry(value: Any, at: Stream, path: str = "") -> Any:
     """Replace every range by a drawn value, also inside mappings and lists."""
     if kind := _kind(value):
@@ -291,4 +284,4 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     is_log = kind == "log_uniform"
     value = low * (high / low) ** place if is_log else low + place * (high - low)
     # short enough for a file's name
-    return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
+    return min(max(float(f"{value:.5g}"), float(low)), float(high))

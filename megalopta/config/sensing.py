@@ -55,7 +55,6 @@ LightLevels = Annotated[
 
 _MOST_READINGS = 10**6
 """Most readings of an IMU in a sequence, 300 MB of text"""
-_FILES = (".yaml", ".yml")
 
 
 class CalibrationFrames(Record, frozen=True):
@@ -188,7 +187,7 @@ def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
     if "preset" not in changes:
         return {"kind": "spad", **changes}
     name = changes.pop("preset")
-    if isinstance(name, str) and name.endswith(_FILES):
+    if isinstance(name, str) and name.endswith((".yaml", ".yml")):
         base: ImageSensor = load_sensor(named_path(name, folder))
     elif isinstance(name, str) and name in IMAGE_SENSORS:
         base = IMAGE_SENSORS[name]

@@ -41,18 +41,16 @@ ARRAY_BYTES = 4 * 1024**3
 """Largest array or picture that is read."""
 DECODED_GB = 2.0
 """Memory that the content of a file may take, unless MEGALOPTA_DECODED_GB says more."""
-_VALUE_BYTES = 100
-"""Memory of a value of JSON."""
 QUOTED = 200
 """Most characters of a value in a message."""
 SENTENCE = 800
 """Most characters of a message."""
 METADATA = "zarr.json"
+"""Metadata that Zarr reads at once, whatever its size."""
 _NUMBERS = ("bool", *(f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)))
 _NUMBERS += ("float16", "float32", "float64")
 _CODECS = ("bytes", "transpose", "crc32c", "blosc", "zstd", "gzip", "sharding_indexed")
 _MOST_AXES, _MOST_ARRAYS, _MOST_CHUNKS = 6, 1000, 10**6
-_LARGEST_SIDE = 2**48
 
 
 def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
@@ -85,7 +83,7 @@ def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
 
 def from_json(text: str) -> Any:
     """Parse JSON text. Raises ValueError, also if it is nested too deeply or too large."""
-    check_decoded("its JSON", (text.count(",") + 1,), _VALUE_BYTES)
+    check_decoded("its JSON", (text.count(",") + 1,), 100)  # bytes of memory of a value
     try:
         return json.loads(text)
     except RecursionError:
@@ -193,24 +191,6 @@ def printable(text: str) -> str:
         character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
         for character in text
     )
-
-
-def cut(message: str, given: Any) -> str:
-    """Return a message that quotes at most `QUOTED` characters of any text in `given`."""
-    if len(message) > QUOTED:
-        for text in _texts(given):
-            message = message.replace(text, quoted(text)) if len(text) > QUOTED else message
-    return message
-
-
-def _texts(values: Any) -> Iterator[str]:
-    if isinstance(values, str):
-        yield values
-    elif isinstance(values, Mapping):
-        yield from _texts(list(values.items()))
-    elif isinstance(values, list | tuple):
-        for value in values:
-            yield from _texts(value)
 
 
 def sentence(text: str, at_most: int = SENTENCE) -> str:
@@ -474,7 +454,7 @@ def _check_array(path: Path, metadata: Mapping[str, Any]) -> None:
     shape, grid = metadata["shape"], metadata["chunk_grid"]
     chunk = grid["configuration"]["chunk_shape"]
     sides = [*shape, *(side - 1 for side in chunk)]
-    is_plain = all(type(side) is int and 0 <= side < _LARGEST_SIDE for side in sides)
+    is_plain = all(type(side) is int and 0 <= side < 2**48 for side in sides)
     if not (is_plain and 1 <= len(shape) == len(chunk) <= _MOST_AXES and grid["name"] == "regular"):
         raise ValueError(f"{path.name}: {quoted(shape)} in chunks of {quoted(chunk)} is no array")
     if metadata.get("storage_transformers"):

@@ -14,15 +14,11 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from megalopta.core.bounded import TEXT_BYTES
+from megalopta.core.bounded import METADATA, TEXT_BYTES
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 LOCK_NAME = ".lock"
-_METADATA = "zarr.json"
-"""Metadata that Zarr reads at once, whatever its size."""
-_PATIENCE_S = 0.2
-"""Time to wait in silence before a message."""
 
 
 def ensure_directory(path: Path) -> Path:
@@ -52,7 +48,7 @@ def locked(folder: Path, name: str = LOCK_NAME) -> Iterator[None]:
     _check_lock(path)
     lock = FileLock(path)
     try:
-        lock.acquire(timeout=_PATIENCE_S)
+        lock.acquire(timeout=0.2)  # seconds, in silence
     except Timeout:
         holder = ""
         with suppress(OSError):
@@ -111,7 +107,7 @@ def check_enclosed(root: Path) -> None:
             continue
         elif not entry.is_file(follow_symlinks=False):
             raise UserError(f"{entry.path}: neither a file nor a folder; remove it")
-        elif entry.name == _METADATA and entry.stat(follow_symlinks=False).st_size > TEXT_BYTES:
+        elif entry.name == METADATA and entry.stat(follow_symlinks=False).st_size > TEXT_BYTES:
             limit = f"{TEXT_BYTES / 1e6:.0f} MB"
             raise UserError(f"{entry.path}: metadata larger than {limit}; remove it")
 

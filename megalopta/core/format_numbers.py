@@ -25,11 +25,6 @@ FORMATS: Mapping[str, Format] = {
 """Every format by its name in messages."""
 
 
-def written(kind: str) -> int:
-    """Return the current number of a format."""
-    return FORMATS[kind].written
-
-
 def check_format(kind: str, record: Mapping[str, Any], path: object, key: str = "format") -> None:
     """Refuse a record of a format that this program cannot read.
 

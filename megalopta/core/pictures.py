@@ -25,8 +25,6 @@ PIXEL_BYTES = 30
 """Memory of a pixel while a picture is read (bytes, measured)."""
 SENSED_BYTES = 120
 """The same while sensors are exposed to it."""
-_COMPARED_BYTES = 100
-"""The same where light, flow and its errors are computed from it."""
 
 
 def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
@@ -35,7 +33,7 @@ def read_codes(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
     Raises DamagedFileError if it is no picture, has more than 8 bits, or claims more pixels than
     Pillow trusts.
     """
-    with opened_picture(path, _COMPARED_BYTES) as image:
+    with opened_picture(path, pixel_bytes=100) as image:  # light, flow and errors follow from it
         if image.mode[0] in "IF":
             raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
         return np.asarray(image.convert(mode))

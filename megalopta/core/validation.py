@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from megalopta.core.bounded import cut, quoted
+from megalopta.core.bounded import QUOTED, quoted, sentence
 
 Model = TypeVar("Model", bound=BaseModel)
 _TOLD = {
@@ -74,7 +74,7 @@ def plain_types(annotation: Any) -> Iterator[Any]:
 
 def _told(problem: Any, model: type[BaseModel]) -> str:
     kind, value = problem["type"], problem["input"]
-    message = cut(problem["msg"].removeprefix("Value error, "), value)
+    message = sentence(problem["msg"].removeprefix("Value error, "), 2 * QUOTED)
     if kind == "extra_forbidden":
         *above, name = problem["loc"]
         types = _place(model, above)[1]

@@ -38,8 +38,6 @@ TABLES: dict[str, pa.Schema] = {
     for table, columns in _DATA["tables"].items()
 }
 """Columns of each table."""
-_CELL_BYTES = 200
-"""Memory of a number of a table as Python reads it."""
 LICENSE_URL = "https://creativecommons.org/publicdomain/zero/1.0/"
 
 
@@ -62,7 +60,7 @@ def _sequence(record: SequenceRecord) -> Iterator[dict[str, Any]]:
     assert statistics is not None
     camera = settings["camera"]
     yield {
-        "frames": record.frames,
+        "frames": settings["trajectory"]["frames"],
         **{name: camera.get(name) for name in ("height", "width", "fov_deg")},
         "bytes": sum(size for size, _ in record.files.values()),
         "frame_rate_hz": settings["trajectory"]["frame_rate_hz"],
@@ -159,7 +157,8 @@ def table_path(root: Path, name: str) -> Path:
         raise UserError(f"{path} differs from its description; {again}")
     with bounded.undamaged(path, again):
         stated = pq.read_metadata(path)
-        bounded.check_decoded(path, (stated.num_rows, stated.num_columns), _CELL_BYTES)
+        # 200 bytes of memory are a number of a table as Python reads it
+        bounded.check_decoded(path, (stated.num_rows, stated.num_columns), 200)
     return path
 
 

@@ -1,10 +1,4 @@
-"""Readings of an IMU with poses, in the layouts of EuRoC and TUM.
-
-imu0/data.csv                          time, angular velocity, specific force
-imu0/sensor.yaml                       rate and noise
-state_groundtruth_estimate0/data.csv   pose, velocity and biases of the IMU
-cam0/data.csv, cam0/sensor.yaml        times of the frames; place of the camera on the IMU
-groundtruth.txt                        poses of the camera at the frames, as TUM's
+"""Readings of an IMU with poses, in the layouts of EuRoC and TUM (docs/how-to/imu.md lists them).
 
 Times count from the first frame: in ns in EuRoC's files, in s in TUM's. Sources: Burri et al., IJRR
 35, 2016, and Sturm et al., IROS 2012.

@@ -1,11 +1,4 @@
-"""Label maps and point tracks of a rendered sequence, for training and scoring elsewhere.
-
-training/classes/SEQ/      16-bit gray PNG: number of the kind, 0 for the sky; names.json lists them
-training/instances/SEQ/    8-bit RGB PNG: number of the object, red + 256·green + 256²·blue
-training/clusters/SEQ/     8-bit RGB PNG: number of the leaf's twig in its plant, coded alike, or 0
-training/normals/SEQ/      16-bit RGB PNG: (x, y, z) of the normal, −1 to 1 as 0 to 65535; sky: 0
-training/albedo/SEQ/       EXR: diffuse reflectance in the bands of the radiance; sky: 0
-training/tracks/SEQ/       tracks.npz: points of some frames, followed through all
+"""Label maps and point tracks of a rendered sequence (docs/how-to/labels.md lists the files).
 
 Instances are coded as in COCO's panoptic format, tracks as in TAP-Vid (Doersch et al., NeurIPS
 2022): `query_points` (N, 3): frame, y, x; `points` (N, T, 2): x, y in px; `occluded` (N, T).
@@ -65,12 +58,6 @@ def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """Colors (H, W, 3) of numbers (H, W), as in COCO's panoptic format."""
     code = number[..., np.newaxis] >> np.array([0, 8, 16], np.uint32)
     return (code & 255).astype(np.uint8)
-
-
-def write_class_names(dataset: Dataset, kinds: Sequence[str]) -> None:
-    """Write the names of the classes, that of the sky first."""
-    path = dataset.frame("training/classes", 0).with_name("names.json")
-    files.write_json(path, ["sky", *kinds])
 
 
 def write_tracks(path: Path, settings: TrackSettings, by_frame: Sequence["Tracks"]) -> None:

@@ -18,7 +18,6 @@ from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
-_KEPT = 64
 Pair = dict[str, Any]
 Form = Callable[[Pair], Pair]
 
@@ -108,7 +107,7 @@ class OpenedDataset:
         self.root, self._tree = root, Tree(root)
         self._tree.check()
         self.names = tuple(self._tree.names())
-        self._open = lru_cache(maxsize=_KEPT)(lambda name: Sequence(self._tree.opened(name)))
+        self._open = lru_cache(maxsize=64)(lambda name: Sequence(self._tree.opened(name)))
 
     def __repr__(self) -> str:
         """Describe the dataset."""

@@ -27,22 +27,29 @@ Float32 = NDArray[np.float32]
 
 _SAME_TIME = 0.1
 """Share of the period of frames, or pictures, by which times of a file may be rounded"""
-_KEPT = 3
-"""Pictures in memory"""
 
 
 class PictureFrames:
-    """Linear light (H, W, 3) of pictures at any place of a sequence; places count frames from 0."""
+    """Linear light (H, W, 3) of pictures at any place of a sequence; places count frames from 0.
+
+    Raises ValueError for pictures of another shape than the frames.
+    """
 
     def __init__(self, footage: "Footage", settings: Configuration) -> None:
+        camera, (rows, columns) = settings.camera, footage.shape
+        if abs(camera.height - camera.width * rows / columns) > 1:
+            raise ValueError(
+                f"camera {camera.width} × {camera.height}: {footage.path} has {columns} × {rows} "
+                "px; give a size of the same shape"
+            )
         self.footage, self.settings = footage, settings
         scene, rate_hz = cast(Pictures, settings.scene), settings.trajectory.frame_rate_hz
         self.times_s = picture_times(footage, scene.picture_rate_hz or rate_hz)
         self._between, self._places = scene.between, self.times_s * rate_hz
         steps = np.diff(self._places)
         self._same = _SAME_TIME * min(1.0, float(np.median(steps)) if steps.size else 1.0)
-        shape = settings.camera.shape
-        self._picture: Callable[[int], Float32] = lru_cache(maxsize=_KEPT)(
+        shape = camera.height, camera.width
+        self._picture: Callable[[int], Float32] = lru_cache(maxsize=3)(
             lambda index: resized(footage.frame(index), shape)
         )
         self._flow: Callable[[int], Floats] = lru_cache(maxsize=1)(
@@ -140,7 +147,7 @@ def picture_times(footage: "Footage", rate_hz: float) -> Floats:
     """Return the time of every picture, s; those of files that tell none follow at a rate."""
     if footage.times_s is not None:
         return footage.times_s
-    return np.arange(len(footage)) / rate_hz
+    return np.arange(footage.count) / rate_hz
 
 
 @dataclass(frozen=True)
@@ -221,7 +228,8 @@ def _opened(dataset: Dataset) -> PictureLight:
         )
         (source,) = (path for path in folder.iterdir() if not files.is_temporary(path))
     scene = cast(Pictures, settings.scene)
-    frames = PictureFrames(open_footage(source, scene.unit), settings)
+    with refused_as(str(folder)):
+        frames = PictureFrames(open_footage(source, scene.unit), settings)
     finalize(frames, frames.footage.close)
     of_unit = scene.radiance_of_unit(
         settings.light, settings.render.bands_nm, brightness.mean, frames.footage.bands_nm

@@ -116,11 +116,6 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         """Return the text of the file."""
         return self.model_dump_json(indent=1, exclude_unset=True) + "\n"
 
-    @property
-    def frames(self) -> int:
-        """Number of frames."""
-        return int(self.configuration["trajectory"]["frames"])
-
 
 def read_record(path: Path, name: str) -> SequenceRecord:
     """Return the record of a named sequence.

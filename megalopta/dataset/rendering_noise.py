@@ -31,7 +31,12 @@ ATTRIBUTE = "monteCarlo"
 def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | None:
     """Collect the noise of all frames for the scene record; None if none was measured."""
     frames = range(dataset.configuration.trajectory.frames)
-    noises = {index: noise for index in frames if (noise := _noise(dataset, index))}
+    noises = dict[int, RenderNoise]()
+    for index in frames:
+        path = dataset.exposed_radiance(index)
+        with undamaged(path, "remove it and render again"):
+            if text := read_attributes(path).get(ATTRIBUTE):
+                noises[index] = RenderNoise.from_json(text)
     if not noises:
         return None
     measured = list(noises)
@@ -69,10 +74,3 @@ def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
     record = {name: float(how([region[name] for region in seen])) for name, how in combine.items()}
     bands = np.sqrt(np.mean(np.square([region["bands"] for region in seen]), axis=0)).tolist()
     return {**record, "bands": bands}
-
-
-def _noise(dataset: Dataset, index: int) -> RenderNoise | None:
-    path = dataset.exposed_radiance(index)
-    with undamaged(path, "remove it and render again"):
-        text = read_attributes(path).get(ATTRIBUTE)
-        return RenderNoise.from_json(text) if text else None

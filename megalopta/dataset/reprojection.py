@@ -20,10 +20,6 @@ from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
 
-_KEPT = 4
-_BEHIND = 1.01
-"""A point is hidden where all that the other frame sees around it is nearer by this factor."""
-
 
 @dataclass(frozen=True)
 class View:
@@ -107,7 +103,7 @@ class TruthReader:
 
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
-        self._frame = lru_cache(maxsize=_KEPT)(self._read)
+        self._frame = lru_cache(maxsize=4)(self._read)
 
     def frame(self, index: int) -> Truth:
         """Truth of a frame. Raises UserError."""
@@ -137,7 +133,7 @@ class TruthReader:
             hidden = getattr(truth, f"occluded_{way}")
         else:
             flow, depth = self._flow_and_depth(first, second)
-            # behind everything seen in the four pixels around the point
+            # behind everything seen in the four pixels around the point, by 1 % of its depth
             height, width = depth.shape
             target = np.nan_to_num(flow, nan=-1e9)
             x = np.floor(np.arange(width) + target[..., 0]).astype(np.int64)
@@ -147,7 +143,7 @@ class TruthReader:
                 columns = (x + right) % width if wraps else np.clip(x + right, 0, width - 1)
                 rows = np.clip(y + down, 0, height - 1)
                 farthest = np.maximum(farthest, seen[rows, columns])
-            hidden = depth > _BEHIND * farthest
+            hidden = depth > 1.01 * farthest
         return np.asarray(hidden | out_of_view(self.flow(first, second), wraps))
 
     @cached_property

@@ -353,7 +353,7 @@ class Sequence:
         from megalopta.render.exr import read_leaf_clusters
 
         self._require_label("clusters")
-        place = self.dataset.truth
+        place = partial(self.dataset.frame, "truth")
         return self._by_frame(lambda index: read_leaf_clusters(place(index)), "1", np.uint32)
 
     @property

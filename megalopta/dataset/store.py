@@ -43,10 +43,6 @@ SUFFIXES: Mapping[str, str] = {
     "training/albedo": "exr",
 }
 """Suffix of the files of frames, by their folder"""
-_HEADER_BYTES = 2**20
-"""Most bytes of dataset.yaml: larger YAML takes seconds to parse."""
-_KEPT_HASHES = 2**17
-_FORMAT = FORMATS["sequence"].written
 
 
 @dataclass
@@ -89,7 +85,9 @@ class Dataset:
 
     def __post_init__(self) -> None:
         self.sequence = name = self.configuration.name
-        self.former = self.record or SequenceRecord(format=_FORMAT, sequence=name)
+        self.former = self.record or SequenceRecord(
+            format=FORMATS["sequence"].written, sequence=name
+        )
         self.files: Mapping[str, tuple[int, str]] = self.record.files if self.record else {}
         self.record_path = self.root / "sequences" / f"{name}.json"
         self.begun_path = self.record_path.with_suffix(".begun")
@@ -120,14 +118,6 @@ class Dataset:
         Raises UserError if it is compared and was modified; as do all below.
         """
         return self.compared(self.root / frame_file(kind, self.sequence, index))
-
-    def radiance(self, index: int) -> Path:
-        """Spectral radiance of a frame."""
-        return self.frame("radiance", index)
-
-    def truth(self, index: int) -> Path:
-        """Ground truth of a frame."""
-        return self.frame("truth", index)
 
     def exposed_radiance(self, index: int) -> Path:
         """Spectral radiance of a frame through the shutter, as sensors see it."""
@@ -236,7 +226,8 @@ class Tree:
         check_enclosed(self.root)
         path = self.root / "dataset.yaml"
         try:
-            header = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
+            # larger YAML takes seconds to parse
+            header = dict(strict_yaml.load(bounded.read_text(path, at_most=2**20)))
         except OSError:
             raise UserError(
                 f"{self.root}: no dataset here; make one with: megalopta render, of pictures: "
@@ -361,7 +352,7 @@ def _identity(state: os.stat_result) -> tuple[int, ...]:
     return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns
 
 
-@lru_cache(maxsize=_KEPT_HASHES)
+@lru_cache(maxsize=2**17)
 def _hash_of(path: Path, _identity: tuple[int, ...]) -> str:
     return file_hash(path)
 

@@ -107,7 +107,7 @@ STAGE = Stage(
         dataset.result(name) for name in ("benchmark.json", "benchmark.csv", _PARTS)
     ],
     work=benchmark,
-    model=_model,
+    made_with=lambda _: {"model": _model()},
     is_derived=True,
     check=_check,
 )

@@ -1,6 +1,6 @@
 """Declaration of a stage."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,10 +23,8 @@ class Stage:
     """Files and folders of a dataset that it writes"""
     work: Callable[[Dataset], None]
     """Adds missing output to a dataset"""
-    model: Callable[[], str]
-    """Program version that its output depends on (`freshness`)"""
-    machinery: Callable[[Configuration], Mapping[str, str]] = lambda _: {}
-    """Machine properties that its output depends on, by name: libraries and their back ends"""
+    made_with: Callable[[Configuration], dict[str, str]]
+    """Model of the program (`freshness`), libraries and back ends that its output depends on"""
     is_derived: bool = False
     """True if output of another model is recomputed without request"""
     check: Callable[[Configuration], None] = lambda _: None

@@ -25,9 +25,6 @@ from megalopta.stages.registry import STAGES
 from megalopta.stages.render import FrameWriter, write_previews
 from megalopta.stages.run import check_stage
 
-_DRAWN = 200
-"""Most sequences of a plan that are drawn"""
-_MEASURED = 3
 _FEWEST_ROWS, _PIXELS, _PATHS = 8, 8192, 60_000
 
 
@@ -41,7 +38,7 @@ def estimate_plan(
     """
     dr.set_thread_count(threads_of(workers))
     indices = list(only) if only is not None else range(plan.sequences)
-    drawn = [configuration_of(plan, n) for n in indices[:: max(1, len(indices) // _DRAWN)]]
+    drawn = [configuration_of(plan, n) for n in indices[:: max(1, len(indices) // 200)]]
     share = len(indices) / len(drawn)
     frames = round(share * sum(settings.trajectory.frames for settings in drawn))
     seconds, bytes_ = cost_of(drawn, plan)
@@ -65,7 +62,7 @@ def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[f
     """Return seconds and bytes of some sequences, from one of each third, by scene and size."""
     ordered = sorted(drawn, key=lambda settings: (settings.scene.kind, _pixels(settings)))
     total = np.zeros(2)
-    for part in np.array_split(np.arange(len(ordered)), min(_MEASURED, len(ordered))):
+    for part in np.array_split(np.arange(len(ordered)), min(3, len(ordered))):
         members = [ordered[index] for index in part]
         middle = members[len(members) // 2]
         say(f"measuring {middle.scene.kind}, {middle.camera.width} × {middle.camera.height} px")

@@ -144,7 +144,7 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
         motion = read_motion(dataset, index)
         flow, hidden = motion.flow[np.newaxis], motion.hidden[np.newaxis]
         purity = motion.purity[np.newaxis]
-        ways = None, settings.flow.is_pure(purity)
+        ways = None, (purity >= settings.flow.least_purity).astype(np.float64)
         for grid, truths in parts.items():
             every, pure = (block_flow(flow, grid, hidden, weights=way) for way in ways)
             truths.append(BlockTruth(every, pure, block_share(hidden, grid)))
@@ -184,7 +184,7 @@ STAGE = Stage(
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],
     work=measure_flow,
-    model=_model,
+    made_with=lambda _: {"model": _model()},
     is_derived=True,
     check=_check,
 )

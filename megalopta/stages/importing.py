@@ -38,12 +38,8 @@ _USUAL: Mapping[str, tuple[Any, Any]] = {
 """Settings of pictures that do not depend on the files, as in YAML, and as of a configuration"""
 DEFAULTS = {name: values for name, (values, _) in _USUAL.items()}
 _BENCHMARK: BenchmarkSettings = Configuration.model_fields["benchmark"].default
-_LEAST_SIZE = 3
-"""Smallest side in the photon benchmark, px"""
 _SOURCE = "source"
 _OF_SCENE = "unit", "between", "picture_rate_hz", "reflectance"
-_DIGITS = 4
-"""Digits of a light level, which names files"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +83,7 @@ def pictures_configuration(
             "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
         )
     values, usual = _fields(footage, asked), dict(_USUAL)
-    size = max(_LEAST_SIZE, min(60, values["camera"]["height"]))
+    size = max(3, min(60, values["camera"]["height"]))
     usual["benchmark"] = {"sizes": [size]}, _BENCHMARK.model_copy(update={"sizes": (size,)})
     changed = {setting.partition(".")[0] for setting in overrides}
     for name in usual.keys() & changed - values.keys():
@@ -102,8 +98,7 @@ def pictures_configuration(
             sensors[index] = sensor.model_copy(update={"exposure_s": longest_s})
     settings = settings.model_copy(update={"sensors": tuple(sensors)})
     with refused_as("render"):
-        _check_shape(settings, footage)
-    frames = picture_light.PictureFrames(footage, settings)
+        frames = picture_light.PictureFrames(footage, settings)
     brightness = _measured(frames)
     scene, light = cast(Pictures, settings.scene), settings.light
     bands_nm = settings.render.bands_nm
@@ -126,7 +121,7 @@ def pictures_configuration(
             levels = [photons / per_lux[0] for photons in asked.photons]
         elif asked.luminance:
             levels = [luminance * lux_per_luminance for luminance in asked.luminance]
-        levels = list(dict.fromkeys(float(f"{lux:.{_DIGITS}g}") for lux in levels))
+        levels = list(dict.fromkeys(float(f"{lux:.4g}") for lux in levels))  # they name files
         for level in levels:
             illuminance_of(level)
     light_levels = {} if "light_levels" in overrides else {"light_levels": tuple(levels)}
@@ -136,7 +131,7 @@ def pictures_configuration(
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     """Return the fields of the configuration that the file and the options state."""
-    path, (rows, columns), count = footage.path, footage.shape, len(footage)
+    path, (rows, columns), count = footage.path, footage.shape, footage.count
     width = asked.width or columns
     scene = {name: getattr(asked, name) for name in _OF_SCENE}
     light = {}
@@ -173,8 +168,12 @@ def shortest(value: float) -> float:
 
 
 def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
-    """Average over pictures, each so often as it is shown. Raises UserError for black."""
-    footage, trajectory, weights = frames.footage, frames.settings.trajectory, frames.weights()
+    """Average over pictures, each so often as it is shown, and say how they become light.
+
+    Raises UserError for black.
+    """
+    footage, settings, weights = frames.footage, frames.settings, frames.weights()
+    scene, camera, trajectory = cast(Pictures, settings.scene), settings.camera, settings.trajectory
     if missed := max(weights) + 1 - len(weights):
         say(f"pictures: {missed} lie between two frames and are not shown; raise --frame-rate")
     end_s = float(frames.times_s[-1])
@@ -192,7 +191,27 @@ def _measured(frames: picture_light.PictureFrames) -> picture_light.Brightness:
     mean, luminance = mean / total, float(mean @ shares) / total
     if not luminance > 0:
         raise UserError(f"{footage.path} is black; give pictures with visible light in them")
-    return picture_light.Brightness(tuple(mean.tolist()), saturated / total, luminance)
+    white = (
+        "their spectra are used as they are"
+        if footage.coding.name == "spectral radiance"
+        else f"{footage.coding.name} codes become light, white has the spectrum of "
+        f"{scene.white_name(settings.light)}, and the mean reflectance is "
+        f"{100 * scene.reflectance:g} %"
+    )
+    lines = [
+        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
+        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {footage.count} pictures; {white}"
+    ]
+    if footage.count == 1:
+        lines.append("it is one picture, which stands still")
+    lines += footage.notes
+    saturated /= total
+    if saturated:
+        share = f"{100 * saturated:.2g} % of the pixels"
+        lines.append(f"{share} are saturated in the file, so too dark")
+    for line in lines:
+        say(f"pictures: {line}")
+    return picture_light.Brightness(tuple(mean.tolist()), saturated, luminance)
 
 
 def import_pictures(dataset: Dataset) -> None:
@@ -205,7 +224,7 @@ def import_pictures(dataset: Dataset) -> None:
             import_pictures(replace(dataset, light=light))
         return
     footage, brightness = dataset.light.frames.footage, dataset.light.brightness
-    folder, camera = picture_light.picture_folder(dataset), settings.camera
+    folder = picture_light.picture_folder(dataset)
     if not folder.exists():
         with (
             refused_as("scene.file"),
@@ -225,31 +244,12 @@ def import_pictures(dataset: Dataset) -> None:
                     scene.file.compare(copied(source, target))
     record = {
         "files": len(footage.files),
-        "pictures": len(footage),
+        "pictures": footage.count,
         "transfer": footage.coding.name,
         "notes": list(footage.notes),
         **asdict(brightness),
     }
     files.write_json(dataset.scene_record, {"pictures": record})
-    white = (
-        "their spectra are used as they are"
-        if footage.coding.name == "spectral radiance"
-        else f"{footage.coding.name} codes become light, white has the spectrum of "
-        f"{scene.white_name(settings.light)}, and the mean reflectance is "
-        f"{100 * scene.reflectance:g} %"
-    )
-    lines = [
-        f"{settings.trajectory.frames} frames of {camera.width} × {camera.height} px at "
-        f"{settings.trajectory.frame_rate_hz:.6g} Hz from {len(footage)} pictures; {white}"
-    ]
-    if len(footage) == 1:
-        lines.append("it is one picture, which stands still")
-    lines += footage.notes
-    if brightness.saturated:
-        share = f"{100 * brightness.saturated:.2g} % of the pixels"
-        lines.append(f"{share} are saturated in the file, so too dark")
-    for line in lines:
-        say(f"pictures: {line}")
 
 
 def check_pictures(settings: Configuration) -> None:
@@ -257,13 +257,4 @@ def check_pictures(settings: Configuration) -> None:
     scene = cast(Pictures, settings.scene)
     if (file := Path(scene.file.path)).exists():  # else a dataset that came from elsewhere
         with refused_as("scene.file"), open_footage(file, scene.unit) as footage:
-            _check_shape(settings, footage)
-
-
-def _check_shape(settings: Configuration, footage: Footage) -> None:
-    camera, (rows, columns) = settings.camera, footage.shape
-    if abs(camera.height - camera.width * rows / columns) > 1:
-        raise ValueError(
-            f"camera {camera.width} × {camera.height}: {footage.path} has {columns} × {rows} px; "
-            "give a size of the same shape"
-        )
+            picture_light.PictureFrames(footage, settings)

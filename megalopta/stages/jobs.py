@@ -19,9 +19,8 @@ from functools import cache, partial
 
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, SENSOR_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress
-from megalopta.dataset.record import MADE
-from megalopta.stages.registry import STAGES
 from megalopta.stages.versions import versions
 
 Job = Callable[[int], object]
@@ -171,7 +170,7 @@ def _by_cluster(job: Job, indices: Collection[int], address: str) -> Generator[O
 @cache
 def environment() -> Mapping[str, str]:
     """Return everything that output depends on: versions, models, and Mitsuba's back end."""
-    models = "-".join(STAGES[stage].model() for stage in MADE)
+    models = f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}-{SENSOR_MODEL}"
     from megalopta.render import choose_variant, llvm_in_use
 
     variant, llvm = choose_variant().name, llvm_in_use()[1]

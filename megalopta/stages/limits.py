@@ -12,7 +12,6 @@ from megalopta.dataset.frames import frames_at_once
 from megalopta.sensor import Sensor
 from megalopta.stages.sense import burst_frames
 
-_PROGRAM_BYTES = 1e9
 _REMEDIES = {
     "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
     "sense": "trajectory.frames, the camera's size, sub_frames, burst_hz or tcspc.bins, or give "
@@ -78,7 +77,8 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
     else:
         memory = held * 60 + pixels * 160 * methods * len(settings.benchmark.fluxes)
         disk = 8
-    return _PROGRAM_BYTES + memory, float(frames * pixels * disk)
+    memory += 1e9  # of the program
+    return memory, float(frames * pixels * disk)
 
 
 def size(number: float) -> str:

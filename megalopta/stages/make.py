@@ -29,14 +29,10 @@ from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of, ope
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
-from megalopta.stages.registry import STAGES, differences_text, provenance, provenance_changes
+from megalopta.stages.registry import STAGES, differences_text, provenance_changes
 from megalopta.stages.run import check_stage, foresee, run, run_stage
 from megalopta.stages.sense import expose, open_exposure
 
-_COUNTED = 10_000
-"""Sequences of which the splits are counted."""
-_COMPARED = 50
-"""Finished sequences that are compared with the plan and with the software."""
 _FLOW, _DISPARITY = "training/flow", "training/disparities"
 _LAYOUTS: tuple[tuple[FlowFile, str, str, Callable[[Path], Any], Callable[..., None]], ...] = (
     ("kitti_png", _FLOW, "training/flow_kitti", read_flo, write_kitti_png),
@@ -66,7 +62,7 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, _COUNTED))}
+    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, 10_000))}
     for name in (name for name, share in plan.splits.items() if share and name not in filled):
         say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
     with locked(tree.root):
@@ -155,7 +151,8 @@ def _check_same_machinery(tree: Tree) -> None:
     for dataset in map(tree.opened, _some(tree)):
         for stage in MADE:
             before = dataset.former.stages[stage].made_with
-            if change := provenance_changes(before, provenance(stage, dataset.configuration)):
+            now = STAGES[stage].made_with(dataset.configuration)
+            if change := provenance_changes(before, now):
                 raise UserError(
                     f"{tree.root}: sequence {dataset.sequence} was made by other software "
                     f"({stage}: {change}); continue with that, choose another folder, or remove "
@@ -164,8 +161,9 @@ def _check_same_machinery(tree: Tree) -> None:
 
 
 def _some(tree: Tree) -> list[str]:
+    """Finished sequences that are compared with the plan and with the software."""
     names = tree.names()
-    return names[:: max(1, len(names) // _COMPARED)]
+    return names[:: max(1, len(names) // 50)]
 
 
 def _make(root: Path, plan: Plan, index: int) -> None:
@@ -197,16 +195,13 @@ def write_flow_files(dataset: Dataset, kinds: Sequence[FlowFile]) -> None:
                 write(path, read(dataset.frame(source, index)))
 
 
-_FRAMES_LOOKED_AT = 8
-
-
 def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
     """Measure flow, depth and texture in a few evenly spaced frames, and all readings."""
     from megalopta.render import out_of_view  # loads the renderer
 
     # among frames with a forward flow, unless there is only one
     last = max(dataset.configuration.trajectory.frames - 2, 0)
-    frames = np.unique(np.linspace(0, last, min(_FRAMES_LOOKED_AT, last + 1)).astype(int)).tolist()
+    frames = np.unique(np.linspace(0, last, min(8, last + 1)).astype(int)).tolist()
     speeds, unmatched, depths, sky, textures = [], [], [], [], []
     for index in frames:
         truth = read_truth_frame(dataset, index)
@@ -337,19 +332,16 @@ class Exposing(Record, frozen=True):
 
 def add_exposures(
     root: Path,
-    wanted: Exposing | Mapping[str, str],
+    overrides: Mapping[str, str],
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> None:
-    """Add missing exposures to every sequence of a plan.
+    """Add missing exposures, by the fields of `Exposing`, to every sequence of a plan.
 
-    `wanted` may also be settings of the command line. Raises UserError if there is no dataset, or a
-    sensor cannot expose a sequence.
+    Raises UserError if there is no dataset, or a sensor cannot expose a sequence.
     """
-    if not isinstance(wanted, Exposing):
-        wanted = validated(Exposing, {}, "sense", wanted)
     tree = Tree(root.absolute())
-    job = partial(_expose, tree.root, wanted)
+    job = partial(_expose, tree.root, validated(Exposing, {}, "sense", overrides))
     _on_all(tree, "Exposing sequences", job, workers, scheduler)
 
 
@@ -375,7 +367,7 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
             )
     if is_checked:
         check_stage("sense", settings, root)
-        model = STAGES["sense"].model()
+        model = STAGES["sense"].made_with(settings)["model"]
         if (known := record.stages["sense"].made_with["model"]) != model:
             raise UserError(
                 f"{root}: sequence {made.sequence} was exposed by another sensor model (sense: "

@@ -1,15 +1,8 @@
 """Check that rendering noise is small against shot noise and the scene's detail.
 
-Motion is read from differences between neighboring pixels. They have three sources: the scene's
-detail, shot noise, and rendering noise, which flickers like texture that does not move. Rendering
-noise is harmless where it is small against either of the others: hidden in shot noise, or faint
-against the detail. In bright light no rendering is as clean as the photons are.
-
-Three variances of a pixel's reading, averaged over the image, are compared: that of the rendering,
-from the covariance of the bands' noise and the sensor's response to each band; that of Poisson
-arrivals of light and dark counts; and half the mean square difference of neighbors without noise.
-Pixels of sky are excluded, as motion is read elsewhere; a picture of sky alone uses all. The error
-of baked light is part of the rendering's.
+Motion is read from differences between neighboring pixels. Rendering noise, which flickers like
+texture that does not move, is harmless where it is small against either of the others. Pixels of
+sky are excluded, as motion is read elsewhere; a picture of sky alone uses all.
 """
 
 import math
@@ -45,10 +38,12 @@ def variances(
     sensor: ImageSensor,
     scale: NDArray[np.float64],
 ) -> tuple[float, float, float]:
-    """Variances of a pixel's reading: rendering noise, shot noise, scene detail.
+    """Variances of a pixel's reading, averaged over the image: rendering noise, shot noise, detail.
 
-    `noise` is `monte_carlo` of the scene record, `scale` (B,) the factor per band from rendered to
-    exposed light.
+    That of the rendering is from the covariance of the bands' noise and the sensor's response to
+    each band, that of shot noise from Poisson arrivals of light and dark counts; detail is half the
+    mean square difference of neighbors without noise. `noise` is `monte_carlo` of the scene record,
+    `scale` (B,) the factor per band from rendered to exposed light.
     """
     bands, camera = settings.render.bands_nm, settings.camera
     shape = len(bands), camera.height, camera.width, len(bands)

@@ -31,12 +31,6 @@ def stage_configuration(configuration: Configuration, *stages: str) -> dict[str,
     return dict(by_content(settings))
 
 
-def provenance(stage: str, configuration: Configuration) -> dict[str, str]:
-    """Return a stage's dependencies here and now: its model, libraries and their back ends."""
-    declared = STAGES[stage]
-    return {"model": declared.model(), **declared.machinery(configuration)}
-
-
 def differences_text(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     """Return what differs between two dumped configurations, at most three settings; "" if none."""
     listed = differences(old, new)

@@ -42,10 +42,6 @@ from megalopta.stages.importing import check_pictures, import_pictures
 
 _REFLECTANCE = {"emissiveUnits": "1", "quantity": "diffuse reflectance"}
 """Attributes of the files of albedo, which are laid out as those of radiance"""
-# Points below the camera's path where illuminance is measured.
-_LIGHT_METERS = 9
-_MUCH_LEFT_OUT = 0.01
-"""Truncated share of the light of surfaces, in any band, from which a warning is given"""
 
 
 def render(dataset: Dataset) -> None:
@@ -86,7 +82,7 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
         kinds += ["disparities", "occlusions_stereo"]
     training = [dataset.frame(f"training/{kind}", index) for kind in kinds]
     of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
-    return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
+    return [dataset.frame("radiance", index), dataset.frame("truth", index), *of_shutter, *training]
 
 
 def build(settings: Configuration) -> Scene:
@@ -151,7 +147,8 @@ class FrameWriter:
         """
         middle = len(self._poses) // 2
         left_out = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
-        metered = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
+        # illuminance is measured below nine points of the camera's path
+        metered = np.unique(np.linspace(0, len(self._poses) - 1, 9).astype(int))
         illuminance = None  # of a self-luminous scene
         if survey := self._renderer.light_survey(self._poses[metered, :3, 3]):
             illuminance = {
@@ -187,7 +184,7 @@ class FrameWriter:
     def write(self, index: int) -> None:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
-        settings, renderer = self._settings, self._renderer
+        settings, renderer, frame = self._settings, self._renderer, dataset.frame
         camera, seed, bands_nm = settings.camera, settings.seed, settings.render.bands_nm
         with step("rendering radiance"):
             radiance, noise = self._until_good(
@@ -202,21 +199,19 @@ class FrameWriter:
             "timeSeconds": f"{time:.9g}",
         }
         measured = {ATTRIBUTE: noise.to_json()} if noise else {}
-        write_radiance(dataset.radiance(index), radiance, bands_nm, {**attributes, **measured})
+        write_radiance(frame("radiance", index), radiance, bands_nm, {**attributes, **measured})
         if index + 1 < len(self._poses):
             sintel.write_flow(dataset, index, truth)
-        sintel.write_depth(dataset.frame("training/depth", index), truth.depth)
+        sintel.write_depth(frame("training/depth", index), truth.depth)
         if camera.intrinsics is not None:
-            camera_path = dataset.frame("training/camdata_left", index)
-            sintel.write_camera(camera_path, camera.intrinsics, pose)
-        clusters = None
-        if "clusters" in settings.labels:
-            clusters = renderer.leaf_clusters(pose, time)
-        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index), clusters)
+            sintel.write_camera(frame("training/camdata_left", index), camera.intrinsics, pose)
+        has_clusters = "clusters" in settings.labels
+        clusters = renderer.leaf_clusters(pose, time) if has_clusters else None
+        write_truth(frame("truth", index), truth, self._origin_m, self._view(index), clusters)
         labels.write_labels(dataset, index, truth, clusters)
         if "albedo" in settings.labels:
             albedo = renderer.albedo(pose, time)
-            write_radiance(dataset.frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
+            write_radiance(frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
         if (baseline_m := settings.baseline_m) is not None:  # of a rig's other camera
             right = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], right])
@@ -229,7 +224,8 @@ class FrameWriter:
         """Write names of classes and tracks of points, which belong to all frames."""
         dataset, tracked = self._dataset, self._settings.tracks
         if "classes" in self._settings.labels:
-            labels.write_class_names(dataset, self._kinds)
+            path = dataset.frame("training/classes", 0).with_name("names.json")
+            files.write_json(path, ["sky", *self._kinds])
         if tracked:
             image = tracked.points(self._settings.camera)
             with step("following points"):
@@ -291,7 +287,7 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
             )
         say(f"render: {text}")
     shares = record["light_left_out"]
-    if shares and max(shares) >= _MUCH_LEFT_OUT:
+    if shares and max(shares) >= 0.01:
         low, high = rendering.bands_nm[int(np.argmax(shares))]
         say(
             f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm "
@@ -330,7 +326,7 @@ def write_previews(dataset: Dataset) -> None:
     bands_nm, frames = settings.render.bands_nm, range(settings.trajectory.frames)
 
     def radiance(index: int) -> Any:
-        return decoded(dataset.radiance(index), read_radiance)[0]
+        return decoded(dataset.frame("radiance", index), read_radiance)[0]
 
     curve = ToneCurve.of(linear_srgb(radiance(index), bands_nm, white) for index in frames)
     for index in frames:
@@ -348,12 +344,14 @@ def _check(settings: Configuration) -> None:
         check_pictures(settings)
 
 
-def _machinery(settings: Configuration) -> dict[str, str]:
+def _made_with(settings: Configuration) -> dict[str, str]:
+    model = {"model": f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}"}
     if not settings.scene.has_truth:
-        return {}
+        return model
     variant = choose_variant(settings.render.backend).name
+    libraries = {name: version(name) for name in ("mitsuba", "drjit")}
     llvm = {"llvm": llvm_in_use()[1]} if variant.startswith("llvm") else {}
-    return {"variant": variant, **{name: version(name) for name in ("mitsuba", "drjit")}, **llvm}
+    return {**model, "variant": variant, **libraries, **llvm}
 
 
 STAGE = Stage(
@@ -363,8 +361,7 @@ STAGE = Stage(
     needs=(),
     outputs=lambda dataset: [dataset.root / kind / dataset.sequence for kind in _FOLDERS],
     work=render,
-    model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
-    machinery=_machinery,
+    made_with=_made_with,
     check=_check,
     rehearse=lambda settings: build(settings) if settings.scene.has_truth else None,
 )

@@ -126,7 +126,7 @@ def foresee(dataset: Dataset, stages: Sequence[str], redo: bool = False) -> Work
     for name in stages:
         now = StageRecord(
             settings=stage_hash(settings, name),
-            made_with=registry.provenance(name, settings),
+            made_with=STAGES[name].made_with(settings),
             version=__version__,
         )
         if name not in known:

@@ -285,8 +285,11 @@ STAGE = Stage(
         dataset.imu,
     ],
     work=sense,
-    model=lambda: str(SENSOR_MODEL),
-    machinery=lambda _: {name: version(name) for name in ("numpy", "numba")},
+    made_with=lambda _: {
+        "model": str(SENSOR_MODEL),
+        "numpy": version("numpy"),
+        "numba": version("numba"),
+    },
     check=_check,
     rehearse=_check,
 )

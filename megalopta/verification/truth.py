@@ -154,7 +154,7 @@ def remaining_shift(image: Floats, following: Floats, truth: Truth) -> float:
 
 def _frame(dataset: Dataset, index: int) -> tuple[Truth, View, Floats]:
     """Return truth, camera and brightness (H, W) of a frame."""
-    path, light = dataset.truth(index), dataset.radiance(index)
+    path, light = dataset.frame("truth", index), dataset.frame("radiance", index)
     remedy = f"remove the file and run: {dataset.render_again}"
     with undamaged(path, remedy):
         truth = read_truth(path)

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from megalopta.core.bounded import check_decoded, open_store, undamaged
 from megalopta.core.files import atomic_write
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Expectation, Exposure
 
@@ -112,7 +112,7 @@ def counts_writer(
 
 def format_attribute() -> dict[str, Any]:
     """Return the attribute with the format of a Zarr group."""
-    return {FORMAT_KEY: written("counts")}
+    return {FORMAT_KEY: FORMATS["counts"].written}
 
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)

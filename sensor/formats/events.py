@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Ints
 from megalopta.core.bounded import check_decoded, numbers_in, opened_hdf5, undamaged, zipped_arrays
 from megalopta.core.files import atomic_write
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.sensor.quantities import Events
 
 Column: TypeAlias = NDArray[np.integer[Any]]
@@ -64,7 +64,7 @@ class EventOrigin:
     def attributes(self) -> dict[str, Any]:
         """Return the description of a file's frames."""
         return {
-            "version": written("events"),
+            "version": FORMATS["events"].written,
             **dict(zip(_NUMBERS, (*self.shape, self.first_frame, self._period_ps), strict=True)),
             "exposure_s": self.exposure_s,
             "extra": json.dumps(dict(self.extra)),

@@ -21,10 +21,6 @@ def test_a_boolean_is_no_number(text, place):
         parse(text, "my.yaml")
 
 
-def test_text_of_a_number_is_one():
-    assert parse("camera: {fov_deg: 6e1}", "my.yaml").camera.fov_deg == 60
-
-
 @pytest.mark.parametrize("path", ["camera.width.a", "camera.width.a.b", "seed.0", "name.0.x"])
 def test_a_path_that_leads_nowhere_is_refused(path):
     with pytest.raises(UserError, match=f"--{path}: "):

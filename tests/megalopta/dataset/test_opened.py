@@ -53,7 +53,7 @@ def test_flow_between_neighbors_is_the_stored_one(opened):
         flow = cv2.readOpticalFlow(str(files.frame("training/flow", 1)))
         known = np.abs(flow) < 1e9
         np.testing.assert_array_equal(sequence.flow(1)[known], flow[known])
-        backward = read_truth(files.truth(1)).flow_backward
+        backward = read_truth(files.frame("truth", 1)).flow_backward
         np.testing.assert_array_equal(sequence.flow(1, 0), backward)
         mask = cv2.imread(str(files.frame("training/occlusions", 1)), 0)
         np.testing.assert_array_equal(sequence.occlusion(1), mask > 0)

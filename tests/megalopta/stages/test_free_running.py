@@ -103,7 +103,7 @@ def test_stated_means_are_those_of_settled_pixels(running):
 def test_light_in_an_exposure_moves_with_the_true_flow(reset, running):
     """As `sub_frames` moves it, which tests/sensor compares with a closed form."""
     still, moved = (np.asarray(stored(root)["photons"][:], float) for root in (reset, running))
-    truths = [read_truth(open_sequence(reset).truth(index)) for index in range(FRAMES - 1)]
+    truths = [read_truth(open_sequence(reset).frame("truth", index)) for index in range(FRAMES - 1)]
     flow, hidden = (
         [getattr(each, f"{name}_forward") for each in truths] for name in ("flow", "occluded")
     )

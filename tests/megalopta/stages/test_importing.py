@@ -183,9 +183,11 @@ def test_a_burst_holds_its_picture_or_goes_on_to_the_next(here):
     assert rising[80:].mean() > 3 * rising[:20].mean()
 
 
-def test_size_rate_and_number_of_frames_are_changed(here):
+def test_size_rate_and_number_of_frames_are_changed_and_told_before_exposing(here, capsys):
     how = ["--unit", "srgb", "--photons", "2", "--width", "32", "--frames", "4"]
     main(["sense", "clip.npy", *how, "--frame-rate", "50", "--out", "out"])
+    told = capsys.readouterr().err
+    assert 0 <= told.find("4 frames of 32 × 24 px at 50 Hz") < told.find("Exposing sensors")
     (sequence,) = open_dataset("out")
     assert sequence.shape == (24, 32) and len(sequence) == 4
     np.testing.assert_allclose(np.diff(sequence.times_s), 0.02)

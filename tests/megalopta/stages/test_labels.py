@@ -49,7 +49,7 @@ def image_of(labeled, kind):
 
 
 def test_maps_are_those_of_the_truth(labeled):
-    truth = read_truth(labeled.dataset.truth(1))
+    truth = read_truth(labeled.dataset.frame("truth", 1))
     classes = image_of(labeled, "classes")
     assert classes.dtype == np.uint16
     np.testing.assert_array_equal(classes, truth.kind_id)

@@ -85,7 +85,7 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
     root = tmp_path / "data"
     shutil.copytree(moving.root, root)
     for index in (0, 1):
-        source = open_sequence(root).truth(index)
+        source = open_sequence(root).frame("truth", index)
         truth, header = read_truth(source), read_attributes(source)
         values = {**vars(truth), "flow_forward": wrong(truth.flow_forward)}
         kept = {name: header[name] for name in ("camera", "cameraToWorld", "timeSeconds")}
@@ -120,7 +120,7 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
     ids=["sky", "purity", "mean", "hidden"],
 )
 def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, limit):
-    right = read_truth(moving.truth(0))
+    right = read_truth(moving.frame("truth", 0))
     found = dict(footprint_residuals(replace(right, footprint=wrong(right.footprint))))
     name = next(name for name in found if name.startswith(failing))
     assert np.median(found[name]) > limit
@@ -128,8 +128,8 @@ def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, lim
 
 def test_sensors_see_the_frames_of_the_shutter(moving):
     blurred, bands = read_radiance(moving.exposed_radiance(1))
-    sharp, _ = read_radiance(moving.radiance(1))
-    assert moving.exposed_radiance(1) != moving.radiance(1)
+    sharp, _ = read_radiance(moving.frame("radiance", 1))
+    assert moving.exposed_radiance(1) != moving.frame("radiance", 1)
     assert not np.allclose(blurred, sharp, rtol=0.2)
     stored = open_counts(moving.counts(moving.configuration.sensors[0], "twilight"))
     first, *_ = (frames for _, frames in read_radiance_frames(moving))
@@ -148,12 +148,12 @@ def test_of_a_rolling_shutter_the_motion_of_what_sensors_see_is_shown(rolling, t
 
 
 def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rolling):
-    assert moving.exposed_truth(1) == moving.truth(1)
-    assert rolling.exposed_truth(1) != rolling.truth(1)
+    assert moving.exposed_truth(1) == moving.frame("truth", 1)
+    assert rolling.exposed_truth(1) != rolling.frame("truth", 1)
     frames = list(read_truth_frames(rolling))
     # The camera turns at 15°/s about the vertical: azimuth tells each row's time. A row sees its
     # point a frame later in the same row, so the flow is that of an instant.
-    sharp = read_truth(rolling.truth(0))
+    sharp = read_truth(rolling.frame("truth", 0))
     np.testing.assert_allclose(frames[0].flow_forward, sharp.flow_forward, atol=1e-4)
     azimuth = [
         np.arctan2(each.position[:, 80, 1], each.position[:, 80, 0]) for each in (frames[0], sharp)

@@ -83,7 +83,7 @@ def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
     (motion,) = motions_of(dataset).values()
     np.testing.assert_allclose(motion.carry(np.zeros((1, 3)), 0.5), [[0, 0, 1]], atol=1e-9)
     # y of the file is up: at a depth of 4 m, objects that rise move upward in the image.
-    flow = read_truth(dataset.truth(0)).flow_forward
+    flow = read_truth(dataset.frame("truth", 0)).flow_forward
     middle = flow[6, 8]
     assert middle[1] < -0.1
 
@@ -116,7 +116,7 @@ def test_a_camera_that_sees_nothing_is_refused_with_bounds_and_a_path_that_sees_
     words = str(no.value).partition("--trajectory.")[2].split("--trajectory.")
     path = {name: values for name, *values in map(str.split, words)}
     given = {name: f"[{', '.join(v)}]" if len(v) > 1 else v[0] for name, v in path.items()}
-    truth = read_truth(run_stage(tmp_path / "data", box(**given), "render").truth(0))
+    truth = read_truth(run_stage(tmp_path / "data", box(**given), "render").frame("truth", 0))
     assert 0.05 < (truth.object_id > 0).mean() < 0.9
     assert not truth.object_id[0].any() and not truth.object_id[:, 0].any()
 

@@ -1,29 +1,11 @@
-"""What `sense` refuses to write beside the counts."""
+"""What `sense` cannot know of light."""
 
 import numpy as np
 import pytest
 
-from megalopta.sensor import Crosstalk, changed, ctia_preset, preset
-from megalopta.sensor.formats.products import check_product
+from megalopta.sensor import changed, preset
 from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.shot import NextFrames, Shot
-
-
-@pytest.mark.parametrize(
-    ("product", "changes", "message"),
-    [
-        ("events_npz", {}, "an integrating sensor has no single events"),
-        (
-            "binary_npy",
-            {"crosstalk": Crosstalk(mean_fired_neighbors=0.1)},
-            "binary frames have none",
-        ),
-    ],
-)
-def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
-    sensor = tiny.sensors[1].model_copy(update=changes) if changes else ctia_preset("ctia_si")
-    with pytest.raises(ValueError, match=f"{product}: .*{message}"):
-        check_product(product, sensor, (40, 48))
 
 
 def test_light_is_not_known_beyond_the_next_frame():

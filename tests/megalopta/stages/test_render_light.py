@@ -87,7 +87,7 @@ def finished(tmp_path_factory):
 
 
 def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
-    truth = read_truth(finished.truth(4))
+    truth = read_truth(finished.frame("truth", 4))
     np.testing.assert_allclose(truth.flow_forward[..., 0], 2, atol=1e-5)
     np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-5)
     # Nothing leaves an image without left and right edge.
@@ -97,7 +97,7 @@ def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
 
 def test_camera_and_pose_stand_in_the_truth_and_no_pinhole_file_pretends(finished):
     assert not (finished.root / "training/camdata_left").exists()
-    with OpenEXR.File(str(finished.truth(4))) as file:
+    with OpenEXR.File(str(finished.frame("truth", 4))) as file:
         header = dict(file.header())
     camera = CylindricalCamera.model_validate_json(header["camera"])
     assert camera == finished.configuration.camera

@@ -154,7 +154,8 @@ def test_cameras_of_a_rig_have_their_own_lens_size_bands_shutter_and_sensor(mixe
     ]  # fmt: skip
     # At the first frame its columns look from up to 0.025 s along the path at 1.1 m/s.
     rolling = read_truth(mixed[2].dataset.exposed_truth(0)).position
-    assert np.nanmax(np.abs(rolling - read_truth(mixed[2].dataset.truth(0)).position)) > 0.01
+    still = read_truth(mixed[2].dataset.frame("truth", 0)).position
+    assert np.nanmax(np.abs(rolling - still)) > 0.01
     flow, known = mixed.pairs()[2]["flow"], np.moveaxis(mixed[2].flow(0), -1, 0)
     np.testing.assert_array_equal(flow, np.nan_to_num(known))  # of the shutter
     # Only the first two have the same lens.
@@ -171,7 +172,7 @@ def test_different_cameras_see_the_same_scene(mixed):
 
 def test_flow_to_cameras_of_the_rig_is_that_of_projected_points(mixed):
     for start, end in ((0, 1), (0, 2), (0, 3), (3, 1)):
-        truth, pose = read_truth(mixed[start].dataset.truth(0)), mixed[end].poses[1]
+        truth, pose = read_truth(mixed[start].dataset.frame("truth", 0)), mixed[end].poses[1]
         points = (truth.position - pose[:3, 3]) @ pose[:3, :3]
         camera = mixed[end].configuration.camera
         image = camera.project(points.reshape(-1, 3)).reshape(*points.shape[:2], 2)

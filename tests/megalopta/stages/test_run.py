@@ -51,7 +51,7 @@ def test_depth_and_camera_files_follow_sintels_layout(finished):
     assert np.frombuffer(raw[:4], "<f4")[0] == np.float32(202021.25)
     width, height = np.frombuffer(raw[4:12], "<i4")
     depth = np.frombuffer(raw[12:], "<f4").reshape(height, width)
-    exact = read_truth(finished.truth(0)).depth
+    exact = read_truth(finished.frame("truth", 0)).depth
     np.testing.assert_array_equal(depth, np.where(np.isinf(exact), 1e10, exact).astype("<f4"))
     raw = finished.frame("training/camdata_left", 0).read_bytes()
     intrinsics = np.frombuffer(raw[4:76], "<f8").reshape(3, 3)
@@ -179,13 +179,14 @@ def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
 
 def test_damage_is_named_with_its_remedy(copy, capsys):
     assert check_files(Tree(copy.root)) == []
+    missing = copy.frame("radiance", 3)
     (copy.root / "litter.txt").write_text("?")
     path = copy.counts(copy.configuration.sensors[0], "twilight") / "counts/c/0/0/0"
     path.write_bytes(bytes(path.stat().st_size))
-    copy.radiance(3).unlink()
+    missing.unlink()
     assert not run_check_files(copy.root)
     text = capsys.readouterr().out
-    assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
+    assert f"{missing}: is missing; run: megalopta render {copy.root} --out" in text
     assert f"{path}: differs from its record; remove {path.parents[4]} and run" in text
     assert "litter.txt: belongs to no sequence" in text
     assert "3 faults" in text
@@ -221,10 +222,8 @@ def test_what_was_begun_goes_on_to_the_same_bytes(begun, whole, monkeypatch):
 def test_frames_of_other_settings_or_software_are_not_mixed(begun, monkeypatch, what):
     settings = load(str(begun), {"seed": "7"} if what == "settings" else {})
     if what != "settings":
-        changed = (
-            {"model": lambda: "9"} if what == "model" else {"machinery": lambda _: {"drjit": "9"}}
-        )
-        other = dataclasses.replace(registry.STAGES["render"], **changed)
+        made_with = {"model": "9"} if what == "model" else {"drjit": "9"}
+        other = dataclasses.replace(registry.STAGES["render"], made_with=lambda _: made_with)
         monkeypatch.setitem(registry.STAGES, "render", other)
     write, written = FrameWriter.write, []
     monkeypatch.setattr(FrameWriter, "write", counting(write, written))
@@ -239,7 +238,7 @@ def test_frames_of_other_settings_or_software_are_not_mixed(begun, monkeypatch, 
 def test_output_of_another_model_is_refused_unless_it_is_derived(
     whole_copy, monkeypatch, stage, is_derived
 ):
-    other = dataclasses.replace(registry.STAGES[stage], model=lambda: "another")
+    other = dataclasses.replace(registry.STAGES[stage], made_with=lambda _: {"model": "another"})
     monkeypatch.setitem(registry.STAGES, stage, other)
     before, settings = content(whole_copy), load(str(whole_copy))
     if is_derived:
