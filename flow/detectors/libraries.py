@@ -210,12 +210,9 @@ class PhaseCorrelation(GrayDetector, frozen=True):
 
         window = np.outer(*(tukey(side, 0.5) for side in grid.shape))
         first, second = (window * (frame - frame.mean()) for frame in pair)
-        # The returned shift registers the second frame to the first.
+        # The returned shift, in steps of 1/20 px, registers the second frame to the first.
         shift, *_ = phase_cross_correlation(
-            first,
-            second,
-            upsample_factor=20,
-            normalization="phase",  # steps of 1/20 px
+            first, second, upsample_factor=20, normalization="phase"
         )
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
 
