@@ -29,7 +29,6 @@ from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 _MEAN_AT_TWO_BITS = 10.133
 """Count of a pixel with a relative error of 25 %; the error is proportional to its inverse root."""
-_LONGEST_STRIDE_DECADES = 2.0
 _STRIDES_PER_DECADE = 2
 """Detectors with the same stride measure on the same counts, which are drawn once."""
 _STRAIGHT = 0.05
@@ -150,7 +149,7 @@ def next_index(
 
 def _stride(depth: float, per_decade: int) -> int:
     """Return the expected distance of the crossing from an error of 10^depth levels, in fluxes."""
-    decades = min(1.5 * abs(depth), _LONGEST_STRIDE_DECADES)
+    decades = min(1.5 * abs(depth), 2.0)
     return max(1, math.ceil(decades * _STRIDES_PER_DECADE)) * _shortest_stride(per_decade)
 
 

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 Rgb = NDArray[np.uint8]
 
-_UNDEFINED = 128
-_BEYOND_SCALE = 0.75
-
 # The corners of the RGB cube around the wheel, red first, and the steps from each to the next.
 _CORNERS = np.array([(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1), (1, 0, 0)])
 _STEPS = np.array([15, 6, 4, 11, 13, 6])
@@ -37,9 +34,9 @@ def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
     turn = np.arctan2(y, x) / (2 * np.pi) % 1.0
     channels = [np.interp(turn, _TURN, _CORNERS[:, channel]) for channel in range(3)]
     hue = np.stack(channels, axis=-1)
-    color = np.where(speed <= 1, 1 - speed * (1 - hue), _BEYOND_SCALE * hue)
+    color = np.where(speed <= 1, 1 - speed * (1 - hue), 0.75 * hue)
     picture = np.round(255 * color).astype(np.uint8)
-    picture[undefined] = _UNDEFINED
+    picture[undefined] = 128
     return picture
 
 

@@ -223,18 +223,13 @@ def thesis_radius_px(shape: tuple[int, int]) -> int:
     return round((75 + min(shape)) / 45)
 
 
-class SummedFrames(BlockDetector, frozen=True):
+class SummedFrames(PooledFrames, frozen=True):
     """The velocity of a method between sums of successive frames."""
 
     method: SerializeAsAny[BlockDetector]
     """Method for two frames"""
     frames: Annotated[int, Field(ge=4, le=64, multiple_of=2)] = 8
     """Frames of both sums; fewer at the start of a sequence"""
-
-    @property
-    def memory_frames(self) -> int:
-        """All frames but the newest."""
-        return self.frames - 1
 
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
         """Return the blocks of the method in a frame (H, W)."""
@@ -245,14 +240,11 @@ class SummedFrames(BlockDetector, frozen=True):
         changes = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
         return self.method.model_copy(update=changes)
 
-    def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
-        """Return a frame that can be added without overflow."""
-        return frame.astype(np.float64)
-
-    def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the velocities between both sums."""
         half = len(window) // 2
-        sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
+        halves = np.reshape(window[-2 * half :], (2, half, *grid.shape))
+        sums = halves.sum(axis=1, dtype=np.float64)
         return np.asarray(self._inner.respond(sums)[-1] / half)
 
     def scored(self, responses: Floats) -> Floats:

@@ -35,15 +35,12 @@ class BurstAlignment(PooledFrames, frozen=True):
     name: str = "BA"
     label: str = "Burst alignment"
 
-    def prepared(self, grid: BlockGrid, frame: Frames) -> Floats:
-        """Return a frame that can be added without overflow."""
-        return frame.astype(np.float64)
-
-    def velocities(self, grid: BlockGrid, window: list[Floats]) -> Floats:
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the slopes of the shifts over time, (blocks, 2)."""
         summed = max(1, len(window) // _SUMS)
         count = len(window) // summed
-        sums = np.reshape(window[-summed * count :], (count, summed, *grid.shape)).sum(axis=1)
+        groups = np.reshape(window[-summed * count :], (count, summed, *grid.shape))
+        sums = groups.sum(axis=1, dtype=np.float64)
         middle = (count - 1) // 2
         times = summed * (np.arange(count) - middle)
         slope = sum(

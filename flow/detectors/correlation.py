@@ -29,10 +29,6 @@ from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Detector, Frames, Responder
 
 FilterStep = Annotated[float, Field(gt=0, le=1)]
-_FORGOTTEN = 0.01
-_LONG = 30
-"""Time constants after which e⁻³⁰ remains."""
-_TINY = 1e-20
 
 _ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
 
@@ -162,14 +158,14 @@ class CorrelationDetector(Detector, frozen=True):
 def _settled(filter_step: float, output_step: float, power: int) -> int:
     """Return the number of frames after which 1 % of the response to one bright frame remains."""
     # high-pass, delay and low-pass at the output: three poles, two of them equal
-    frames = math.ceil(_LONG / min(filter_step, output_step))
+    frames = math.ceil(30 / min(filter_step, output_step))  # after which e⁻³⁰ remains
     delay, smoothing = (
         np.fft.rfft(step * (1 - step) ** np.arange(frames), 2 * frames)
         for step in (filter_step, output_step)
     )
     response = np.abs(np.fft.irfft((1 - delay) * delay * smoothing)[:frames]) ** power
-    left = 1 - np.cumsum(response) / max(response.sum(), _TINY)  # a step of 1 leaves nothing
-    return 1 + int(np.argmax(left < _FORGOTTEN))
+    left = 1 - np.cumsum(response) / max(response.sum(), 1e-20)  # a step of 1 leaves nothing
+    return 1 + int(np.argmax(left < 0.01))
 
 
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):

@@ -30,7 +30,6 @@ from megalopta.core.errors import UserError
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
 
-_ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
 DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
@@ -56,7 +55,7 @@ class GrayDetector(BlockDetector, frozen=True):
     def _stretched(self, pair: Frames) -> Frames:
         """Return a pair of frames, transformed before the map to gray levels."""
         if self.stretch != "none":
-            pair = 2 * np.sqrt(pair + _ANSCOMBE)
+            pair = 2 * np.sqrt(pair + 3 / 8)
         if self.stretch == "denoised":
             # Buades et al. (2005), with scikit-image's strength; the noise is 1
             from skimage.restoration import denoise_nl_means

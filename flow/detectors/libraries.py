@@ -22,18 +22,7 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
-_SMALLEST_WINDOW_PX = 3
 _SMALLEST_DIS_FRAME_PX = 12
-
-_FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
-"""A neighborhood of 5 px, and the width of its weights recommended by OpenCV"""
-
-_GRAY_LEVELS = 255
-"""Farnebäck's regularization is an absolute number, for 8-bit pictures."""
-_STEPS_PER_PX = 20
-"""Velocities of phase correlation are multiples of 1/20 px"""
-_FADING = 0.5
-"""Share of a side over which the frames fade, half at either edge (Tukey's window)"""
 
 
 class LucasKanade(GrayDetector, frozen=True):
@@ -58,7 +47,7 @@ class LucasKanade(GrayDetector, frozen=True):
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
         import cv2
 
-        side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
+        side = max(3, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
         sides, coarsest = (side, side), self.pyramid_levels - 1
         first, second = eight_bits(pair)
@@ -88,8 +77,11 @@ class Farneback(DenseDetector, frozen=True):
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
-        settings: dict[str, Any] = {"levels": 3, "winsize": window, **_FARNEBACK}
-        first, second = (_GRAY_LEVELS * pair).astype(np.float32)
+        # a neighborhood of 5 px, and the width of its weights recommended by OpenCV
+        settings: dict[str, Any] = {"levels": 3, "winsize": window, "iterations": 3, "flags": 0}
+        settings |= {"pyr_scale": 0.5, "poly_n": 5, "poly_sigma": 1.1}
+        # its regularization is an absolute number, for 8-bit pictures
+        first, second = (255 * pair).astype(np.float32)
         empty: Any = np.empty((*grid.shape, 2), np.float32)
         with one_thread():
             return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
@@ -216,11 +208,11 @@ class PhaseCorrelation(GrayDetector, frozen=True):
         from scipy.signal.windows import tukey
         from skimage.registration import phase_cross_correlation
 
-        window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
+        window = np.outer(*(tukey(side, 0.5) for side in grid.shape))
         first, second = (window * (frame - frame.mean()) for frame in pair)
-        # The returned shift registers the second frame to the first.
+        # The returned shift, in steps of 1/20 px, registers the second frame to the first.
         shift, *_ = phase_cross_correlation(
-            first, second, upsample_factor=_STEPS_PER_PX, normalization="phase"
+            first, second, upsample_factor=20, normalization="phase"
         )
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
 

@@ -17,7 +17,6 @@ from megalopta.flow.detectors.libraries import DenseInverseSearch
 from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood_flow, refined_flow
 
 _FAST_START = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
-_SMALLEST_FAST_PX = 12
 
 
 class PoissonFlow(BlockDetector, frozen=True):
@@ -80,19 +79,9 @@ class FastPoissonFlow(BlockDetector, frozen=True):
     name: str = "PF-fast"
     label: str = "Fast Poisson flow"
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of a frame (H, W); ValueError if it is too small."""
-        if min(shape) < _SMALLEST_FAST_PX:
-            raise ValueError(
-                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
-                f" {_SMALLEST_FAST_PX} px along each side"
-            )
-        return super().grid(shape)
-
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon."""
         pair = self.checked(frames)
-        self.grid((pair.shape[1], pair.shape[2]))
         start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast
         return refined_flow(pair, start, PoissonFlow().smoothness)
 

@@ -38,8 +38,6 @@ GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
 _OUTLIER = 0.25
 """Relative error of a velocity above which it is an outlier: the dissertation's 2-bit accuracy."""
 _LEAST_SHARE = 0.5
-_THRESHOLDS_PX = (1.0, 3.0, 5.0)
-_RELATIVE = 0.05
 _STEPS = 100
 
 
@@ -260,8 +258,8 @@ class DenseErrors:
             flow_px[missing] = 0.0
             speed, epe = np.hypot(*true_px.T), np.hypot(*(flow_px - true_px).T)
             off = np.where(missing, np.inf, epe)
-            over = [off > limit for limit in _THRESHOLDS_PX]
-            fl = over[1] & (off > _RELATIVE * speed)
+            over = [off > limit for limit in (1, 3, 5)]
+            fl = over[1] & (off > 0.05 * speed)
             # WAUC: the weight of all thresholds above an error, as a share
             within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
             wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,8 +87,6 @@ Truths = Mapping[FrameName, TrueFlow]
 
 Files = tuple[Path, Path, TrueFlow]
 """First picture, second picture, truth"""
-
-Pair = TypeVar("Pair")
 
 
 def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
@@ -184,13 +182,6 @@ def pairs_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, Files
     return {
         "/".join(filter(None, frame)): (*pictures[frame], truths[frame]) for frame in sorted(truths)
     }
-
-
-def evenly_spread(pairs: dict[str, Pair], most: int) -> dict[str, Pair]:
-    """Return at most `most` pairs, evenly spaced."""
-    names = list(pairs)
-    chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
-    return {names[index]: pairs[names[index]] for index in chosen}
 
 
 def read_pair(name: str, files: Files) -> FlowClip:

@@ -44,11 +44,9 @@ MEASURES = "error_px", "error_deg_s"
 _REFLECTANCE = 0.2
 _BANDS_NM = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
 _RADII_PX = (1.5, 20.0)
-_EXPOSURES, _DECADES = 21, 4
 _TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
 _MORE_BITS = 7
 """Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
-_TOO_DARK, _NOTHING = "too few photons in a frame", "saturation, or a texture of one direction"
 
 
 class DesignSettings(Record, frozen=True):
@@ -109,7 +107,7 @@ class DesignSettings(Record, frozen=True):
         """Exposures to try (s), shortest first. Raises ValueError if one is longer than a frame."""
         longest = 1 / self.frame_rate_hz
         if not self.exposure_s:
-            return tuple((longest * 10.0 ** -np.linspace(_DECADES, 0, _EXPOSURES)).tolist())
+            return tuple((longest * 10.0 ** -np.linspace(4, 0, 21)).tolist())
         if max(self.exposure_s) > longest * (1 + 1e-9):
             raise ValueError(
                 f"exposure_s {max(self.exposure_s):g} is longer than a frame, {longest:g} s; lower "
@@ -188,13 +186,7 @@ def design(
     sequence, whose first frame is the scene, by default dead leaves; `settings`: fields of
     `DesignSettings`, such as error and light_levels. Raises UserError if one cannot be used.
     """
-    return designed(sensor, dataset, validated(DesignSettings, settings, "design"))
-
-
-def designed(
-    sensor: Sensor | str | Path, dataset: str | Path | None, chosen: DesignSettings
-) -> Design:
-    """Return the same for complete settings. Raises UserError."""
+    chosen = validated(DesignSettings, settings, "design")
     with refused_as("design"):
         if not isinstance(sensor, Sensor):
             is_file = str(sensor).endswith((".yaml", ".yml"))
@@ -293,7 +285,9 @@ class _Work:
             removed = (*removed, cause)
             if error <= self._settings.target:
                 return " and ".join(removed)
-        return _TOO_DARK if math.isfinite(error) else _NOTHING
+        if math.isfinite(error):
+            return "too few photons in a frame"
+        return "saturation, or a texture of one direction"
 
 
 def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:

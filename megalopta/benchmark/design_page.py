@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.ticker import FuncFormatter
 
 from megalopta.benchmark.design import Design, DesignPoint, DesignRow
 from megalopta.config.model import level_text
@@ -15,7 +14,6 @@ from megalopta.report.sections import Section, captioned, write_sections
 from megalopta.report.text import UNDEFINED, level_name, number, short
 
 _CHARTS = 4
-_NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")
 _MEASURES = {"error_px": ("flow", "px"), "error_deg_s": ("yaw rate", "°/s")}
 """What is measured, and its unit"""
 _QUANTITIES = {
@@ -87,8 +85,8 @@ def _curve_chart(design: Design, points: Sequence[DesignPoint], name: str) -> Ma
         shown = np.where(np.isfinite(errors), errors, np.nan)
         axes.plot(times_ms, shown, **style.line_style(place % 7), label=level_name(level))
     axes.axhline(design.settings.target, color=style.BLACK, linewidth=1)
-    style.logarithmic(axes, "x", _NUMBERS)
-    style.logarithmic(axes, "y", _NUMBERS)
+    style.logarithmic(axes, "x", style.NUMBERS)
+    style.logarithmic(axes, "y", style.NUMBERS)
     axes.set(xlabel="exposure (ms)", ylabel=f"standard error of {quantity} ({unit})")
     return style.with_legend(figure, name, "Error over exposure, a line per light level")
 

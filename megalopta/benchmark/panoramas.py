@@ -23,8 +23,6 @@ NATURAL_PANORAMAS: Mapping[str, float] = MappingProxyType(
 )
 """Field of view of a frame of 251 columns (degrees) by name, in the order of Fig. 4.3 a to d."""
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
-WIDEST, NARROWEST = 4.0, 2.0
-"""Most and fewest columns per row of a panorama."""
 
 
 def natural_template(name: str) -> Floats:
@@ -51,10 +49,10 @@ def template_from_file(path: Path) -> Floats:
         rgb = read_picture(str(path))
     light = rgb.astype(np.float64) @ np.array(LUMINANCE_SHARES)
     rows, columns = light.shape
-    if not NARROWEST * rows <= columns <= WIDEST * rows:
+    if not 2 * rows <= columns <= 4 * rows:
         raise UserError(
             f"{path} has {columns} × {rows} pixels; a panorama around the full circle is "
-            f"{NARROWEST:g} to {WIDEST:g} times as wide as it is high: crop or stitch it"
+            "2 to 4 times as wide as it is high: crop or stitch it"
         )
     if rows < ROWS:
         raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")

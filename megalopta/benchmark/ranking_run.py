@@ -277,21 +277,16 @@ def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Row
     for group, inside in truth.groups.items():
         totals = np.sum([np.where(inside, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
         blocks = len(errors) * inside.sum(axis=(1, 2)).astype(np.float64)
-        yield from in_segments(table.MEAN, group, totals, blocks, segments)
+        measured = [(table.MEAN, totals, blocks)]
         if group == "all":
             far = [((error > table.FAR_PX) & inside).sum(axis=(1, 2)) for error in errors]
-            totals = np.sum(far, axis=0).astype(float)
-            yield from in_segments(table.FAR, group, totals, blocks, segments)
             medians = [
                 np.median([error[pair][known] for error in errors]) if known.any() else 0.0
                 for pair, known in enumerate(inside)
             ]
-            pairs = (blocks > 0).astype(np.float64)
-            yield from in_segments(table.MEDIAN, group, np.array(medians), pairs, segments)
-
-
-def in_segments(metric: str, group: str, totals: Floats, blocks: Floats, segments: int) -> Rows:
-    """Yield the sums over the successive pairs of each segment."""
-    parts = zip(np.array_split(totals, segments), np.array_split(blocks, segments), strict=True)
-    for segment, (total, count) in enumerate(parts):
-        yield metric, group, segment, total.sum(), count.sum()
+            measured.append((table.FAR, np.sum(far, axis=0).astype(float), blocks))
+            measured.append((table.MEDIAN, np.array(medians), (blocks > 0).astype(np.float64)))
+        for metric, *sums in measured:
+            parts = zip(*(np.array_split(values, segments) for values in sums), strict=True)
+            for segment, (total, count) in enumerate(parts):
+                yield metric, group, segment, total.sum(), count.sum()

@@ -30,10 +30,6 @@ from megalopta.flow.metrics.response_error import for_json
 Flows = Mapping[clips.FrameName, tuple[str, Callable[[], NDArray[Any]]]]
 """Source of a frame's flow, and a function that returns it, (H, W, 2) in px"""
 
-Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
-"""Fields of `flow.metrics.DenseError` by group of pixels (`flow.metrics.GROUPS`); None if a group
-has no pixel"""
-
 
 class Entry(Record, frozen=True):
     """A row of the table of scores: a program's flow over one pass, of all or of one sequence."""
@@ -50,7 +46,8 @@ class Entry(Record, frozen=True):
     truth_hash: str
     """Hash of the true flow; only entries with the same one are comparable"""
     frames: PositiveInt
-    errors: Groups
+    errors: Mapping[str, Mapping[str, int | FiniteFloat | None]]
+    """Fields of `DenseError` by group of pixels (`GROUPS`); None if it has no pixel"""
 
 
 class Scores(Record, frozen=True):

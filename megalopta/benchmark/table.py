@@ -22,9 +22,6 @@ from megalopta.core.arrays import Floats
 CASE = ["metric", "method", "photons", "group"]
 """Columns that say what a row measures: photons are per frame or per pixel, as the benchmark says;
 group is a group of blocks"""
-MEANS = [*CASE, "value", "low", "high", "surely_lowest"]
-"""Columns of the means over units: `surely_lowest` is true if the value is lower than that of every
-other method"""
 
 MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 """Metrics of the endpoint errors of the blocks of a pair of frames"""
@@ -62,25 +59,23 @@ def records(rows: pd.DataFrame) -> Iterator[Any]:
     yield from rows.itertuples()
 
 
-def sums_of(rows: pd.DataFrame) -> Sums:
-    """Return the sums of a table's rows, a unit each."""
-    return Sums(rows["total"].to_numpy(float), rows["blocks"].to_numpy(float))
-
-
 def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
-    """Return the mean of every case over units, with columns `MEANS`.
+    """Return the mean of every case over units: value, low, high and `surely_lowest`.
 
-    The method `not_ranked` may be lower than the one that is surely lowest. Cases without blocks
-    are left out.
+    The last is true if the value is lower than that of every other method but `not_ranked`. Cases
+    without blocks are left out.
     """
     rows = []
     for (metric, *case), same in table.groupby(["metric", *CASE[2:]], sort=False):
-        by_method = {str(name): sums_of(part) for name, part in same.groupby("method", sort=False)}
+        by_method = {
+            str(name): Sums(part["total"].to_numpy(float), part["blocks"].to_numpy(float))
+            for name, part in same.groupby("method", sort=False)
+        }
         first = lowest({name: sums for name, sums in by_method.items() if name != not_ranked})
         for name, sums in by_method.items():
             if (mean := interval(sums)) is not None:
                 rows.append((metric, name, *case, *mean, first == (name, True)))
-    return pd.DataFrame(rows, columns=MEANS)
+    return pd.DataFrame(rows, columns=[*CASE, "value", "low", "high", "surely_lowest"])
 
 
 def interval(sums: Sums) -> Interval | None:

@@ -219,8 +219,6 @@ Value = int | float | bool | str
 MOST_TRIALS = 10_000
 """Most trials of a sweep; checking this many takes a minute."""
 
-_SHARED = ("methods", "search.metrics", "search.bits")
-
 
 class SweepPoint(NamedTuple):
     """One trial of a sweep, and its place."""
@@ -260,7 +258,7 @@ class Sweep(Record, frozen=True):
         count = len(self.values) * len(self.sizes or "1") * len(self.templates or "1")
         if count > MOST_TRIALS:
             raise ValueError(f"values: {count} trials; give at most {MOST_TRIALS} in all")
-        if self.vary.startswith(_SHARED):
+        if self.vary.startswith(("methods", "search.metrics", "search.bits")):
             raise ValueError(f"vary: {self.vary} cannot vary within a figure; set it in the trial")
         if self.vary == "size" and self.sizes:
             raise ValueError("sizes: size is varied already; omit sizes")

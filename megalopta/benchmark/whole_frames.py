@@ -24,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from megalopta.benchmark import clips as pictures, table
+from megalopta.benchmark import table
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
 from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
@@ -80,7 +80,6 @@ FROM_STAND_IN, FROM_OTHERS = (
 """Metrics against the flow of the reference, and against the median of the other methods, by the
 corresponding metric of an error."""
 
-_PAIR_FRAMES = 2
 _CLEAN_PHOTONS = 1000.0
 """Photons per pixel of the noise-free light that the reference sees."""
 
@@ -241,9 +240,9 @@ def measures(distances_px: Floats) -> Iterator[tuple[str, float]]:
 
 
 def pairs_without_truth(
-    stack: ExitStack, paths: Sequence[Path], most: int, unit: Unit | None = None
+    stack: ExitStack, paths: Sequence[Path], unit: Unit | None = None
 ) -> dict[str, tuple[_Light, _Light]]:
-    """Return two pictures, or at most `most` evenly spaced pairs of successive frames, by name.
+    """Return two pictures, or all pairs of successive frames, by name.
 
     The stack closes opened files. Raises UserError if there are not two frames.
     """
@@ -260,15 +259,14 @@ def pairs_without_truth(
             f"benchmark pairs: {len(paths)} paths of {len(frames)} frames; without truth, give two "
             "pictures, a folder of pictures or a video"
         )
-    if len(frames) < _PAIR_FRAMES:
+    if len(frames) < 2:
         raise UserError(f"{paths[0]} has one frame; give two pictures, or a video")
     if len({footage.shape for footage in opened}) > 1:
         sizes = " and ".join(f"{f.shape[1]} × {f.shape[0]}" for f in opened)
         raise UserError(f"{paths[0]} and {paths[1]} have {sizes} px; give one size")
     if len(opened) == 2:
         return {paths[0].stem: (frames[0], frames[1])}
-    steps = {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
-    return pictures.evenly_spread(steps, most)
+    return {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
 
 
 def _luminance(footage: Footage, index: int) -> Floats:

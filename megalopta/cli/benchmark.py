@@ -104,10 +104,11 @@ def _pairs(options: Namespace) -> Path:
     from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
     from megalopta.benchmark.whole_frames import METRICS, frame_errors, write_board
     from megalopta.core.errors import refused_as
+    from megalopta.report.images import evenly_spaced
 
     if len(options.paths) == 1:
         pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
-        pairs = clips.evenly_spread(pairs_below, options.pairs)
+        pairs = dict(evenly_spaced([*pairs_below.items()], options.pairs))
     elif len(options.paths) == 3:
         *pictures, truth = options.paths
         pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
@@ -134,10 +135,12 @@ def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark.methods import BLOCK_PX, block_detector
     from megalopta.benchmark.table import MEAN
     from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
+    from megalopta.report.images import evenly_spaced
 
     reference = options.reference or _REFERENCE
     with ExitStack() as stack:
-        pairs = whole_frames.pairs_without_truth(stack, options.paths, options.pairs, options.unit)
+        all_pairs = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
+        pairs = dict(evenly_spaced([*all_pairs.items()], options.pairs))
         choices = _methods_and_draws(options, len(pairs))
         distances = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
     name = block_detector(reference).name
@@ -310,14 +313,14 @@ def _design(options: Namespace) -> Path:
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.design import DesignSettings, designed
+    from megalopta.benchmark.design import DesignSettings, design
     from megalopta.benchmark.design_page import table_cells, table_head, write_design
     from megalopta.config.yaml_model import validated
 
     settings = validated(DesignSettings, {}, "settings", options.overrides)
-    design = designed(options.sensor, options.dataset, settings)
-    table = Table(*table_head(design))
-    for row in design.rows:
-        table.add_row(*table_cells(design, row))
+    found = design(options.sensor, options.dataset, **dict(settings))
+    table = Table(*table_head(found))
+    for row in found.rows:
+        table.add_row(*table_cells(found, row))
     Console(width=120, markup=False).print(table)
-    return write_design(options.out, design)
+    return write_design(options.out, found)

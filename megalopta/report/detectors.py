@@ -27,8 +27,6 @@ from megalopta.report.text import (
 
 ACCURATE = 0.25
 """The dissertation's 2-bit accuracy: an error below 2⁻²."""
-_BAND_STANDARD_ERRORS = 2
-_SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
 
 _ERRORS = Markup(
     "Readings are scaled to a mean of 1. Errors compare the response to counts with that to the "
@@ -154,7 +152,8 @@ def threshold_section(report: Report) -> Section:
         title = f"{_size(shape)} pixels, {metric} error"
         about = f"Error over photons per frame at {title}, one curve per detector"
         name = f"curve-{shape[0]}-{metric}"
-        charts.append(html.card(title, error_chart(curves, report.exposures, name, about)))
+        chart = error_chart(curves, report.exposures, name, about)
+        charts.append(html.block("card", html.heading(title), chart))
     needs = (
         (c.method, f"{_size(c.shape)}, {c.metric}", str(c.thresholds.get(2, UNDEFINED)))
         for c in benchmark.curves
@@ -187,7 +186,7 @@ def error_chart(
         look = method_style(curve.method)
         errors = np.array(curve.errors)
         errors = np.where(errors > 0, errors, np.nan)
-        spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
+        spread = 2 * np.array(curve.standard_errors)
         ends = np.clip(errors - spread, 1e-9, None), errors + spread
         axes.fill_between(curve.fluxes, *ends, color=look["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **look, markersize=4, label=curve.method)
@@ -210,6 +209,6 @@ def error_chart(
     axes.set(
         xlabel="photons per frame",
         ylabel="error of the response",
-        ylim=(_SMALLEST_ERROR, min(_LARGEST_ERROR, 2 * max(largest, 1))),
+        ylim=(1e-3, min(1e3, 2 * max(largest, 1))),
     )
     return svg.with_legend(figure, name, description, loc="lower left")

@@ -35,8 +35,6 @@ GRAY = (128, 128, 128)
 _COLORS, _RGB_BITS = 96, 6
 _LEGEND_STEPS, _WHEEL_PX = 128, 96
 _GAP_PX = 6
-_MOST_PIXELS_SHOWN = 8_000_000
-"""Limit of all films of a page"""
 _WHEEL = Markup(
     "<b>Motion as color.</b> Hue is direction: red right, yellow down, cyan left, violet up. White "
     "is no motion; full color, at the rim, is {:.2g} px per frame; darker is faster; gray is "
@@ -141,7 +139,7 @@ def selection(
 ) -> tuple[tuple[int, ...], int]:
     """Choose the frames, and the step between pixels, that fit a page with this many films."""
     step = math.ceil(max(shape) / longest_px)
-    fitting = _MOST_PIXELS_SHOWN * step**2 // (math.prod(shape) * films)
+    fitting = 8_000_000 * step**2 // (math.prod(shape) * films)
     return evenly_spaced(frames, max(min(most_frames, fitting), 1)), step
 
 
@@ -197,8 +195,6 @@ _PANEL_PX, _IN_ONE_ROW = 480, 4
 _GIF_FRAMES, _FEWEST_GIF_FRAMES, _GIF_BYTES = 60, 8, 4_000_000
 _GIF_MS = (20, 600_000)
 """Shortest and longest duration of a GIF frame"""
-_H264 = {"crf": "20", "preset": "veryfast"}
-"""Options of libx264 for good quality"""
 
 
 def composed(label: str, pictures: Row, width_px: int, letters_px: int) -> Image.Image:
@@ -264,7 +260,7 @@ def _mp4_writer(path: Path, rate_hz: float) -> Iterator[Callable[[Image.Image], 
         return
     with atomic_write(path) as temporary, av.open(str(temporary), "w") as container:
         stream = container.add_stream("libx264", Fraction(rate_hz).limit_denominator(1000))
-        stream.pix_fmt, stream.options = "yuv420p", _H264
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "20", "preset": "veryfast"}
 
         def write(picture: Image.Image) -> None:
             # yuv420p needs even sides: the last line is repeated

@@ -33,9 +33,6 @@ from megalopta.report.text import (
 from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
 
-_MOST_LEVELS = 4
-_BACKDROP_GRAY = 0.35
-
 _LIGHT = (
     "Each sensor is exposed to the same light, scaled to each level; a named level has its own "
     "spectrum. Orange pixels are saturated: their readings are lower bounds. "
@@ -47,8 +44,6 @@ _COLUMNS = Markup(
     "reading over the reading's standard deviation. <b>Rendering : shot noise</b>: ratio of "
     "standard deviations; above 1, the rendering is noisier than the photons."
 )
-_CAUTION = 0.1
-"""Relative noise of a pixel's rendered light from which it is a warning"""
 
 
 def write_report(dataset: Dataset) -> Path:
@@ -153,7 +148,7 @@ def _opening(report: Report) -> Markup:
         reach = ("none", f"{error} at {level}") if result.is_wrong else (level, error)
         rows.append((result.sensor, result.method, *reach))
     shown, frames, budgets = report.shown, report.shown.frames, report.of(sensor)
-    bright_first = images.evenly_spaced(budgets, _MOST_LEVELS)
+    bright_first = images.evenly_spaced(budgets, 4)
     films = [_counts_film(report, budget) for budget in bright_first]
     if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
         films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
@@ -199,7 +194,8 @@ def light_section(report: Report) -> Section:
         budgets = report.of(sensor.name)
         films = (_counts_film(report, budget) for budget in budgets)
         exposure = html.paragraph(f"Exposure: {with_error(sensor.exposure_s, 0, 's')}.", "note")
-        body.append(html.card(sensor.name, exposure, html.block("strip", *films)))
+        parts = html.heading(sensor.name), exposure, html.block("strip", *films)
+        body.append(html.block("card", *parts))
         for budget in budgets:
             cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
             saturated = percent(budget.saturated_fraction)
@@ -236,7 +232,7 @@ def motion_section(report: Report) -> Section:
     if shown.rim:
         hidden = []
         for frame, truth in zip(shown.frames, truths, strict=True):
-            gray = np.asarray(shown.light.picture(frame).convert("L")) * _BACKDROP_GRAY
+            gray = np.asarray(shown.light.picture(frame).convert("L")) * 0.35
             picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
             picture[shown.pixels(truth.occluded_forward)] = images.ORANGE
             hidden.append(images.rgb_picture(picture))
@@ -263,7 +259,7 @@ def making_section(report: Report) -> Section:
     body = [html.paragraph(f"Time spent: {spent}.", "note")]
     noise = report.scene.get("monte_carlo") or {}
     if relative := noise.get("median_relative"):
-        is_noisy = relative > _CAUTION
+        is_noisy = relative > 0.1
         text = (
             f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as "
             f"{number(noise['equivalent_photons_per_pixel'])} photons per pixel "
@@ -275,7 +271,7 @@ def making_section(report: Report) -> Section:
     if report.has_truth:
         variant = report.scene.get("variant", "not noted")
         body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
-    settings = Markup("<pre>{}</pre>").format(to_yaml(report.settings))
-    body.append(html.folded("All settings", settings))
+    folded = Markup("<details><summary>All settings</summary>\n<pre>{}</pre></details>")
+    body.append(folded.format(to_yaml(report.settings)))
     text = "The settings, with their seeds, reproduce this page, but for the noise of rendering."
     return Section("How it was made", text, body=Markup("\n").join(body), name="made")

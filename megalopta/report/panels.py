@@ -41,8 +41,6 @@ from megalopta.stages.run import finished, has_output, require
 MOST_FRAMES = 80
 """Of a page"""
 LONGEST_SIDE_PX = 320
-_WHITE_PERCENTILE = 95.0
-"""Percentile of readings above which all are white"""
 _SAMPLED = 8
 """Frames, spread evenly, that scales of colors are taken from"""
 _CAVEAT = " Their true motion is unknown; the flow of the clean pictures is a stand-in for it."
@@ -330,7 +328,7 @@ class SequencePanels:
 def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), _WHITE_PERCENTILE)
+    bright = np.percentile(np.stack([values for values, _ in sampled]), 95)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
     scale = images.gray_scale(white)
 

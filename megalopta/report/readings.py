@@ -24,8 +24,6 @@ from megalopta.sensor.quantities import histogram
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Suffixes of files that hold readings, or pictures"""
-_BYTES_EACH = 40
-"""Bytes of a reading in memory while its frame is drawn"""
 _AT_ONCE = 2**23
 """Readings in memory"""
 
@@ -170,7 +168,7 @@ def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     shape = first.counts.shape[1:]
     if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
-    check_decoded(path, shape, _BYTES_EACH)
+    check_decoded(path, shape, 40)  # bytes of a reading while its frame is drawn
     stated = kind or cast(FrameKind, first.source)
     stack = read_frames(path, stated).counts if first.source == "tiff" else None
 

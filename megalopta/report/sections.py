@@ -9,11 +9,6 @@ from markupsafe import Markup
 
 from megalopta.core.files import write_text
 
-_PLAYBACK_HZ = (2.0, 30.0)
-"""Rates at which a film can be followed"""
-_UNTIMED_HZ = 12.0
-"""Rate of frames without times"""
-
 
 @dataclass(frozen=True)
 class Section:
@@ -51,9 +46,8 @@ class Player:
     def playback_hz(self) -> float:
         """Rate at which the page plays."""
         if self.fps or self.real_hz is None:
-            return self.fps or _UNTIMED_HZ
-        slowest, fastest = _PLAYBACK_HZ
-        return min(max(self.real_hz, slowest), fastest)
+            return self.fps or 12.0
+        return min(max(self.real_hz, 2.0), 30.0)  # what can be followed
 
 
 def captioned(chart: Markup, caption: str) -> Markup:
@@ -76,25 +70,9 @@ def block(kind: str, *parts: Markup) -> Markup:
     return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(parts))
 
 
-def card(title: str, *parts: Markup) -> Markup:
-    """Return parts in a frame below a title."""
-    return block("card", heading(title), *parts)
-
-
 def heading(title: str) -> Markup:
     """Return a heading inside a section."""
     return Markup("<h3>{}</h3>").format(title)
-
-
-def folded(summary: str, inside: Markup) -> Markup:
-    """Return content that opens on a click on its summary."""
-    return Markup("<details><summary>{}</summary>\n{}</details>").format(summary, inside)
-
-
-def definitions(kind: str, pairs: Iterable[tuple[str, str]]) -> Markup:
-    """Return a definition list of this class."""
-    rows = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*pair) for pair in pairs)
-    return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(rows))
 
 
 def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:

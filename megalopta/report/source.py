@@ -27,20 +27,16 @@ from megalopta.stages.sense import open_exposure, require_expectation
 if TYPE_CHECKING:
     from megalopta.render import Truth
 
-_LONGEST_SIDE_PX = 160
-_MOST_FRAMES = 40
-_MOST_PIXELS_READ = 4_000_000
-_OTHER_FILMS = 6
 _BRIGHTER = 0.01
 
 
 def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
     """Choose the frames, and the step between pixels, of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
-    films = len(configuration.sensors) * len(configuration.light_levels) + _OTHER_FILMS
-    most = min(_MOST_FRAMES, _MOST_PIXELS_READ // (height * width))
+    films = len(configuration.sensors) * len(configuration.light_levels) + 6
+    most = min(40, 4_000_000 // (height * width))
     candidates = range(max(configuration.trajectory.frames - 1, 1))
-    return images.selection(candidates, (height, width), films, _LONGEST_SIDE_PX, most)
+    return images.selection(candidates, (height, width), films, 160, most)
 
 
 class Budget(NamedTuple):

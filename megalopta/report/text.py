@@ -7,10 +7,7 @@ from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.scenes.levels import illuminance_of
 
 UNDEFINED = "–"
-FAILS = "fails"
 _PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G")
-SENSELESS = 10.0
-"""Relative error from which the report prints "fails" instead of a number."""
 
 
 def number(value: float | None) -> str:
@@ -72,7 +69,7 @@ def relative_error(value: float | None) -> str:
     """Format an error as a percentage; "fails" from ten times the true value."""
     if value is None or not math.isfinite(value):
         return UNDEFINED
-    return percent(value) if value < SENSELESS else FAILS
+    return percent(value) if value < 10 else "fails"
 
 
 def level_name(level: LightLevel) -> str:

@@ -33,8 +33,6 @@ from megalopta.sensor.formats.reading import FrameKind
 _FILM_FRAMES = 300
 _STRIP_PX = 16_000
 """Height of the frames of a page above each other, which browsers must be able to draw"""
-_MOST_EXPOSURES = 4
-"""Of a film"""
 _RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
 """Most frames, and points of a frame"""
 _PLACES = {"light": ["world", "camera", "light"], "readings": ["readings"]}
@@ -105,7 +103,7 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     readings = shown.of("readings")[::-1]
     if varied == "level":
         readings = [panel for panel in readings if panel.sensor == sensors[0]]
-    readings = list(images.evenly_spaced(readings, _MOST_EXPOSURES))
+    readings = list(images.evenly_spaced(readings, 4))
     brightest = [(panel.sensor, panel.level) for panel in readings[:1]]
     flow = [panel for panel in shown.of("flow") if (panel.sensor, panel.level) in brightest]
     panels = [*shown.of("light"), *readings, *flow, *shown.of("motion")]

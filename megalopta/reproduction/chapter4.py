@@ -30,7 +30,6 @@ CHAPTER, TABLE = "chapter-4", "table-4.1"
 FIGURES = tuple(f"fig-4.{number}" for number in range(5, 14))
 
 SIZE = 60
-_SMALLEST = (60,)
 _SOURCES = {
     "synthetic": ("fig-4.5", "fig-4.8"),
     "natural": ("fig-4.11", "fig-4.12"),
@@ -54,13 +53,10 @@ NOTE = (
     "which is not one of the least of many, or range over the forests. Σ|Δ|/Σ|R|: N_2b by the "
     "quotient of means, which does not divide by responses near zero."
 )
-_HEAD = ("", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|")
-_TITLE = "Photons that motion detectors need"
 _SUMMARY = (
     "Chapter 4 of the dissertation, measured again: N_2b, the photons per frame at which the error "
     "by photon noise falls to 25 %."
 )
-_QUICK = " Quick form: fewer values, sizes and forests than in the dissertation."
 _DIFFERENT = {
     "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
     "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
@@ -90,7 +86,7 @@ def sweep(name: str, is_quick: bool = False) -> Sweep:
     if full.vary == "size":
         changes |= {"values": full.values[:2]}
     else:
-        changes |= {"values": full.values[::3], "sizes": _SMALLEST}
+        changes |= {"values": full.values[::3], "sizes": (SIZE,)}
     return Sweep(**{name: getattr(full, name) for name in Sweep.model_fields} | changes)
 
 
@@ -172,9 +168,11 @@ _COLUMNS = [
 ]
 
 
-def _lines(rows: pd.DataFrame) -> list[tuple[str, ...]]:
+def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: bool) -> Path:
+    """Write chapter-4.html, with Table 4.1 and the pictures of the other names beside it."""
     literal, by_means = (rows[rows["metric"] == metric] for metric in METRICS)
-    return [
+    head = ("", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|")
+    lines = tuple(
         (
             f"{row.method}, {row.images}",
             format_flux(row.thesis_photons_per_frame),
@@ -185,23 +183,18 @@ def _lines(rows: pd.DataFrame) -> list[tuple[str, ...]]:
             format_flux(ratio),
         )
         for row, ratio in zip(records(literal), by_means["photons_per_frame"], strict=True)
-    ]
-
-
-def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: bool) -> Path:
-    """Write chapter-4.html, with Table 4.1 and the pictures of the other names beside it."""
+    )
     pictures = [
         sections.image(f"{name}.svg", sweep(name, is_quick).title)
         for name in names
         if name != TABLE
     ]
     page = [
-        Section("Table 4.1", NOTE, _HEAD, tuple(_lines(rows))),
-        Section(
-            "Differences, and their reasons",
-            body=sections.definitions("words", _DIFFERENT.items()),
-        ),
+        Section("Table 4.1", NOTE, head, lines),
+        Section("Differences", "", ("", "Reason"), tuple(_DIFFERENT.items())),
         Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
-    summary = _SUMMARY + (_QUICK if is_quick else "")
-    return sections.write_sections(out / "chapter-4.html", _TITLE, summary, page)
+    quick = " Quick form: fewer values, sizes and forests than in the dissertation."
+    summary = _SUMMARY + (quick if is_quick else "")
+    title = "Photons that motion detectors need"
+    return sections.write_sections(out / "chapter-4.html", title, summary, page)

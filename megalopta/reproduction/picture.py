@@ -18,12 +18,6 @@ from megalopta.core.files import atomic_write, write_csv
 from megalopta.report.style import BLACK, house_style
 
 WIDTH_IN = 7.0
-_CAPTION_SIZE = 9.0
-_LINE_IN = 0.168
-_CHARACTERS = 100
-_TITLE_SIZE = 13
-_TITLE_LINE_IN = 0.24
-_TITLE_CHARACTERS = 62
 _MARGIN_IN = 0.12
 
 
@@ -54,13 +48,13 @@ def write_numbers(path: Path, numbers: pd.DataFrame) -> None:
 def write_figure(figure: Figure, out: Path) -> list[Path]:
     """Draw one figure, title above and caption below, and write its three files."""
     png, svg, numbers = paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv")]
-    head, lines = _wrapped(figure.title, _TITLE_CHARACTERS), _wrapped(figure.caption, _CHARACTERS)
-    above = _TITLE_LINE_IN * len(head) + 0.16
-    below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
+    head, lines = _wrapped(figure.title, 62), _wrapped(figure.caption, 100)
+    above = 0.24 * len(head) + 0.16
+    below = 0.168 * len(lines) + 2 * _MARGIN_IN
     total = below + figure.height_in + above
     place: dict[str, Any] = {"x": _MARGIN_IN / WIDTH_IN, "va": "top", "color": BLACK}
-    bold: dict[str, Any] = {"fontsize": _TITLE_SIZE, "fontweight": "bold"}
-    small: dict[str, Any] = {"fontsize": _CAPTION_SIZE, "linespacing": 1.3}
+    bold: dict[str, Any] = {"fontsize": 13, "fontweight": "bold"}
+    small: dict[str, Any] = {"fontsize": 9.0, "linespacing": 1.3}
     with house_style():
         canvas = Canvas(figsize=(WIDTH_IN, total), dpi=rcParams["savefig.dpi"])
         FigureCanvasAgg(canvas)

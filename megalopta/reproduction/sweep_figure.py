@@ -37,8 +37,6 @@ _LABELS = {
     "blurred": "Blurred by motion",
     "size": "Pooling N (px)",
 }
-_LOGARITHMIC = ("search.dark_counts",)
-_MOST_TICKS = 12
 
 
 def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: int | None = None) -> list[Path]:
@@ -209,7 +207,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
         axes.set_xticks(range(len(values)), [str(value) for value in values])
         return
     numbers = [float(value) for value in values]
-    if sweep.vary in _LOGARITHMIC:
+    if sweep.vary == "search.dark_counts":
         linear_to = min((number for number in numbers if number > 0), default=1.0)
         if min(numbers) > 0:
             axes.set_xscale("log")
@@ -217,5 +215,5 @@ def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
             axes.set_xscale("symlog", linthresh=linear_to)
             axes.set_xlim(left=-0.2 * linear_to)
         axes.xaxis.set_major_formatter("{x:g}")
-    elif all(isinstance(value, int) for value in values) and len(values) <= _MOST_TICKS:
+    elif all(isinstance(value, int) for value in values) and len(values) <= 12:
         axes.set_xticks(numbers)

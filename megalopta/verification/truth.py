@@ -30,18 +30,12 @@ from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, read_attributes, read_radiance, read_truth
 from megalopta.stages.run import require
 
-LARGEST_MEDIAN_PX = 1e-3
-LARGEST_SHIFT_PX = 0.3
-LARGEST_STANDARD_ERRORS = 5.0
-LARGEST_PART_MISSED = 0.1
-
 _MEANING = (
     "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: whole "
     "pixels against their centers; shares: likewise, in standard errors; outlines: share without "
     "mixed pixels; image: shift of the next one, warped back along the flow, beyond noise"
 )
 _SMOOTHING_PX = 1.0
-_FARTHEST_SPREADS = 4.0
 
 
 @dataclass(frozen=True)
@@ -117,8 +111,8 @@ def check_truth(dataset: Dataset) -> list[Residual]:
     checked = []
     for name in sorted(residuals):
         values, kind = np.concatenate(residuals[name]), name.split(" ")[0].rstrip(",")
-        limit = LARGEST_STANDARD_ERRORS if "share" in name else LARGEST_MEDIAN_PX
-        limit = {"image": LARGEST_SHIFT_PX, "outlines": LARGEST_PART_MISSED}.get(kind, limit)
+        # px, a share of outlines, standard errors, and px of rederived flow
+        limit = {"image": 0.3, "outlines": 0.1}.get(kind, 5.0 if "share" in name else 1e-3)
         known = values if values.size else [0.0]
         median, high = np.percentile(known, [50, 99], method="nearest").tolist()
         checked.append(Residual(name, values.size, median, high, limit))
@@ -186,7 +180,7 @@ def footprint_residuals(truth: Truth) -> Iterator[tuple[str, Floats]]:
         yield f"hidden share {way}, in standard errors", _standard_errors(pixel.hidden, hidden)
         pure = ~footprint.is_mixed & np.isfinite(flow).all(axis=-1)
         away = np.linalg.norm(flow[pure] - pixel.mean[pure], axis=-1)
-        yield f"pixel mean, {way}", np.maximum(away - _FARTHEST_SPREADS * pixel.spread[pure], 0)
+        yield f"pixel mean, {way}", np.maximum(away - 4 * pixel.spread[pure], 0)
 
 
 def _standard_errors(share: NDArray[np.float32], center: NDArray[np.bool_]) -> Floats:

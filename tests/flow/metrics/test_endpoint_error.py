@@ -7,7 +7,6 @@ import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.endpoint_error import (
-    GROUPS,
     DenseErrors,
     block_flow,
     truth_error,
@@ -123,16 +122,6 @@ def test_missing_answers_count_as_rest_and_are_told():
     flow[0, 0] = np.nan
     found = errors(flow, truth).of("all")
     assert (found.pixels, found.missing_percent, found.epe_px) == (4, 25, 0.5)
-
-
-def test_groups_share_the_pixels_by_sight_and_by_speed():
-    truth = RNG.uniform(-60, 60, (30, 20, 2))
-    hidden = RNG.random((30, 20)) < 0.3
-    found = errors(truth + RNG.normal(size=truth.shape), truth, hidden)
-    counted = {name: found.of(name).pixels for name in GROUPS}
-    assert counted["visible"] + counted["occluded"] == counted["all"] == 600
-    assert counted["slow"] + counted["medium"] + counted["fast"] == 600
-    assert counted["occluded"] == hidden.sum()
 
 
 @pytest.mark.parametrize(

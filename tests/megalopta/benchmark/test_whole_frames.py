@@ -222,7 +222,7 @@ def says_nothing(first, second):
 def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
     methods = list(map(detector_from, (moves, stays, says_nothing)))
     with ExitStack() as stack:
-        pairs = pairs_without_truth(stack, [folder], most=20)
+        pairs = pairs_without_truth(stack, [folder])
         board = distances_of_pairs(pairs, (3.0, 10.0), detector_from(moves), methods, 2)
     assert board.scenes == ["walk 0", "walk 1", "walk 2"]
     length = np.hypot(*MOTION)
@@ -259,7 +259,7 @@ def test_pairs_without_contrast_are_left_out(folder, capsys):
     for number in (0, 1):
         Image.fromarray(np.zeros((96, 120), np.uint8)).save(folder / f"f{number}.png")
     with ExitStack() as stack:
-        pairs = pairs_without_truth(stack, [folder], most=20)
+        pairs = pairs_without_truth(stack, [folder])
         board = distances_of_pairs(pairs, (1000.0,), "DIS", ["BM"])
         assert board.scenes == ["walk 1", "walk 2"]
         assert "walk 0: both pictures are uniform" in capsys.readouterr().err

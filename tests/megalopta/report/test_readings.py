@@ -27,17 +27,10 @@ FLUX = np.linspace(0.1, 2.0, 16)
 
 
 @pytest.fixture(scope="module")
-def bits():
-    """Binary frames of a flux that grows from left to right, of which one pixel is stuck."""
-    rng = np.random.default_rng(0)
-    drawn = rng.random((4000, *SHAPE)) < 1 - np.exp(-FLUX)
-    drawn[:, 5, 7] = True
-    return drawn
-
-
-@pytest.fixture(scope="module")
-def cube(bits, tmp_path_factory):
-    """The same as a file of packed bits."""
+def cube(tmp_path_factory):
+    """Packed bits of a flux that grows from left to right; one pixel is stuck."""
+    bits = np.random.default_rng(0).random((4000, *SHAPE)) < 1 - np.exp(-FLUX)
+    bits[:, 5, 7] = True
     path = tmp_path_factory.mktemp("cube") / "cube.binary.npy"
     np.save(path, np.packbits(bits, axis=-1))
     return path
@@ -46,12 +39,6 @@ def cube(bits, tmp_path_factory):
 def save(path, values):
     np.save(path, values)
     return path
-
-
-def test_frames_are_summed_from_a_frame_on(bits, cube):
-    values, full = readings_of(cube).treated(Treatment(summed=8)).frame(16)
-    np.testing.assert_array_equal(values, bits[16:24].sum(axis=0))
-    assert not full.any()
 
 
 def test_long_sums_of_large_frames_are_made_a_few_at_a_time():
