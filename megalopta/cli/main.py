@@ -19,6 +19,15 @@ from megalopta.core.bounded import quoted, sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
 
+try:
+    import resource
+except ImportError:  # Windows has no such limits
+    resource = None  # type: ignore[assignment]
+
+_LEAST_BYTES, _BYTES_PER_CORE = 10**9, 10**8
+"""Address space that the libraries reserve, and per core for threads; measured: 0.76 GB on two
+cores."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
@@ -30,6 +39,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")
     logging.getLogger().addHandler(logging.NullHandler())  # libraries log what we say in a sentence
     try:
+        # OpenBLAS hangs while it starts threads under such a limit
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+        needed = _LEAST_BYTES + _BYTES_PER_CORE * (os.cpu_count() or 1)
+        if 0 <= limit < needed:
+            raise UserError(
+                f"the address space is limited to {limit / 1e9:.2g} GB, this machine needs "
+                f"{needed / 1e9:.2g} GB; raise it: ulimit -v {needed // 1024}"
+            )
         _run(words)
     except UserError as error:
         _refuse(str(error))

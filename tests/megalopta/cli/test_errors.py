@@ -2,6 +2,7 @@
 
 import errno
 import os
+import resource
 import subprocess
 import sys
 from itertools import groupby
@@ -87,6 +88,13 @@ def test_a_fault_of_ours_is_not_told_as_the_users(monkeypatch):
 def run(words, **more):
     command = [sys.executable, "-m", "megalopta", *words]
     return subprocess.run(command, capture_output=True, timeout=60, **more)
+
+
+def test_too_small_an_address_space_is_refused_before_libraries_wait_for_ever():
+    limit = (500_000 * 1024, resource.RLIM_INFINITY)
+    done = run(["render"], preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit))
+    assert done.returncode == 2
+    assert b"address space is limited to 0.51 GB" in done.stderr and b"ulimit -v" in done.stderr
 
 
 @pytest.mark.slow
