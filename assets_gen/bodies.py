@@ -52,12 +52,6 @@ def ball(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
     return Surface(unit * half, np.concatenate([upper, lower]), uv.reshape(-1, 2), normals)
 
 
-def checkerboard(texels: int = 64) -> FloatArray:
-    """Return a texture (texels, texels) of two by two squares, 0 and 1."""
-    half = np.arange(texels) < texels // 2
-    return np.asarray(half[:, None] ^ half, dtype=float)
-
-
 STONE_TILE_M = 1.2
 """Size of one tile of the stone's texture around the boulder (m)."""
 ROUNDNESS = 9.0

@@ -159,35 +159,28 @@ def dead_leaves(
     shape: tuple[int, int],
     rng: np.random.Generator,
     radii_px: tuple[float, float] = (1.5, 80.0),
-    values: tuple[float, float] = (0.1, 1.0),
 ) -> FloatArray:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 
-    Radii have density r⁻³ between the smallest and the largest, values are uniform between the
-    darkest and the brightest. Raises ValueError if either are not in increasing order above 0, or a
-    disk would be wider than the image.
+    Radii have density r⁻³ between the smallest and the largest, values are uniform from 0.1 to 1.
+    Raises ValueError if radii are not in increasing order above 0, or a disk would be wider than
+    the image.
     """
-    for name, (low, high) in (("radii_px", radii_px), ("values", values)):
-        if not 0 < low <= high:
-            raise ValueError(f"{name} {low} … {high}: give two in increasing order, above 0")
-    if 2 * radii_px[1] > min(shape):
+    low, high = radii_px
+    if not 0 < low <= high:
+        raise ValueError(f"radii_px {low} … {high}: give two in increasing order, above 0")
+    if 2 * high > min(shape):
         raise ValueError(
-            f"radii_px up to {radii_px[1]}: the disks are wider than the image of {shape[0]} ×"
+            f"radii_px up to {high}: the disks are wider than the image of {shape[0]} ×"
             f" {shape[1]} px; give at most half of its shorter side"
         )
     image = np.zeros((shape[0] * _SAMPLES, shape[1] * _SAMPLES))
-    radii = float(radii_px[0] * _SAMPLES), float(radii_px[1] * _SAMPLES)
-    _cover(image, rng, radii, (float(values[0]), float(values[1])))
+    _cover(image, rng, (float(low * _SAMPLES), float(high * _SAMPLES)))
     return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
 
 
 @compiled
-def _cover(
-    image: FloatArray,
-    rng: np.random.Generator,
-    radii: tuple[float, float],
-    values: tuple[float, float],
-) -> None:
+def _cover(image: FloatArray, rng: np.random.Generator, radii: tuple[float, float]) -> None:
     """Paint leaves until nothing is bare."""
     (height, width), bare = image.shape, image.size
     most, least = radii[0] ** -2, radii[1] ** -2
@@ -195,7 +188,7 @@ def _cover(
         # the inverse of the cumulative distribution of r⁻³
         radius = (least + rng.random() * (most - least)) ** -0.5
         row, column = rng.random() * height, rng.random() * width
-        value = values[0] + (values[1] - values[0]) * rng.random()
+        value = 0.1 + 0.9 * rng.random()
         # the bare part (0) of a disk on the torus; samples are at the centers of their squares
         for y in range(math.ceil(row - radius - 0.5), math.ceil(row + radius - 0.5)):
             for x in range(math.ceil(column - radius - 0.5), math.ceil(column + radius - 0.5)):

@@ -13,19 +13,16 @@ from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.assets_gen.tileable_noise import PlaneWaves, Rough, make_octaves, plane_waves
 
-TRAIL_M = (3.0, 14.0)
-"""Distances from the path up to which the land is level, and from which it rolls freely."""
 GROUND_TILE_M = 5.0
 """Size of one tile of the ground's texture (m)."""
-GROWTH = 1.15
-"""Growth factor of the ground's grid steps outside its fine part."""
 
 
 @dataclass(frozen=True)
 class Terrain:
     """Height of the ground: 0, to a few centimeters, along the camera's path.
 
-    It is exactly 0 at the world's origin if the path passes within 3 m of it.
+    The land is level up to 3 m from the path, and rolls freely from 14 m on. Its height is exactly
+    0 at the world's origin if the path passes within 3 m of it.
     """
 
     path: cKDTree
@@ -45,7 +42,7 @@ class Terrain:
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the ground (m) at points (n, 2) (m)."""
         distance = distance_to(self.path, points)
-        rolling = _smooth_step(distance, *TRAIL_M) * self.hills(points)
+        rolling = _smooth_step(distance, 3.0, 14.0) * self.hills(points)
         rim = self.rim_height_m * (1 + self.crest(points)) * _smooth_step(distance, *self.rim_m)
         return rolling + rim + self.bumps(points) - self.bumps(np.zeros(2))
 
@@ -85,7 +82,7 @@ def ground_surface(
 
     It extends for `reach_m` beyond them, with growing steps.
     """
-    away = np.cumsum(step_m * GROWTH ** np.arange(1, 200))
+    away = np.cumsum(step_m * 1.15 ** np.arange(1, 200))
     beyond = away[: np.searchsorted(away, reach_m) + 1]
     x, y = (
         np.concatenate([start - beyond[::-1], np.linspace(start, end, steps), end + beyond])
@@ -101,8 +98,6 @@ def ground_surface(
 
 MOSS_BANDS = (((1.2, 5.0), 0.8), ((0.3, 1.2), 0.5), ((0.09, 0.3), 0.33))
 """Wavelengths (m) and contrast of moss patches, of their outline, and of its fringe."""
-AT_TREES, AROUND_M = 1.4, 0.7
-"""Preference of moss for the feet of trees, in units of the contrast, and its range (m)."""
 
 
 def make_moss(trees: FloatArray, rng: np.random.Generator) -> Rough:
@@ -110,7 +105,7 @@ def make_moss(trees: FloatArray, rng: np.random.Generator) -> Rough:
     patches, feet = make_octaves(MOSS_BANDS, 1.0, rng), cKDTree(trees)
 
     def favor(points: FloatArray, step_m: FloatArray) -> FloatArray:
-        near = AT_TREES * np.exp(-((distance_to(feet, points) / AROUND_M) ** 2))
+        near = 1.4 * np.exp(-((distance_to(feet, points) / 0.7) ** 2))
         return near + patches(points, step_m)
 
     return favor

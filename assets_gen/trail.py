@@ -14,18 +14,8 @@ STEP_M = 0.2
 """Distance between points of the middle line (m)."""
 CHORD_M = 0.5
 """Length of the last piece that sets the direction of the extension (m)."""
-TURN_RAD_M = 0.11
-"""Root mean square curvature of the path beyond the camera's path (1/m)."""
-STRAIGHT_M = 8.0
-"""Distance beyond the camera's path at which windings are fully developed (m)."""
-SUNK_M = 0.06
-"""Depth of wear (m)."""
 MARGIN_M = 1.0
 """Range around the mean margin in which the margin is uneven (m)."""
-FRINGE_M = 0.09
-"""Root mean square depth of the frayed margins (m)."""
-SHOULDER_M = 0.35
-"""Width of its flanks (m)."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +56,9 @@ class Trail:
         return np.asarray(is_away & (self.inside(points) <= -from_margin_m))
 
     def sunk(self, inside_m: FloatArray) -> FloatArray:
-        """Return the depth of wear at a distance inside the margin (m)."""
-        share = np.clip(inside_m / min(SHOULDER_M, self.half_m) + 0.5, 0, 1)
-        return SUNK_M * share**2 * (3 - 2 * share)
+        """Return the depth of wear at a distance inside the margin (m): 6 cm between its flanks."""
+        share = np.clip(inside_m / min(0.35, self.half_m) + 0.5, 0, 1)
+        return 0.06 * share**2 * (3 - 2 * share)
 
 
 def make_trail(
@@ -94,7 +84,8 @@ def make_trail(
     extensions = []
     for place, direction in ((path_xy[0], start), (path_xy[-1], end)):
         turning = plane_waves((9.0, 25.0), 1.0, 8, rng)(np.column_stack([way, np.zeros_like(way)]))
-        swing = TURN_RAD_M * turning * np.clip(way / STRAIGHT_M, 0, 1)
+        # Windings, with an rms curvature of 0.11 per m, are fully developed after 8 m.
+        swing = 0.11 * turning * np.clip(way / 8.0, 0, 1)
         # A path swings about its direction: part of each turn is reversed.
         angle = np.zeros(len(way))
         for i in range(1, len(way)):
@@ -107,5 +98,5 @@ def make_trail(
         cKDTree(np.concatenate([behind[::-1], path_xy, ahead])),
         width_m / 2,
         margin=plane_waves((0.5, 4.0), 0.12 * width_m**0.5, 40, rng),
-        fringe=plane_waves((0.12, 0.6), FRINGE_M, 40, rng),
+        fringe=plane_waves((0.12, 0.6), 0.09, 40, rng),
     )

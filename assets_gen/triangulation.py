@@ -20,9 +20,6 @@ TILE_STEPS = 32
 """Size, in lattice steps, of the squares that are kept or omitted as a whole."""
 NEAREST = 6, 48
 """Candidate triangles around a place, at the first and at the second attempt."""
-ROUNDING = 1e-9
-RING = np.sqrt(2.0)
-"""Growth factor of steps from ring to ring."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Triangulation:
             worst = weights.min(axis=-1)
             best = worst.argmax(axis=-1)
             rows = np.arange(len(left))
-            inside = worst[rows, best] > -ROUNDING
+            inside = worst[rows, best] > -1e-9
             value = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
             interpolated[left[inside]] = value[inside]
             left = left[~inside]
@@ -100,7 +97,7 @@ def triangulated(
     """Return the plane up to a distance from a path (m), in triangles."""
     rings = [0.0, fineness.near_m]
     while rings[-1] < reach_m:
-        rings.append(rings[-1] * RING)
+        rings.append(rings[-1] * np.sqrt(2.0))
     inner = np.stack(np.meshgrid(*[np.arange(TILE_STEPS) + 0.5] * 2), axis=-1).reshape(-1, 2)
     lattices = []
     for near, far in pairwise(rings):

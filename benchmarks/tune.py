@@ -24,7 +24,7 @@ from megalopta.benchmark.table import MEAN
 from megalopta.benchmark.whole_frames import PHOTONS_PER_PX, frame_errors
 from megalopta.flow import METHODS
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
-from megalopta.scenes.spectra.color import LUMINANCE_SHARES, decode_srgb
+from megalopta.scenes.spectra.color import LUMINANCE_SHARES, linear_of_srgb
 
 SHAPE, FASTEST_PX = (168, 168), (4.0, 12.0)
 STEEPEST = 0.008  # largest change of velocity between neighboring pixels, px per frame
@@ -46,7 +46,7 @@ def tuning_clips() -> Iterator[FlowClip]:
         texture = dead_leaves((640, 640), rng, (6.0, 160.0))
         yield in_layers(f"leaves {seed}", rng, texture, FASTEST_PX[number % 2])
     for number, name in enumerate(("grass", "hubble_deep_field", "coins", "retina")):
-        light = decode_srgb(getattr(data, name)() / 255)
+        light = linear_of_srgb(getattr(data, name)() / 255)
         gray = light if light.ndim == 2 else light @ LUMINANCE_SHARES
         sides = [(0, side) for side in gray.shape]
         texture = np.pad(gray, sides, mode="symmetric")  # tiles the plane without a seam

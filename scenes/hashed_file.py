@@ -18,8 +18,6 @@ from megalopta.core.bounded import (
 )
 from megalopta.core.record import Record
 
-_COPIED_BYTES = 2**20
-
 
 class Hashed(Record, frozen=True):
     """Thing by path and content; a plain path is accepted and gets its hash."""
@@ -105,7 +103,7 @@ def _file_hash(path: Path) -> str:
 def copied(source: BinaryIO, target: BinaryIO) -> str:
     """Copy an open file to another, and return the hash of what was copied."""
     digest = hashlib.sha256()
-    while part := source.read(_COPIED_BYTES):
+    while part := source.read(2**20):
         digest.update(part)
         target.write(part)
     return digest.hexdigest()

@@ -52,11 +52,8 @@ class Component:
 
 
 AIRGLOW_SKY = Component("airglow", outdoors.AIRGLOW.scaled(math.pi))
-FAINT_STARS = Component("starlight", outdoors.FAINT_STARLIGHT.scaled(math.pi))
-"""Starlight of the darkest part of the sky."""
 STARS = Component("starlight", outdoors.STARLIGHT.scaled(math.pi))
 """Mean starlight of the whole sky."""
-TWILIT_SKY = Component("twilight", outdoors.TWILIGHT.scaled(math.pi))
 DAY = Component("sun", outdoors.SUN), Component("daylit sky", outdoors.CLEAR_SKY)
 FULL, QUARTER = (
     (
@@ -124,29 +121,28 @@ def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Illumin
     return Illumination(illuminance_lux, tuple(light.scaled(factor) for light in components))
 
 
-def _above_night(illuminance_lux: float, *lights: Component) -> Illumination:
-    """Lights that supply the part beyond the night sky, disc and sky by their shares."""
-    beyond_night_lux = illuminance_lux - sum(light.illuminance_lux for light in _NIGHT)
-    if len(lights) == 2:
-        parts = shared((lights[0], lights[1]), beyond_night_lux, DISC_FRACTION).components
-    else:
-        parts = (lights[0].giving(beyond_night_lux),)
-    return Illumination(illuminance_lux, (*parts, *_NIGHT))
-
-
 _STARLIGHT_LUX = 1e-3
 _NIGHT = (AIRGLOW_SKY, STARS.giving(_STARLIGHT_LUX - AIRGLOW_SKY.illuminance_lux))
 """Moonless sky; its stars are scaled to four fifths of the published brightness."""
-_DARKEST = (AIRGLOW_SKY, FAINT_STARS)
+_NIGHT_LUX = sum(light.illuminance_lux for light in _NIGHT)
+_TWILIT_SKY = Component("twilight", outdoors.TWILIGHT.scaled(math.pi)).giving(1.0 - _NIGHT_LUX)
+_FAINT_STARS = Component("starlight", outdoors.FAINT_STARLIGHT.scaled(math.pi))
+
+
+def _moonlit(illuminance_lux: float, moon: tuple[Component, Component]) -> Illumination:
+    """Moon and its sky, which supply the part beyond the night sky."""
+    lights = shared(moon, illuminance_lux - _NIGHT_LUX, DISC_FRACTION).components
+    return Illumination(illuminance_lux, (*lights, *_NIGHT))
+
 
 LEVELS: Mapping[str, Illumination] = {
     "daylight": shared(DAY, 1e5, DISC_FRACTION),
-    "twilight": _above_night(1.0, TWILIT_SKY),
-    "full_moon": _above_night(0.25, *FULL),
-    "quarter_moon": _above_night(1e-2, *QUARTER),
+    "twilight": Illumination(1.0, (_TWILIT_SKY, *_NIGHT)),
+    "full_moon": _moonlit(0.25, FULL),
+    "quarter_moon": _moonlit(1e-2, QUARTER),
     "starlight": Illumination(_STARLIGHT_LUX, _NIGHT),
     # three digits, for readability: 0.03 % off the table
-    "airglow": scaled(8.19e-4, _DARKEST),
+    "airglow": scaled(8.19e-4, (AIRGLOW_SKY, _FAINT_STARS)),
     "moonless_forest_floor": scaled(math.pi * 1e-4, _NIGHT),
     "overcast_night": scaled(1e-4, (overcast(_NIGHT),)),
 }

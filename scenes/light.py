@@ -24,8 +24,6 @@ from megalopta.scenes.spectra.color import primaries
 from megalopta.scenes.spectra.outdoors import overcast_share
 from megalopta.scenes.spectra.spectrum import flat, total
 
-_OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
-
 
 class Light(Record, frozen=True):
     """Outdoor light: a named level, any part of which can be overridden."""
@@ -91,11 +89,9 @@ class Light(Record, frozen=True):
         """Return the level with all overrides applied."""
         level = LEVELS[self.level]
         if self.disc_fraction is not None and level.disc:
-            lit = {light.name: light for light in level.components}
-            disc, sky = next((lit[a], lit[b]) for a, b in _OF_ONE_SOURCE.items() if a in lit)
+            disc, sky, *night = level.components
             of_source = disc.illuminance_lux + sky.illuminance_lux
             parts = levels.shared((disc, sky), of_source, self.disc_fraction)
-            night = tuple(light for light in level.components if light not in (disc, sky))
             level = Illumination(level.illuminance_lux, (*parts.components, *night))
         if self.cloud_cover:
             gaps, share = 1 - self.cloud_cover, overcast_share(self.cloud_cover)
@@ -133,7 +129,6 @@ class Light(Record, frozen=True):
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
-    """Return the unit vector toward a place in the sky."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     level = math.cos(elevation)
     return level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)

@@ -26,7 +26,6 @@ SURFACES = (
 """Mitsuba's types of surfaces that are kept as they are."""
 TEXTURES = "bitmap", "checkerboard"
 """Types of their textures."""
-_BARE = "none", ""
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class Finish:
                 yield KNOWN_NM
             elif isinstance(part, Spectrum) and len(part.values) > 1:
                 yield part.wavelengths_nm[0], part.wavelengths_nm[-1]
-            elif name == "material" and part not in _BARE:
+            elif name == "material" and part not in ("none", ""):
                 metal = str(part)
                 last = LAST_NM.get(metal, LAST_NM.get(metal.removesuffix("_palik"), KNOWN_NM[1]))
                 yield KNOWN_NM[0], last
@@ -82,9 +81,6 @@ class Finish:
 
 Part: TypeAlias = bool | int | float | str | Rgb | Spectrum | NDArray[np.float32] | Floats | Finish
 """Value of a parameter."""
-
-
-_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -158,12 +154,6 @@ class Material:
     def __post_init__(self) -> None:
         """Reject a surface that would return more light than it receives."""
         _check_energy("material", self.reflectance, self.transmittance)
-        is_bare = not (self.transmits or any(self.reflectance.values))
-        if isinstance(self.texture, ColorTexture) and not is_bare:
-            raise ValueError(
-                "material: a texture of colors has all of the reflectance; use a reflectance of 0 "
-                "and no transmittance"
-            )
 
     @property
     def range_nm(self) -> tuple[float, float]:
@@ -194,7 +184,7 @@ def _check_energy(surface: str, reflectance: Spectrum, transmittance: Spectrum |
     wavelengths = np.union1d(reflectance.wavelengths_nm, through.wavelengths_nm)
     shares = reflectance(wavelengths) + through(wavelengths)
     worst = int(shares.argmax())
-    if shares[worst] > 1 + _ROUNDING:
+    if shares[worst] > 1 + 1e-6:  # rounding
         raise ValueError(
             f"{surface}: reflectance and transmittance add up to {shares[worst]:.4g} at "
             f"{wavelengths[worst]:g} nm; scale them to at most 1"

@@ -76,14 +76,12 @@ class Placement:
 
 @dataclass(frozen=True)
 class Sun:
-    """Distant uniform disc: sun or moon. It casts light and is itself invisible."""
+    """Distant uniform disc, 0.53° wide: sun or moon. It casts light and is itself invisible."""
 
     direction: tuple[float, float, float]
     """(x, y, z): unit vector from the scene toward the center of the disc."""
     irradiance: Spectrum
     """Irradiance of a plane facing the disc, W·m⁻²·nm⁻¹."""
-    angular_diameter_deg: float = 0.53
-    """Angular diameter seen from the scene; 0: a point. Sun and moon: 0.53."""
 
     def points(self, count: int) -> Floats:
         """Unit vectors (count, 3) toward points spread evenly over the disc, on a sunflower spiral.
@@ -96,7 +94,7 @@ class Sun:
         across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         across /= np.linalg.norm(across)
         index = np.arange(count)
-        radius = np.tan(np.radians(self.angular_diameter_deg) / 2) * np.sqrt((index + 0.5) / count)
+        radius = np.tan(np.radians(0.53) / 2) * np.sqrt((index + 0.5) / count)
         angle = index * np.pi * (3 - np.sqrt(5))
         offset = np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(axis, across))
         points = axis + radius[:, None] * offset

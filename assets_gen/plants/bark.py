@@ -176,8 +176,6 @@ class Furrows:
 
 BUTTRESSED_SIDES = 36
 """Sides of a stem with buttresses: enough for their edges."""
-SHARPNESS = 9
-"""Exponent of a buttress's outline around the stem; larger is thinner."""
 
 
 def root_flare(
@@ -201,7 +199,7 @@ def buttress_flare(
     count = buttresses.count
     middles = 2 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
     angle = 2 * np.pi * np.arange(sides)[:, None] / sides
-    walls = np.cos((angle - middles) / 2) ** (2 * SHARPNESS)
+    walls = np.cos((angle - middles) / 2) ** 18
     reach = buttresses.reach * rng.uniform(0.6, 1.2, count)
     tall = buttresses.height_m * rng.uniform(0.7, 1.2, count)
     fall = np.exp(-np.maximum(z, 0)[:, None] / tall)

@@ -13,13 +13,6 @@ from megalopta.assets_gen import FloatArray, unit
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, relaxed, sum_toward_root
 from megalopta.assets_gen.plants.species import Colonized, Crown, Species, Whorled
 
-KILL_STEPS = 1.6
-"""Distance, in steps, at which a node reaches a point."""
-MAX_CHILDREN = 3
-"""Largest number of branches at a fork."""
-DEFLECTION = 0.12
-"""Standard deviation of the random part of a step's direction, relative to the pull."""
-
 
 def crown_points(crown: Crown, height_m: float, count: int, rng: np.random.Generator) -> FloatArray:
     """Return attraction points inside the crown, shape (count, 3) (m), stem at x = y = 0.
@@ -55,7 +48,8 @@ def colonize(
 ) -> Skeleton:
     """Return the skeleton grown from buds (b,) into attraction points (p, 3) (m), step by step.
 
-    Tropism is the upward pull, relative to the pull of the points.
+    Tropism is the upward pull, relative to the pull of the points. A node reaches points within
+    1.6 steps, and a fork has at most three branches.
     """
     distance, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
     while len(buds) and len(points):
@@ -63,14 +57,14 @@ def colonize(
         closer = np.asarray(new_distance) < distance
         distance[closer] = np.asarray(new_distance)[closer]
         nearest[closer] = buds[np.asarray(which)[closer]]
-        unreached = distance > KILL_STEPS * step_m
+        unreached = distance > 1.6 * step_m
         points, distance, nearest = points[unreached], distance[unreached], nearest[unreached]
         nodes, owner, count = np.unique(nearest, return_inverse=True, return_counts=True)
         pull = np.zeros((len(nodes), 3))
         np.add.at(pull, owner, unit(points - skeleton.positions[nearest]))
-        free = skeleton.child_counts()[nodes] < MAX_CHILDREN
+        free = skeleton.child_counts()[nodes] < 3
         growing, pull = nodes[free], pull[free] / count[free, None]
-        pull += (0, 0, tropism) + DEFLECTION * rng.standard_normal(pull.shape)
+        pull += (0, 0, tropism) + 0.12 * rng.standard_normal(pull.shape)
         tips = skeleton.positions[growing] + step_m * unit(pull)
         buds = len(skeleton.positions) + np.arange(len(growing))
         skeleton = skeleton.extended(tips, growing)
@@ -79,10 +73,6 @@ def colonize(
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 UP = np.array([0.0, 0.0, 1.0])
-LEADER = 0.88
-"""Height of the stem relative to the plant; the rest is branches that grow from its end."""
-THIN_TIPS = 3
-"""Largest number of tips supplied by a branch with leafy twigs."""
 BURIED_M = 0.35
 """Depth of stems in the ground, so that none hangs in the air on a slope."""
 FOOT_M = (0.0, 0.1, 0.25, 0.5)
@@ -134,7 +124,8 @@ def grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator
     for stem in range(species.stems):
         azimuth = first_azimuth + stem * GOLDEN_ANGLE
         several = species.stems > 1
-        top = LEADER * species.height_m * (rng.uniform(0.6, 1) if several else 1)
+        # Above the stem there are only branches that grow from its end.
+        top = 0.88 * species.height_m * (rng.uniform(0.6, 1) if several else 1)
         axis = stem_axis(top, species.wander, growth.step_m, rng)
         if several:
             level = np.clip(axis[:, 2:] / species.height_m, 0, 1)
@@ -173,9 +164,9 @@ def _with_scaffold(
 
 
 def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator) -> Branching:
-    """Add leafy twigs of two internodes to the tips and along the thinnest branches."""
+    """Add leafy twigs of two internodes to the tips, and along branches of up to three tips."""
     is_tip = skeleton.child_counts() == 0
-    is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= THIN_TIPS
+    is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= 3
     tips = np.flatnonzero(is_tip)
     lateral = rng.permutation(np.tile(np.flatnonzero(is_thin & ~is_tip), 2))
     bearers = np.concatenate([tips, np.sort(lateral[: max(growth.shoots - len(tips), 0)])])

@@ -16,10 +16,6 @@ from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
 
-BREAST_HEIGHT_M = 1.3
-STEM_FINENESS = 0.3
-"""Chord error of stems relative to that of branches."""
-
 
 @dataclass(frozen=True)
 class Plant:
@@ -33,9 +29,6 @@ class Plant:
     """Nodes of the skeleton along each axis, from base to tip."""
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
-    twigs: FloatArray
-    """(a, s, 3): axes that bear leaves, from base to tip; too thin to be drawn if they are side
-    twigs (m)."""
     leaves: Surface
 
     @cached_property
@@ -62,14 +55,14 @@ def grow_plant(
     """
     grown = grow_axes(species, rng)
     skeleton = grown.skeleton
-    reference = min(BREAST_HEIGHT_M, species.height_m / 3)
+    reference = min(1.3, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
     along = axes(skeleton, radii)
     tubes = tuple(bark_around(species, skeleton, radii, nodes, rng, furrows) for nodes in along)
     twigs = leaf_axes(skeleton.positions[grown.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
     leaves = place_leaves(twigs, foliage, rng)
-    return Plant(species, grown, radii, along, tubes, twigs, leaves)
+    return Plant(species, grown, radii, along, tubes, leaves)
 
 
 def bark_around(
@@ -101,7 +94,7 @@ def bark_around(
     if walls:
         profile *= bark.buttress_flare(positions[:, 2], sides, walls, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
-    kept = simplified(outline, chord_m * (STEM_FINENESS if is_stem else 1))
+    kept = simplified(outline, chord_m * (0.3 if is_stem else 1))
     origin = rng.random(2)
     axis, rings = positions[kept], profile[kept][:-1]
     if is_stem and furrows:
@@ -130,9 +123,6 @@ def simplified(points: FloatArray, tolerance: float) -> IndexArray:
 
 NODES = 7
 """Internodes of a frond."""
-STEM_STEP_M = 0.6
-CLUMP_M = 0.5
-"""Distance of a plant's stems from its middle (m)."""
 
 
 def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) -> Branching:
@@ -144,9 +134,9 @@ def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) ->
     for stem in range(species.stems):
         height = species.height_m - 0.45 * growth.frond_m
         height *= rng.uniform(0.5, 1) if stem else 1
-        axis = branching.stem_axis(max(height, 0.6), species.wander, STEM_STEP_M, rng)
+        axis = branching.stem_axis(max(height, 0.6), species.wander, 0.6, rng)
         if species.stems > 1:
-            axis += CLUMP_M * outward(np.array([stem * GOLDEN_ANGLE]))
+            axis += 0.5 * outward(np.array([stem * GOLDEN_ANGLE]))
         skeleton = skeleton.with_chain(axis)
         azimuth = GOLDEN_ANGLE * np.arange(growth.fronds) + rng.normal(0, 0.2, growth.fronds)
         raised = np.radians(np.interp(age, [0, 1], growth.raised_deg[::-1]))

@@ -185,9 +185,6 @@ class Species(Record, frozen=True):
     """Leaves or needles."""
 
 
-FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
-
-
 def aged(species: Species, share: float) -> Species:
     """Return the species at a share of its full height."""
     if share == 1:
@@ -196,9 +193,9 @@ def aged(species: Species, share: float) -> Species:
     base = min(crown.base * (0.5 + 0.5 * share), 0.9)
     if isinstance(growth, Colonized):
         numbers = {
-            "points": max(round(share**2 * growth.points), FEWEST_POINTS),
-            "scaffold": max(round(share * growth.scaffold), FEWEST_SCAFFOLD),
-            "shoots": max(round(share**2 * growth.shoots), FEWEST_SHOOTS),
+            "points": max(round(share**2 * growth.points), 30),
+            "scaffold": max(round(share * growth.scaffold), 6),
+            "shoots": max(round(share**2 * growth.shoots), 30),
         }
         growth = growth.model_copy(update=numbers)
     elif isinstance(growth, Fronded):

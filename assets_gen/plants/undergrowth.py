@@ -130,14 +130,8 @@ def strew_litter(rng: np.random.Generator) -> Surface:
     return blades(base, direction, facing, rng.uniform(0.6, 1.3, count), FALLEN_LEAF, rng)
 
 
-SUNK = 0.25
-"""Depth of a log in the litter, relative to its radius."""
-STUBS = 5
-"""Broken branches of a log."""
-
-
 def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surface]:
-    """Return bark and end faces of a log along x, 3 to 7 m long, on level ground."""
+    """Return bark and end faces of a log along x, 3 to 7 m long, a little sunk in level ground."""
     length, radius = rng.uniform(3, 7), rng.uniform(0.1, 0.2)
     rings = 2 * (sides // 2)
     share = np.linspace(0, 1, rings)
@@ -146,7 +140,7 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
         [
             length * (share - 0.5),
             length * (bend[0] * np.sin(np.pi * share) + bend[1] * np.sin(2 * np.pi * share)) / 2,
-            radius * (1 - SUNK) - 0.25 * radius * share,
+            radius * 0.75 - 0.25 * radius * share,
         ],
         axis=-1,
     )
@@ -158,7 +152,7 @@ def grow_log(rng: np.random.Generator, sides: int = 14) -> tuple[Surface, Surfac
         np.concatenate([axis, tip]), profile, TILE_M, rng.random(2), whole_tiles=True
     )
     wood = [trunk]
-    for _ in range(STUBS):
+    for _ in range(5):  # broken branches
         at = rng.integers(2, len(axis) - 1)
         turn = rng.uniform(-0.3, np.pi + 0.3)
         toward = unit(np.array([rng.uniform(0.2, 0.9), np.cos(turn), np.sin(turn)]))

@@ -89,8 +89,6 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
 
 PIXEL_RAD = 0.0065
 """Pixel size for which the levels of detail are made (rad)."""
-FINER = 0.7, 1.25
-"""Smallest and largest factor that a camera's pixels put on the distances of levels of detail."""
 NARROWEST_M = 0.2
 """Smallest width of a trodden path (m)."""
 
@@ -190,11 +188,6 @@ class Forest(SceneDescription, frozen=True):
         return self
 
     @property
-    def has_floor(self) -> bool:
-        """True if its ground is more than an even cover."""
-        return bool(self.floor_relief_m or self.moss_share or self.path_width_m)
-
-    @property
     def densities_per_m2(self) -> dict[str, float]:
         """Densities of the undergrowth with the common factor applied (1/m²)."""
         return {kind: self.undergrowth * d for kind, d in self.undergrowth_per_m2.items()}
@@ -206,7 +199,7 @@ class Forest(SceneDescription, frozen=True):
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return the forest in the light, with trunks clear of the camera's path."""
-        finer = float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
+        finer = float(np.clip(PIXEL_RAD * camera.focal_length_px, 0.7, 1.25))
         detail = min(self.detail * finer, 1000.0)
         drawn = self.model_copy(update={"detail": detail})
         poses = trajectory.poses()
@@ -242,7 +235,8 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     trail = trail_of(forest, way, np.asarray(heading, dtype=float))
     trees, edge_m = tree_positions(forest.seed, *stand, path, trail)
     land = make_land(forest.seed, path, forest.relief_m, edge_m)
-    floor = kept_floor(forest, land, trail, trees, edge_m) if forest.has_floor else None
+    is_even = not (forest.floor_relief_m or forest.moss_share or forest.path_width_m)
+    floor = None if is_even else kept_floor(forest, land, trail, trees, edge_m)
     height = floor.height if floor else land.height
     planting = Planting(forest.seed, path, height, forest.detail, trail)
     placements: tuple[Placement, ...] = (

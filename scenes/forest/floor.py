@@ -24,8 +24,6 @@ from megalopta.scenes.scene import Asset, Placement
 if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest
 
-RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
-"""Width and height of the rise of the land behind the stand (m)."""
 HORIZON_M = 160.0
 """Extent of the ground beyond the stand (m)."""
 GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
@@ -33,9 +31,9 @@ GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
 
 
 def make_land(seed: int, path: cKDTree, relief_m: float, edge_m: float) -> Terrain:
-    """Return the land around a path, for a stand that reaches up to a distance (m)."""
-    rim_m = (edge_m, edge_m + RIM_WIDTH_M)
-    return make_terrain(path, relief_m, rim_m, RIM_HEIGHT_M, generator(seed, "terrain"))
+    """Return the land around a path; behind a stand up to a distance (m) it rises by 7 m."""
+    rng = generator(seed, "terrain")
+    return make_terrain(path, relief_m, (edge_m, edge_m + 22.0), rim_height_m=7.0, rng=rng)
 
 
 def even_ground(cover: str, land: Terrain, edge_m: float) -> Asset:
@@ -45,25 +43,10 @@ def even_ground(cover: str, land: Terrain, edge_m: float) -> Asset:
     return Asset({f"{cover} ground": surface.to_mesh()})
 
 
-FINEST_M, NEAR_M = 0.032, 2.5
-"""Grid step of the floor's mesh, and the distance from the path up to which it applies (m)."""
-COARSEST, WIDEST = 0.1, 2.0
-"""Smallest and largest factor on that distance, whatever the forest's detail."""
 MOSS_RING_M = 10.0
 """Distance from the camera's path within which the share of moss holds (m)."""
 BUMPS = (((0.45, 1.3), 0.85), ((0.2, 0.45), 0.47), ((0.11, 0.2), 0.22))
 """Wavelengths of bumps and hollows (m) and their share of the relief."""
-TRODDEN_RELIEF, FLANK_M = 0.35, 0.25
-"""Relief of the path relative to that next to it, and the width of the transition (m)."""
-ON_PATH, ON_MOSS = 0.15, 0.3
-"""Share of litter that remains on a trodden path and on moss."""
-CUSHION = 1.2
-"""Height of moss above the surrounding litter, in units of the floor's relief."""
-
-
-def fineness(detail: float) -> Fineness:
-    """Return the mesh resolution for a forest's detail."""
-    return Fineness(FINEST_M, NEAR_M * float(np.clip(detail, COARSEST, WIDEST)))
 
 
 @dataclass(frozen=True)
@@ -83,10 +66,6 @@ class Floor:
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the mesh (m) at points (n, 2) (m)."""
         return self.mesh.interpolated(self.heights, points)
-
-    def litter(self, points: FloatArray) -> FloatArray:
-        """Return the share of litter that remains at points (n, 2) (m) (1)."""
-        return self.mesh.interpolated(self.leaves, points)
 
     def asset(self) -> Asset:
         """Return the ground with a part for each cover; shading hides their borders."""
@@ -122,7 +101,7 @@ def make_floor(
     forest: "Forest", land: Terrain, trail: Trail | None, trees: FloatArray, edge_m: float
 ) -> Floor:
     """Return the floor of a forest with trees at (n, 2) and a stand up to a distance (m)."""
-    fine = fineness(forest.detail)
+    fine = Fineness(finest_m=0.032, near_m=2.5 * float(np.clip(forest.detail, 0.1, 2.0)))
     mesh = triangulated(land.path, fine, edge_m + HORIZON_M, generator(forest.seed, "floor"))
     distance = distance_to(land.path, mesh.points)
     to_centers = distance[mesh.faces].mean(axis=1)
@@ -138,16 +117,16 @@ def make_floor(
         limit = cut_at(favor, mesh.areas, near, forest.moss_share)
         mossy = (favor > limit) & ~trodden
         thick = np.tanh(np.maximum(moss(mesh.points, fine.step(distance)) - limit, 0))
-        bumps += CUSHION * forest.floor_relief_m * thick
+        bumps += 1.2 * forest.floor_relief_m * thick
     heights = land.height(mesh.points) + bumps
     if trail:
         inside = trail.inside(mesh.points)
-        worn = np.clip(inside / FLANK_M + 0.5, 0, 1)
-        heights -= (1 - TRODDEN_RELIEF) * worn * bumps + trail.sunk(inside)
+        worn = np.clip(inside / 0.25 + 0.5, 0, 1)
+        heights -= 0.65 * worn * bumps + trail.sunk(inside)
     covers = {forest.ground: ~(trodden | mossy), "moss patch": mossy, "trodden": trodden}
     shown = {cover: chosen for cover, chosen in covers.items() if chosen.any()}
     leaves = np.ones(len(heights))
-    for chosen, share in (mossy, ON_MOSS), (trodden, ON_PATH):
+    for chosen, share in (mossy, 0.3), (trodden, 0.15):
         leaves[mesh.faces[chosen]] = share
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
 
@@ -182,10 +161,6 @@ def kept_floor(
     return floor
 
 
-FLATTENED, LEAST_M = 0.65, 0.001
-"""Factor on the height of litter above the ground, and its smallest height."""
-
-
 def laid(
     seed: int, placements: Sequence[Placement], floor: Floor
 ) -> tuple[tuple[Placement, ...], dict[str, Asset]]:
@@ -206,9 +181,9 @@ def laid(
         linear, foot = placement.to_world[:3, :3], placement.to_world[:3, 3]
         places = leaves.vertices @ linear.T + foot
         middles = places.reshape(-1, corners_of(leaves), 3).mean(axis=1)
-        kept = rng.random(len(middles)) < floor.litter(middles[:, :2])
-        above = FLATTENED * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
-        places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, LEAST_M)
+        kept = rng.random(len(middles)) < floor.mesh.interpolated(floor.leaves, middles[:, :2])
+        above = 0.65 * np.cbrt(np.linalg.det(linear)) * leaves.vertices[:, 2]
+        places[:, 2] = floor.height(places[:, :2]) + np.maximum(above, 0.001)
         draped = replace(leaves, vertices=(places - foot) @ np.linalg.inv(linear).T)
         leaves = chosen_leaves(draped, np.flatnonzero(kept))
         if len(leaves.faces):

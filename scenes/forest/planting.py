@@ -40,8 +40,6 @@ THICKET_PER_M2 = 0.14
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
 """Kinds and shares of these if there is no bush in the undergrowth."""
-CLOSING_M = 6.0
-"""Height above which bushes, such as lianas, do not close the view (m)."""
 EYE_M = 1.5
 """Approximate height from which the camera sees leaves (m)."""
 SLOPE_STEP_M = 1.5
@@ -140,13 +138,13 @@ class Planting:
     def thicket(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Close the view between the trunks around a stand that reaches to `edge_m`.
 
-        Bushes have the same shares as in the undergrowth.
+        Bushes have the same shares as in the undergrowth, without lianas and others above 6 m.
         """
         rng = generator(self.seed, "thicket")
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
-        low = {name for name, bush in BUSHES.items() if bush.shape.height_m < CLOSING_M}
+        low = {name for name, bush in BUSHES.items() if bush.shape.height_m < 6.0}
         low_shares = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
         shares = low_shares or THICKET
         weights = np.array(list(shares.values()))
@@ -185,10 +183,7 @@ class Planting:
         rng: np.random.Generator,
         shares: Floats | None = None,
     ) -> Iterator[Placement]:
-        """Place one plant per point (n, 2) on the ground, with random turn and slight lean.
-
-        Individuals are drawn with the given shares, by default uniformly.
-        """
+        """Place a plant per point (n, 2), with random turn and lean; shares are of individuals."""
         finer = np.array([plant.detail_distance for plant in plants])
         lowest = np.array([plant.leaves_from_m for plant in plants]) * scales - EYE_M
         away = np.hypot(distance_to(self.path, points), np.maximum(lowest, 0))

@@ -181,10 +181,6 @@ def materials(
 
 RING_M = 20.0
 """Width of the ring around the path in which the leaf-area index is set and measured (m)."""
-FULLNESS = (1, 2, 4)
-"""Factors on the number of leaves with which trees can grow."""
-SAMPLED = 200
-"""Leaves of a specimen sampled for their positions."""
 GRID_M = 0.2
 """Grid step for measuring ground area (m)."""
 
@@ -215,7 +211,7 @@ def in_leaf(
     """
     ground = ground_area(path, ring_m)
     reached = 0.0
-    for fullness in FULLNESS:
+    for fullness in (1, 2, 4):
         specimens = grow(fullness)
         reached = _leaf_area(specimens, placements, path, ring_m) / ground
         if leaf_area_index <= reached:
@@ -241,7 +237,7 @@ def _leaf_area(
             continue
         to_world = np.stack([placement.to_world for placement in members])
         leaves = specimens[name]["leaf"]
-        faces = leaves.faces[:: max(len(leaves.faces) // SAMPLED, 1)]
+        faces = leaves.faces[:: max(len(leaves.faces) // 200, 1)]  # a sample
         points = np.asarray(leaves.vertices[faces].mean(axis=1))
         places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
         distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])

@@ -21,11 +21,6 @@ from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
 
 _GROUND = "ground"
-_NAME_LENGTH = 60
-_GROUND_SIZE = 50.0
-"""Half width of the ground, over the extent of the meshes."""
-_BELOW = 1e-4
-"""Depth of the ground below the lowest point, over the extent of the meshes."""
 
 
 class SceneFile(PlacedMesh, frozen=True):
@@ -109,7 +104,7 @@ class Meshes(SceneDescription, frozen=True):
             for number, (piece, asset) in enumerate(surfacing.objects(pieces)):
                 label, motion = f"file {index} object {number}", piece.motion
                 motion = motion and motion.moved(placed.pose)
-                kind = printable(quoted(piece.name.strip(), _NAME_LENGTH)) or "object"
+                kind = printable(quoted(piece.name.strip(), 60)) or "object"
                 parts.append((asset, Placement(label, kind, placed.pose, motion)))
         if self.ground is not None:
             materials[_GROUND] = material_of(self.ground)
@@ -134,7 +129,7 @@ class Meshes(SceneDescription, frozen=True):
 
 
 def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:
-    """Return a level square around and below placed objects."""
+    """Return a level square 1e-4 of the objects' extent below them, and 100 times as wide."""
     points = np.concatenate(
         [
             mesh.vertices @ each.to_world[:3, :3].T + each.to_world[:3, 3]
@@ -144,7 +139,7 @@ def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:
     )
     low, high = points.min(axis=0), points.max(axis=0)
     extent = float((high - low).max())
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * _GROUND_SIZE * extent
-    corners += [*(low + high)[:2] / 2, low[2] - _BELOW * extent]
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 50.0 * extent
+    corners += [*(low + high)[:2] / 2, low[2] - 1e-4 * extent]
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     return Asset({_GROUND: Surface(corners, faces, np.zeros((4, 2))).to_mesh()})

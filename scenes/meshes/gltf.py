@@ -337,7 +337,6 @@ def _looks(file: GltfFile, owner: str) -> list[_Look]:
     """Look of each material; of a picture there is one copy for each color that multiplies it."""
     looks: list[_Look] = []
     pictures: dict[int, NDArray[np.float32]] = {}
-    weights: list[NDArray[np.float32]] = []
     for number, material in enumerate(file.header.get("materials", ())):
         name = str(material.get("name") or f"material {number}")
         model = material.get("pbrMetallicRoughness", {})
@@ -349,8 +348,6 @@ def _looks(file: GltfFile, owner: str) -> list[_Look]:
         if image not in pictures:
             pictures[image] = linear_picture(file.image(image), name)
         surface = colored(color, pictures[image])
-        weights += weights_of([surface])
-        check_pictures(owner, weights)
         change = texture.get("extensions", {}).get("KHR_texture_transform", {})
         coordinates = int(change.get("texCoord", texture.get("texCoord", 0)))
         turn, to_picture = change.get("rotation", 0.0), np.eye(3)
@@ -358,6 +355,7 @@ def _looks(file: GltfFile, owner: str) -> list[_Look]:
         to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
         to_picture[:2, 2] = change.get("offset", [0, 0])
         looks.append(_Look(Paint(name, surface), coordinates, to_picture))
+        check_pictures(owner, weights_of(look.paint.material for look in looks))
     return looks
 
 

@@ -28,7 +28,8 @@ FORMATS: Mapping[str, ModuleType] = {
     ".stl": polygons,
     ".xml": mitsuba_xml,
 }
-"""Readers by suffix; each has `names_in`, `pieces_of` and `unused`, and `stated` of a mesh."""
+"""Readers by suffix; each has `pieces_of`, and as its format needs it `names_in`, `stated` and
+`unused`."""
 
 Contents = Mapping[str, bytes]
 """Content of a file and of those that it names, by name; the file itself is first."""
@@ -86,9 +87,10 @@ def _contents(path: str) -> Contents:
             at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
             contents[name] = _beside(path, name, min(left, at_most))
             left -= len(contents[name])
-        with undamaged(path, REPAIR):
-            names = reader.names_in(name, contents[name])
-        waiting += [other for other in names if other not in contents]
+        if hasattr(reader, "names_in"):
+            with undamaged(path, REPAIR):
+                names = reader.names_in(name, contents[name])
+            waiting += [other for other in names if other not in contents]
     return contents
 
 

@@ -32,7 +32,6 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
 _SPECTRUM_BYTES, _MOST_VALUES = 4 * 10**6, 10_000
-_RELIEFS = "bumpmap", "normalmap"
 _GRAY = 0.5
 """Reflectance of surfaces that are not diffuse, for viewers that know none."""
 _MOST_PARTS = 200
@@ -103,8 +102,9 @@ class Surfaces:
             raise _NotKeptError(f"of more than {_MOST_PARTS} parts, or part of itself")
         if kind not in SURFACES + TEXTURES:
             raise _NotKeptError(f"of Mitsuba's type {quoted(kind)!r}")
-        textures = self._document.parts(given, "texture") if kind in _RELIEFS else []
-        if any(value_of(texture, "boolean", "raw") != "true" for texture in textures):
+        textures = self._document.parts(given, "texture")
+        is_raw = all(value_of(texture, "boolean", "raw") == "true" for texture in textures)
+        if kind in ("bumpmap", "normalmap") and not is_raw:
             raise _NotKeptError(f"a {kind} whose texture is no raw bitmap")
         for number, each in enumerate(given):
             part = self._document.resolved(each)
@@ -179,10 +179,7 @@ class Surfaces:
         return total([part.scaled(share) for part, share in parts])
 
     def _spectrum(self, given: Element) -> Spectrum:
-        """Return a spectrum of one of Mitsuba's types. Raises _NotKeptError for others.
-
-        Without a type it is a number, wavelength:value pairs, or lines of both in a file.
-        """
+        """Return a spectrum of one of Mitsuba's types. Raises _NotKeptError for others."""
         kind, text = given.get("type", ""), given.get("value", "")
         stated = {part.get("name"): part.get("value", "") for part in given}
         scale = float(stated.pop("scale", "1"))
@@ -210,7 +207,7 @@ class Surfaces:
             case "irregular", ["values", "wavelengths"]:
                 made = Spectrum.of(numbers_in(stated["wavelengths"]), numbers_in(stated["values"]))
             case _:
-                names = ", ".join(f"{each}" for each in stated)
+                names = ", ".join(map(str, stated))
                 raise _NotKeptError(f"with a spectrum of type {quoted(kind)!r} ({quoted(names)})")
         name = next(iter(self._contents))
         check_count(name, "values in a spectrum", len(made.values), _MOST_VALUES)

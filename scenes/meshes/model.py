@@ -69,8 +69,9 @@ class PlacedMesh(Record, frozen=True):
                     check_triangles(name, triangles + vertices // 2)
             placed = (piece.moved(self._axes).sound() for piece in reader.pieces_of(contents, used))
             pieces = [piece for piece in placed if len(piece.faces)]
-            for feature, owner in reader.unused(contents, used):
-                unused.setdefault(feature, {})[quoted(printable(owner), _LONGEST)] = None
+            if hasattr(reader, "unused"):
+                for feature, owner in reader.unused(contents, used):
+                    unused.setdefault(feature, {})[quoted(printable(owner), _LONGEST)] = None
         self._check(pieces)
         notes, things = [], []
         for feature, owners in unused.items():
@@ -79,8 +80,8 @@ class PlacedMesh(Record, frozen=True):
             things.append(feature + f" ({', '.join(named[:_NAMED])}{more})" * bool(named))
         if things:
             notes.append(f"{path}: these have no effect: {quoted('; '.join(things), 600)}")
-        paints = [piece.paint for piece in pieces]
-        if undescribed := sorted({p.name for p in paints if p.name and not p.is_described}):
+        looks = {piece.paint.name: piece.paint.material or piece.paint.refused for piece in pieces}
+        if undescribed := sorted(name for name, look in looks.items() if name and not look):
             notes.append(
                 f"{path}: no .mtl file next to it describes {quoted(', '.join(undescribed), 400)}; "
                 "such surfaces have no color, unless `materials` gives their reflectance"

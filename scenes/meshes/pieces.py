@@ -18,8 +18,6 @@ from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _FARTHEST = 1e12
 """Largest coordinate of a map, as of a camera."""
-_FLATTEST = 1e12
-"""Largest ratio of a map's scales."""
 Unused = tuple[str, str]
 """Property in a file that has no effect, and the name of its owner, perhaps empty."""
 
@@ -36,11 +34,6 @@ class Paint:
     """Description of a surface that is not rendered, unless its reflectance is given."""
     radiance: Spectrum | None = None
     """Radiance of a lamp, W·m⁻²·sr⁻¹·nm⁻¹."""
-
-    @property
-    def is_described(self) -> bool:
-        """False of a material that the file only names, as where its .mtl file is missing."""
-        return self.name is None or bool(self.material or self.refused)
 
 
 def colored(color: ArrayLike, picture: NDArray[np.float32] | None = None) -> Material:
@@ -127,7 +120,7 @@ def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
         raise ValueError(f"{where} is not finite, or beyond {_FARTHEST:g}")
     if (matrix[3] != [0, 0, 0, 1]).any():
         raise ValueError(f"{where} is a perspective map")
-    if not may_flatten and np.linalg.cond(matrix[:3, :3]) > _FLATTEST:
+    if not may_flatten and np.linalg.cond(matrix[:3, :3]) > 1e12:  # ratio of scales
         raise ValueError(f"{where} leaves no volume")
 
 

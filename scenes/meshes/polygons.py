@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import Piece, Unused
+from megalopta.scenes.meshes.pieces import Piece
 
 _HEADER_BYTES = 2**16
 _PLY_BYTES = {
@@ -19,18 +19,6 @@ _PLY_BYTES = {
 }
 _STL_HEADER = 84
 _STL_TRIANGLE_BYTES = 50
-
-
-def names_in(name: str, content: bytes) -> list[str]:
-    """Names of other files: none."""
-    del name, content
-    return []
-
-
-def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> list[Unused]:
-    """Return what has no effect: nothing."""
-    del contents, used
-    return []
 
 
 def stated(name: str, content: bytes) -> tuple[int, int, int]:
@@ -54,7 +42,6 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> list
     """Return the piece of a file. Raises any exception if the file is damaged."""
     import trimesh  # slow
 
-    del used
     name, content = next(iter(contents.items()))
     path, header = PurePosixPath(name), content[:_HEADER_BYTES]
     kind = path.suffix.lower().removeprefix(".")

@@ -26,10 +26,8 @@ class Surfacing:
     colorless: float = 0.5
     """Reflectance of surfaces without material and colors."""
     materials: dict[str, Material] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Begin without names: materials of a file may share one."""
-        self._alike: dict[str, dict[object, int]] = {}
+    _alike: dict[str, dict[object, int]] = field(default_factory=dict)
+    """Numbers of the materials that share a name."""
 
     def objects(self, pieces: Sequence[Piece]) -> list[tuple[Piece, Asset]]:
         """Return the first piece and the asset of each object of a file."""

@@ -78,7 +78,6 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
 
     Raises any exception if the file is damaged.
     """
-    del used
     name = next(iter(contents))
     faces: dict[tuple[str, str | None], list[str]] = {}
     """Faces, as written, of each object and material."""
@@ -198,7 +197,6 @@ def _materials(content: bytes) -> list[dict[str, str]]:
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect. Raises any exception if the file is damaged."""
-    del used
     content = next(iter(contents.values()))
     yield from (("statements", word.decode()) for word in sorted({*_UNREAD.findall(content)}))
     if b"\nvn " not in content and _SMOOTH.search(content):

@@ -89,11 +89,6 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)
 
 
-def decode_srgb(coded: NDArray[np.uint8]) -> Floats:
-    """Linear values, 0 to 1, of 8-bit sRGB of any shape (IEC 61966-2-1)."""
-    return linear_of_srgb(coded / 255)
-
-
 def linear_of_srgb(curved: NDArray[np.floating]) -> Floats:
     """Linear values of sRGB from 0 to 1, of any shape (IEC 61966-2-1)."""
     return np.asarray(

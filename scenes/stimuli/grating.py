@@ -143,7 +143,6 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> Floats:
 
 
 def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
-    """Position of the camera that turns in place."""
     if not isinstance(trajectory, Trajectory):
         kind = kind_of(type(trajectory))
         raise ValueError(

@@ -14,7 +14,6 @@ from megalopta.core.bounded import check_count, folder_of, named_path, read_text
 from megalopta.scenes.trajectories.base import Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
-_LARGEST_NORM_ERROR = 0.01
 _MOST_LINES, _LARGEST = 200_000, 1e12
 
 
@@ -100,7 +99,7 @@ def read_recording(text: str) -> Floats:
         if not is_row:
             raise ValueError(f"line {number} is not the 8 numbers {','.join(COLUMNS)}; correct it")
         norm = math.hypot(*rows[-1][4:])
-        if abs(norm - 1) > _LARGEST_NORM_ERROR:
+        if abs(norm - 1) > 0.01:
             raise ValueError(
                 f"line {number}: the quaternion {rows[-1][4:]} has norm {norm:.3g}; give unit "
                 "quaternions in the order qx,qy,qz,qw"

@@ -11,8 +11,6 @@ from megalopta.core.arrays import Floats
 from megalopta.scenes.motion import Vector
 from megalopta.scenes.trajectories.base import Path, is_upright, looking
 
-_CHECKED_TIMES = 1000
-
 
 class Spline(Path, frozen=True):
     """Cubic spline (C²) from the first point at the first frame to the last at the last frame.
@@ -42,7 +40,7 @@ class Spline(Path, frozen=True):
     @model_validator(mode="after")
     def _view_is_defined(self) -> "Spline":
         curve = self._curve()
-        times = np.linspace(0, self.duration_s, _CHECKED_TIMES)
+        times = np.linspace(0, self.duration_s, 1000)
         if is_upright(self._views(curve, times), self.up):
             view = "look_at_m" if self.look_at_m else "the direction of the curve"
             raise ValueError(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import generator
+from megalopta.assets_gen import TEXTURES, generator
 from megalopta.assets_gen.grating import bars, random_dots
 from megalopta.assets_gen.scatter import poisson_disk
 from megalopta.assets_gen.surface_textures import dead_leaves
@@ -120,3 +120,29 @@ def test_random_dots_cover_half_of_the_plane_with_the_covariance_of_a_boolean_mo
     # same scatter as of the mean, twice; a texel is 1/24 period
     np.testing.assert_allclose(uncovered[:24], expected, atol=0.07)
     assert abs((uncovered[:24] - uncovered[20:24].mean() - expected + 0.25)[:12]).max() < 0.02
+
+
+def seam_contrast(image: np.ndarray, axis: int) -> float:
+    """Mean step across the image's seam over the largest mean step between rows inside it."""
+    rows = np.moveaxis(image.astype(float), axis, 0)
+    inside = np.abs(np.diff(rows, axis=0)).mean(axis=1).max()
+    return float(np.abs(rows[0] - rows[-1]).mean() / inside)
+
+
+ATLASES = {"leaf", "needles"}  # squares of separate leaves, which need not tile
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_textures_are_weights_with_contrast_at_every_scale_and_without_a_seam(name):
+    texture = TEXTURES[name](np.random.default_rng(7))
+    assert texture.dtype == np.float32
+    assert texture.min() >= 0 and texture.max() <= 1
+    if name not in ATLASES:
+        # a step across the seam is no larger than the largest between any two rows inside
+        assert max(seam_contrast(texture, axis) for axis in (0, 1)) <= 1.05
+    image = texture.astype(float)
+    while min(image.shape) > 32:
+        blocks = image.reshape(image.shape[0] // 2, 2, image.shape[1] // 2, 2)
+        coarse = blocks.mean(axis=(1, 3))
+        assert (image - coarse.repeat(2, axis=0).repeat(2, axis=1)).std() > 0.02
+        image = coarse

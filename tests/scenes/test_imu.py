@@ -6,7 +6,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from megalopta.scenes import Hover, Imu, Mount, Orbit, Spline, Trajectory
+from megalopta.scenes import Hover, Imu, Mount, Orbit, Spline
 from megalopta.scenes.imu import GRAVITY_M_S2, WanderingNoise, inertia
 
 RATE_HZ = 400.0
@@ -15,13 +15,6 @@ HOVER = Hover(frames=21, frame_rate_hz=10, jitter_m=0.1, jitter_deg=20, bandwidt
 
 def times_of(path, rate_hz=RATE_HZ):
     return np.arange(Imu(rate_hz=rate_hz).samples(path)) / rate_hz
-
-
-def test_a_level_camera_at_rest_is_pushed_upward():
-    # Camera axes are right, down and forward.
-    found = inertia(Trajectory(), times_of(Trajectory()))
-    np.testing.assert_allclose(found.specific_forces, [[0, -GRAVITY_M_S2, 0]] * len(found.times_s))
-    np.testing.assert_allclose(found.angular_velocities, 0, atol=1e-12)
 
 
 def test_an_orbit_has_centripetal_acceleration():

@@ -12,7 +12,7 @@ from PIL import Image
 
 from megalopta.core.errors import UserError
 from megalopta.render import SUFFIXES, is_footage, open_footage
-from megalopta.scenes.spectra.color import decode_srgb
+from megalopta.scenes.spectra.color import linear_of_srgb
 
 from .conftest import refused
 
@@ -81,7 +81,7 @@ def test_whole_numbers_are_codes_of_the_unit(tmp_path, dtype, unit, light, told)
 def test_coded_floats_lie_between_0_and_1(tmp_path):
     codes = np.array([[0, 51, 255]], np.uint8)
     with open_footage(saved(tmp_path, codes / 255), "srgb") as footage:
-        np.testing.assert_allclose(footage.frame(0)[..., 0], decode_srgb(codes), rtol=1e-6)
+        np.testing.assert_allclose(footage.frame(0)[..., 0], linear_of_srgb(codes / 255), rtol=1e-6)
     with (
         open_footage(saved(tmp_path, codes / 1.0), "srgb") as footage,
         pytest.raises(UserError, match="between 0 and 1"),
@@ -135,7 +135,7 @@ def test_frames_and_times(tmp_path, suffix):
         np.testing.assert_allclose(footage.times_s, [0, 0.04, 0.12, 0.16], atol=1e-9)
         in_order = [footage.frame(k) for k in range(4)]
         np.testing.assert_allclose(
-            [each[5, 8, 1] for each in in_order], decode_srgb(LEVELS), rtol=1e-6
+            [each[5, 8, 1] for each in in_order], linear_of_srgb(LEVELS / 255), rtol=1e-6
         )
         for k in (3, 0, 2, 1):
             np.testing.assert_array_equal(footage.frame(k), in_order[k])
@@ -162,7 +162,7 @@ def test_a_picture_that_is_no_part_of_the_animation_is_left_out(tmp_path):
     with open_footage(write(tmp_path / "a.png", default_image=True)) as footage:
         assert len(footage) == 3 and "no part of its animation" in footage.notes[0]
         np.testing.assert_allclose(
-            footage.frame(0)[5, 8, 0], decode_srgb(LEVELS[1:2])[0], rtol=1e-6
+            footage.frame(0)[5, 8, 0], linear_of_srgb(LEVELS[1:2] / 255)[0], rtol=1e-6
         )
 
 
@@ -177,4 +177,4 @@ def test_threads_that_share_a_file_get_the_frames_that_they_ask_for(tmp_path, su
     asked = np.random.default_rng(0).integers(0, 4, 400).tolist()
     with open_footage(write(tmp_path / f"a.{suffix}")) as footage, ThreadPoolExecutor(4) as threads:
         seen = threads.map(lambda k: footage.frame(k)[5, 8, 1], asked)
-        np.testing.assert_allclose(list(seen), decode_srgb(LEVELS[asked]), rtol=1e-6)
+        np.testing.assert_allclose(list(seen), linear_of_srgb(LEVELS[asked] / 255), rtol=1e-6)

@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image
 
 from megalopta.render import open_footage
-from megalopta.scenes.spectra.color import decode_srgb
+from megalopta.scenes.spectra.color import linear_of_srgb
 
 from .conftest import assert_mean_of_frame, chunk, exr, refused
 
@@ -33,7 +33,7 @@ def test_a_picture_of_8_bits_is_one_frame_of_light(tmp_path, codes, suffix):
         assert (len(footage), footage.shape, footage.times_s) == (1, (12, 20), None)
         assert (footage.coding.name, footage.coding.unit, footage.notes) == ("sRGB", "srgb", ())
         assert light.dtype == np.float32 and light.flags.c_contiguous
-        np.testing.assert_allclose(light, decode_srgb(codes), rtol=1e-6)
+        np.testing.assert_allclose(light, linear_of_srgb(codes / 255), rtol=1e-6)
         assert_mean_of_frame(footage)
         assert footage.saturated(0) == pytest.approx((codes == 255).any(-1).mean(), abs=1e-12)
 
@@ -85,7 +85,9 @@ def test_transparency_stands_before_black(tmp_path, codes):
         with open_footage(tmp_path / name) as footage:
             light = footage.frame(0)
             assert not light[:, :10].any()
-            np.testing.assert_allclose(light[:, 10:], decode_srgb(codes[:, 10:]), rtol=1e-6)
+            np.testing.assert_allclose(
+                light[:, 10:], linear_of_srgb(codes[:, 10:] / 255), rtol=1e-6
+            )
             assert footage.notes == ("transparent parts are shown over black",)
 
 
@@ -160,7 +162,7 @@ def test_pictures_of_a_folder_follow_the_numbers_in_their_names(tmp_path):
         assert names == ["f1.png", "f2.png", "f9.png", "f10.png", "f100.png"]
         np.testing.assert_array_equal(
             [footage.frame(k)[0, 0, 0] for k in range(5)],
-            decode_srgb(np.arange(0, 50, 10, dtype=np.uint8)).astype(np.float32),
+            linear_of_srgb(np.arange(0, 50, 10) / 255).astype(np.float32),
         )
         assert footage.times_s is None
         left_out, order = footage.notes

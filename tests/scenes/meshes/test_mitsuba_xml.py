@@ -40,13 +40,6 @@ def material_of(path, **more):
     return material
 
 
-def test_metal_is_kept_as_it_is_unless_a_reflectance_is_given(write):
-    path = write(square(METAL))
-    assert material_of(path).finish.kind == "roughconductor"
-    given = material_of(path, materials={"Brass": 0.3})
-    assert (given.finish, given.reflectance(600)) == (None, 0.3)
-
-
 @pytest.mark.parametrize(
     ("inside", "known_nm"),
     [

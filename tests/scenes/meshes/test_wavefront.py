@@ -74,9 +74,9 @@ def test_materials_are_those_of_the_library():
 def test_without_its_library_a_material_is_a_name_without_color():
     brick, tin = (piece.paint for piece in read(YARD))
     assert [brick.name, tin.name] == ["brick", "tin"]
-    assert not brick.is_described and not tin.is_described
+    assert brick.material is None and tin.material is None
     (plain,) = read(f"{CORNERS}f 1 2 3\n")
-    assert plain.paint.name is None and plain.paint.is_described
+    assert plain.paint.name is None
 
 
 def test_coordinates_and_normals_are_used_where_all_corners_have_them():

@@ -1,7 +1,4 @@
-"""Spectra, the colors that they have, and reflectances.
-
-Bands beyond the range of a spectrum are refused, with its name and range.
-"""
+"""Spectra, the colors that they have, and reflectances."""
 
 import math
 
