@@ -240,7 +240,7 @@ def import_pictures(dataset: Dataset) -> None:
                 scene.file.check()  # afterwards, so that it was this that was copied
             else:
                 copy = temporary / f"{_SOURCE}{footage.path.suffix.lower()}"
-                with footage.path.open("rb") as source, copy.open("wb") as target:
+                with footage.opened() as source, copy.open("wb") as target:
                     scene.file.compare(copied(source, target))
     record = {
         "files": len(footage.files),

@@ -7,10 +7,10 @@ bits without full chroma, which gives wrong colors there (libswscale 9).
 
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,17 @@ class Film(frames.Footage):
         """Free the decoder, close the file."""
         super().close()
         self._free()
+
+    @contextmanager
+    def opened(self) -> Iterator[BinaryIO]:
+        """Give the film's open file from its start on; the decoder then continues in it."""
+        with self._decoding:
+            place = self._file.tell()
+            self._file.seek(0)
+            try:
+                yield self._file
+            finally:
+                self._file.seek(place)
 
     def _free(self) -> None:
         if self._container is not None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, BinaryIO, Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -259,6 +259,12 @@ class Footage(ABC):
         channels = 1 if numbers.ndim == 2 else 3
         is_below = cv2.inRange(numbers, (0,) * channels, (below,) * channels)
         return 1 - cv2.countNonZero(is_below) / is_below.size
+
+    @contextmanager
+    def opened(self) -> Iterator[BinaryIO]:
+        """Give the first file, open for reading."""
+        with self.path.open("rb") as file:
+            yield file
 
     def close(self) -> None:
         """Free the decoder and the cached frames."""
