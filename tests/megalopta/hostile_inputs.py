@@ -706,7 +706,7 @@ def way_for(path, rng):
 
 ON_DATASETS = (
     "sense data", "flow data", "report data", "view data --out=v", "check files data", "check truth data",
-    "benchmark photons data", "benchmark sequence data --out=o", "render data --out=data", "scene export data --out=o.glb",
+    "benchmark photons data", "benchmark sequence data --methods LK --fluxes 1e5 --out=o", "render data --out=data", "scene export data --out=o.glb",
 )  # fmt: skip
 ON_MANY = "check files data", "report data", "sense data --sensors=ideal", "view data --out=v"
 ON_RECORDINGS = (
