@@ -123,7 +123,7 @@ def compare_recordings(
     is_scene : bool
         True if light changes in time, so that neither steadiness nor parameters are tested.
 
-    Raises ValueError if levels differ in shape or have too few frames.
+    Raises ValueError if levels differ in shape, have too few frames or never change.
     """
     if not captured or len(captured) != len(expected):
         raise ValueError(
@@ -137,6 +137,11 @@ def compare_recordings(
             )
         if min(n, m) < _FEWEST_FRAMES:
             raise ValueError(f"{min(n, m)} frames; compare {_FEWEST_FRAMES} or more")
+    if all((level.readings == level.readings[:1]).all() for level in (*captured, *expected)):
+        raise ValueError(
+            "no reading of any pixel changes, captured or simulated: the counters are full or "
+            "empty; capture with another light or exposure"
+        )
     errors = errors or [np.zeros(level.readings.shape[1:]) for level in captured]
     unknown = ~np.isfinite(np.sum(errors, axis=0))
     levels = [

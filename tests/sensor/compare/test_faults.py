@@ -6,8 +6,20 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import changed, preset
+from megalopta.sensor.compare.model import Model
+from megalopta.sensor.compare.recordings import compare_recordings
 
-from .faulty import CAMERAS, FAULTS, compared, moved, of_readings, said, together, written
+from .faulty import (
+    CAMERAS,
+    FAULTS,
+    compared,
+    moved,
+    of_readings,
+    recorded,
+    said,
+    together,
+    written,
+)  # fmt: skip
 
 CODES = FAULTS["codes"]
 
@@ -136,6 +148,12 @@ def test_an_array_without_a_working_pixel_is_compared(value):
     camera = CAMERAS["counts"]._replace(shape=(8, 8))
     found = compared(1, camera, **written(np.s_[:], value))
     assert found.alarms and not found.causes
+
+
+def test_frames_that_never_change_on_either_side_are_refused():
+    levels = recorded(CAMERAS["counts"]._replace(shape=(8, 8)), 1, **written(np.s_[:], 3))
+    with pytest.raises(ValueError, match="counters are full or empty; capture with another light"):
+        compare_recordings(levels, levels, Model(preset("spadcam"), []))
 
 
 def test_frames_all_at_the_counters_end_are_no_repetition():
