@@ -63,8 +63,11 @@ class Command(argparse.ArgumentParser):
         if verb.run is None:
             self.branch = self.add_subparsers(dest=how["prog"], required=True, metavar="VERB")
             self.verbs = self.branch.choices
-        self.named = set(self._option_string_actions)
+
+    @property
+    def named(self) -> set[str]:
         """Option strings, such as "--out"."""
+        return set(self._option_string_actions)
 
     def takes(self, path: str) -> Words:
         """Number of words that a setting takes. Raises UserError if there is none."""

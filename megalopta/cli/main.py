@@ -109,7 +109,6 @@ def program() -> Command:
         "detectors.",
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
-    parser.named.add("--version")
     commands = {"": parser}
     for name, verb in sorted(VERBS.items()):
         above, _, word = name.rpartition(" ")

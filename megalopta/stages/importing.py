@@ -17,27 +17,23 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import progress, say, step
 from megalopta.dataset import picture_light
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark import BenchmarkSettings
 from megalopta.render import Footage, open_footage
-from megalopta.scenes import Light, Pictures
+from megalopta.scenes import Pictures
 from megalopta.scenes.hashed_file import copied
 from megalopta.scenes.levels import LEVELS, illuminance_of
 from megalopta.scenes.spectra.spectrum import SPECTRA
 from megalopta.scenes.stimuli.pictures import Unit
-from megalopta.sensor import IMAGE_SENSORS
 
 STILL_FRAMES = 16
 """Frames of a single picture, which does not move"""
 _USUAL_HZ = 25.0
 """Pictures a second where a file tells no times"""
-_USUAL: Mapping[str, tuple[Any, Any]] = {
-    "light": ({"level": "daylight"}, Light(level="daylight")),
-    "sensors": (["ideal"], (IMAGE_SENSORS["ideal"],)),
-    "methods": (["BM", "LK", "DIS"], ("BM", "LK", "DIS")),  # quick, and do with two frames
+DEFAULTS: Mapping[str, Any] = {
+    "light": {"level": "daylight"},
+    "sensors": ["ideal"],
+    "methods": ["BM", "LK", "DIS"],  # quick ones, which do with two frames
 }
-"""Settings of pictures that do not depend on the files, as in YAML, and as of a configuration"""
-DEFAULTS = {name: values for name, (values, _) in _USUAL.items()}
-_BENCHMARK: BenchmarkSettings = Configuration.model_fields["benchmark"].default
+"""Settings of pictures that do not depend on the files"""
 _SOURCE = "source"
 _OF_SCENE = "unit", "between", "picture_rate_hz", "reflectance"
 
@@ -82,15 +78,7 @@ def pictures_configuration(
             "(on the scene: 0.001 stars, 0.25 full moon, 10 street, 500 indoors, 1e5 sun), "
             "--luminance 0.01 (mean of the pictures, cd/m²), --light-levels starlight"
         )
-    values, usual = _fields(footage, asked), dict(_USUAL)
-    size = max(3, min(60, values["camera"]["height"]))
-    usual["benchmark"] = {"sizes": [size]}, _BENCHMARK.model_copy(update={"sizes": (size,)})
-    changed = {setting.partition(".")[0] for setting in overrides}
-    for name in usual.keys() & changed - values.keys():
-        values[name] = usual[name][0]
-    settings = validated(Configuration, values, str(path), overrides)
-    unchanged = {name: usual[name][1] for name in usual.keys() - values.keys()}
-    settings = settings.model_copy(update=unchanged)
+    settings = validated(Configuration, _fields(footage, asked), str(path), overrides)
     longest_s, sensors = 1 / settings.trajectory.frame_rate_hz, list(settings.sensors)
     for index, sensor in enumerate(sensors):
         if sensor.exposure_s > longest_s:
@@ -130,9 +118,10 @@ def pictures_configuration(
 
 
 def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
-    """Return the fields of the configuration that the file and the options state."""
+    """Return the fields of the configuration: what file and options state, else `DEFAULTS`."""
     path, (rows, columns), count = footage.path, footage.shape, footage.count
     width = asked.width or columns
+    height = max(1, round(rows * width / columns))
     scene = {name: getattr(asked, name) for name in _OF_SCENE}
     light = {}
     if asked.spectrum in LEVELS:
@@ -148,13 +137,15 @@ def _fields(footage: Footage, asked: PictureOptions) -> dict[str, Any]:
     last_s = footage.last_s or 1 / rate_hz
     frames = math.floor((end_s + last_s) * rate_hz + 0.1) if count > 1 else STILL_FRAMES
     return {
+        **DEFAULTS,
         "name": re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-")[:60] or "pictures",
         "scene": {
             "kind": "pictures",
             "file": str(path),
             **{name: value for name, value in scene.items() if value is not None},
         },
-        "camera": {"width": width, "height": max(1, round(rows * width / columns))},
+        "camera": {"width": width, "height": height},
+        "benchmark": {"sizes": [max(3, min(60, height))]},
         "trajectory": {"frames": asked.frames or max(frames, 2), "frame_rate_hz": rate_hz},
         **({"render": {"bands_nm": footage.bands_nm}} if footage.bands_nm else {}),
         **light,
