@@ -1,10 +1,13 @@
 """Radiance and ground truth in OpenEXR files: one part each, float32, ZIP.
 
 Radiance follows the spectral layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021): one
-channel `S0.<center>nm` per band, with a decimal comma, and the band edges as `bandEdgesNm`.
+channel `S0.<center>nm` per band, with a decimal comma, and the band edges as `bandEdgesNm`. R, G, B
+are its picture for viewers: linear sRGB by the CIE 1931 observer, white balanced, times 2 to the
+power of `EV`; without a visible band, the gray of the bands' mean.
 """
 
 import errno
+import math
 import os
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
@@ -18,6 +21,9 @@ from megalopta.core.bounded import check_count, check_decoded
 from megalopta.core.errors import TooLargeError
 from megalopta.core.files import atomic_write
 from megalopta.render.settings import Bands, channel_names
+from megalopta.scenes.spectra.color import linear_srgb
+from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum
+from megalopta.scenes.tone_mapping import ToneCurve
 
 if TYPE_CHECKING:
     from megalopta.render.truth.tracer import Truth
@@ -49,7 +55,8 @@ TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "footprint.backward.hidden": ("backward.hidden",),
 }
 
-_CLUSTER_CHANNEL = "clusterId"
+_CLUSTER_CHANNEL, _BLUR_CHANNEL = "clusterId", "blur"
+_LARGEST_HALF = float(np.finfo(np.float16).max)
 _TRUTH_ATTRIBUTES = {
     "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
@@ -71,11 +78,14 @@ def write_radiance(
     bands_nm: Bands,
     attributes: Mapping[str, str] | None = None,
     dtype: type[np.float32 | np.float16] = np.float32,
+    white: Spectrum = SPECTRA["D65"],
+    stops: float | None = None,
 ) -> None:
     """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm).
 
-    Half floats need light scaled to about 1: they cannot represent night. Raises ValueError if
-    there are not as many bands as edges.
+    Half floats need light scaled to about 1: they cannot represent night. In the picture the
+    spectrum `white` is neutral; its exposure, 2 to the power of `stops`, defaults to one that suits
+    this light. Raises ValueError if there are not as many bands as edges.
     """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(
@@ -85,11 +95,17 @@ def write_radiance(
         name: np.ascontiguousarray(radiance[..., index], dtype)
         for index, name in enumerate(channel_names(bands_nm))
     }
+    colors = linear_srgb(radiance, bands_nm, white)
+    if stops is None:
+        stops = -1.0 - round(math.log2(ToneCurve.of([colors]).level))
+    picture = np.minimum(colors * 2.0**stops, _LARGEST_HALF).astype(np.float16)
+    channels |= {name: np.ascontiguousarray(picture[..., k]) for k, name in enumerate("RGB")}
     edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())
     header = {
         "spectralLayoutVersion": "1.0",
         "emissiveUnits": RADIANCE_UNIT,
         "bandEdgesNm": edges,
+        "EV": stops,
         **(attributes or {}),
     }
     _write(path, channels, header)
@@ -145,9 +161,12 @@ def write_truth(
         values = (values - origin).astype(np.float32) if field == "position" else values
         planes = values.reshape(*values.shape[:2], len(names))
         channels |= {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(names)}
+    header = {"positionOrigin": " ".join(map(repr, origin.tolist())), **(attributes or {})}
+    if truth.blur is not None:
+        channels[_BLUR_CHANNEL] = truth.blur
+        header["blurUnit"] = "px, radius of the disc to which the lens blurs the point; 0 in focus"
     if leaf_clusters is not None:
         channels[_CLUSTER_CHANNEL] = leaf_clusters
-    header = {"positionOrigin": " ".join(map(repr, origin.tolist())), **(attributes or {})}
     _write(path, channels, {**_TRUTH_ATTRIBUTES, **header})
 
 
@@ -179,7 +198,7 @@ def read_truth(path: Path) -> "Truth":
 
     purity, sky = (values.pop(f"footprint.{name}") for name in ("purity", "sky"))
     footprint = Footprint(purity, sky, spread("forward"), spread("backward"))
-    return Truth(**values, footprint=footprint)
+    return Truth(**values, footprint=footprint, blur=channels.get(_BLUR_CHANNEL))
 
 
 def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
@@ -191,7 +210,7 @@ def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:
 
 
 def _write(
-    path: Path, channels: Mapping[str, NDArray[np.generic]], header: Mapping[str, str]
+    path: Path, channels: Mapping[str, NDArray[np.generic]], header: Mapping[str, str | float]
 ) -> None:
     import OpenEXR
 

@@ -36,7 +36,7 @@ _MOST_DIRECTIONS, _MOST_PARTS = 2_000_000, 8
 
 def plugin(camera: Camera, on_side: bool = False) -> dict[str, Any]:
     """Mitsuba sensor of a camera, without film and sampler; `on_side` swaps rows and columns."""
-    if isinstance(camera, PerspectiveCamera) and not on_side:
+    if isinstance(camera, PerspectiveCamera) and not (on_side or camera.lens_m):
         clip = {"near_clip": 1e-3, "far_clip": 1e5}
         return {"type": "perspective", "fov": camera.fov_deg, "fov_axis": "x", **clip}
     parts = math.isqrt(_MOST_DIRECTIONS // (camera.width * camera.height))
@@ -44,7 +44,8 @@ def plugin(camera: Camera, on_side: bool = False) -> dict[str, Any]:
     columns, rows = (np.arange(size * parts + 1) / parts for size in (camera.width, camera.height))
     directions = camera.toward(np.stack(np.meshgrid(columns, rows), axis=-1)).astype(np.float32)
     table = np.ascontiguousarray(directions.swapaxes(0, 1)) if on_side else directions
-    return {"type": registered(Directions), "directions": mi.TensorXf(table)}
+    lens = dict(zip(("aperture_radius", "focus_distance"), camera.lens_m or (), strict=False))
+    return {"type": registered(Directions), "directions": mi.TensorXf(table), **lens}
 
 
 def sensor_transform(pose: Floats) -> Floats:
@@ -66,10 +67,11 @@ class _PythonSensor(PlugIn):
 
 
 class Directions(_PythonSensor):
-    """Rays from one point, in the directions of any camera.
+    """Rays from one point or a lens around it, in the directions of any camera.
 
     Plugin parameter: `directions` (h, w, 3) at the corners of the film and evenly between them;
-    they are interpolated. `mi.traverse` sets `to_world` and `strip`, the first row and the number
+    they are interpolated. Those of a thin lens, with `aperture_radius` and `focus_distance`, start
+    anywhere on it, and meet the ray through its middle in the plane in focus. `mi.traverse` sets `to_world` and `strip`, the first row and the number
     of rows of the film, relative to those of the camera, without recompilation.
     """
 
@@ -78,6 +80,8 @@ class Directions(_PythonSensor):
         self.to_world = mi.Transform4f()
         # Not two numbers: scalar variants can change only Mitsuba's own objects.
         self.strip = mi.Point2f(0, 1)
+        radius, focus = (properties.get(x, 0.0) for x in ("aperture_radius", "focus_distance"))
+        self.lens = mi.Point2f(radius, focus) if radius else None
         directions = properties["directions"]
         self.rows, self.columns, _ = directions.shape
         texture: Any = mi.Texture2f
@@ -92,7 +96,7 @@ class Directions(_PythonSensor):
     def parameters_changed(self, keys: Sequence[str] = ()) -> None:
         """Keep values out of the kernel."""
         if not is_scalar():  # otherwise the values would be written into the kernel
-            dr.make_opaque(self.to_world, self.strip)
+            dr.make_opaque(self.to_world, self.strip, self.lens)
 
     def sample_ray(
         self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
@@ -109,9 +113,19 @@ class Directions(_PythonSensor):
         right, down, forward = self.table.eval(place)
         # Mitsuba's +x is to the left of its +z.
         direction = dr.normalize(mi.Vector3f(-right, -down, forward))
-        origin = self.to_world @ mi.Point3f(0, 0, 0)
+        start = mi.Point3f(0, 0, 0)
+        if self.lens is not None:
+            disc = mi.warp.square_to_uniform_disk_concentric(sample3) * self.lens.x
+            start = mi.Point3f(disc.x, disc.y, 0)
+            direction = dr.normalize(direction * (self.lens.y / direction.z) - start)
+        origin = self.to_world @ start
         ray = mi.Ray3f(origin, self.to_world @ direction, time, wavelengths)
         return ray, weight
+
+
+def lens_of(sensor: Any) -> Any:
+    """Return the lens of a sensor, or None if it looks from one point."""
+    return getattr(sensor, "lens", None)
 
 
 class Rows(_PythonSensor):
@@ -122,6 +136,7 @@ class Rows(_PythonSensor):
     """
 
     optics: Any = None
+    lens: Any = None
     times, rows = 0, 0
     to_world: Any = None
 
@@ -210,6 +225,7 @@ class Film:
             shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
             self._sensor = mi.load_dict({"type": registered(Rows), **shutter, **parts})
             self._sensor.optics = self._optics
+            self._sensor.lens = lens_of(self._optics)
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())
         self.samples_per_pixel = self._samples * self._repeats
@@ -354,7 +370,8 @@ def pixel_means(
         place = (mi.Float(index) + 0.5) / mi.Float(in_all)
         position = (corner + sampler.next_2d()) / size
         time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
-        ray, _ = sensor.sample_ray(time, 0.5, position, mi.Point2f(0.5))
+        aperture = mi.Point2f(0.5) if lens_of(sensor) is None else sampler.next_2d()
+        ray, _ = sensor.sample_ray(time, 0.5, position, aperture)
         sampler.schedule_state()
         dr.eval(ray, place)  # so that what is looked at does not depend on the camera
         seen = look(ray, place, sampler)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands, shading
-from megalopta.render.film import Look, developed, pixel_means
+from megalopta.render.film import Look, developed, lens_of, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import Air, Layers, LoadedScene, MeshIndex
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
@@ -415,12 +415,13 @@ class PathIntegrator:
 
 def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:
     width, height = (int(size) for size in sensor.film().crop_size())
-    jitter = np.random.default_rng(seed).random((height, width, _SCALAR_RAYS, 3))
+    numbers = 3 if lens_of(sensor) is None else 5
+    jitter = np.random.default_rng(seed).random((height, width, _SCALAR_RAYS, numbers))
 
     def free(row: int, column: int) -> Iterator[bool]:
-        for x, y, time in jitter[row, column].tolist():
+        for x, y, time, *lens in jitter[row, column].tolist():
             place = mi.Point2f((column + x) / width, (row + y) / height)
-            ray, _ = sensor.sample_ray(time, 0.5, place, mi.Point2f(0.5))
+            ray, _ = sensor.sample_ray(time, 0.5, place, mi.Point2f(lens or 0.5))
             yield not scene.ray_test(ray)
 
     shares = [[sum(free(row, column)) for column in range(width)] for row in range(height)]

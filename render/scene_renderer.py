@@ -86,6 +86,8 @@ class SceneRenderer:
         reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
         self._view: SurfaceView | EnvironmentView
         if scene.environment:
+            if camera.lens_m:
+                raise ValueError("camera.aperture_mm: a panorama has no distances; omit it")
             self._view = EnvironmentView(
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )

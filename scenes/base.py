@@ -23,6 +23,9 @@ class SceneDescription(Record, frozen=True):
     has_truth: ClassVar[bool] = True
     """True if it is rendered, so that its motion and depth are known."""
 
+    has_surfaces: ClassVar[bool] = True
+    """True if it has surfaces at known distances, which a lens may blur."""
+
     is_made_for_camera: ClassVar[bool] = True
     """True if its objects are where the camera goes, so that no path can be fitted to them."""
 

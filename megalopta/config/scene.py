@@ -76,6 +76,11 @@ class SceneSettings(Record, frozen=True):
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
                 f"{self.scene.kind!r} has its own light; omit it, or use a forest"
             )
+        if self.camera.lens_m and not self.scene.has_surfaces:
+            raise ValueError(
+                f"camera.aperture_mm: a scene of kind {self.scene.kind!r} has no surfaces that a "
+                "lens could blur; omit it and focus_m"
+            )
         if self.stereo_with and self.camera.intrinsics is None:
             raise ValueError(
                 f"stereo_with: the {self.camera} has no lines along which to shift points; use a "

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -33,6 +34,7 @@ from megalopta.render import (
     write_radiance,
     write_truth,
 )
+from megalopta.render.exr import read_headers
 from megalopta.report.text import three_digits
 from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
@@ -185,7 +187,7 @@ class FrameWriter:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
         settings, renderer, frame = self._settings, self._renderer, dataset.frame
-        camera, seed, bands_nm = settings.camera, settings.seed, settings.render.bands_nm
+        camera, seed = settings.camera, settings.seed
         with step("rendering radiance"):
             radiance, noise = self._until_good(
                 index,
@@ -199,7 +201,7 @@ class FrameWriter:
             "timeSeconds": f"{time:.9g}",
         }
         measured = {ATTRIBUTE: noise.to_json()} if noise else {}
-        write_radiance(frame("radiance", index), radiance, bands_nm, {**attributes, **measured})
+        self._write_light(frame("radiance", index), radiance, {**attributes, **measured})
         if index + 1 < len(self._poses):
             sintel.write_flow(dataset, index, truth)
         sintel.write_depth(frame("training/depth", index), truth.depth)
@@ -211,7 +213,7 @@ class FrameWriter:
         labels.write_labels(dataset, index, truth, clusters)
         if "albedo" in settings.labels:
             albedo = renderer.albedo(pose, time)
-            write_radiance(frame("training/albedo", index), albedo, bands_nm, _REFLECTANCE)
+            self._write_light(frame("training/albedo", index), albedo, _REFLECTANCE)
         if (baseline_m := settings.baseline_m) is not None:  # of a rig's other camera
             right = settings.trajectory.mounted(settings.stereo_with).pose_at([time])
             both = np.concatenate([self._poses[index : index + 1], right])
@@ -219,6 +221,18 @@ class FrameWriter:
             sintel.write_disparity(dataset, index, flow, baseline_m)
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)
+
+    def _write_light(
+        self, path: Path, light: NDArray[np.float32], attributes: Mapping[str, str]
+    ) -> None:
+        """Write light in bands; the pictures in a folder have the exposure of the first."""
+        settings, stops = self._settings, None
+        white, bands_nm = settings.scene.white(settings.light), settings.render.bands_nm
+        first = path.with_name(self._dataset.frame("radiance", 0).name)
+        if first.exists():
+            with suppress(ValueError):  # damaged, as others will say
+                stops = read_headers(first)[0].get("EV")
+        write_radiance(path, light, bands_nm, attributes, white=white, stops=stops)
 
     def write_sequence_labels(self) -> None:
         """Write names of classes and tracks of points, which belong to all frames."""
@@ -251,8 +265,7 @@ class FrameWriter:
         }  # fmt: skip
         if noise:
             times[ATTRIBUTE] = noise.to_json()
-        file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
-        write_radiance(file, radiance, bands_nm, {**attributes, **times})
+        self._write_light(dataset.exposed_radiance(index), radiance, {**attributes, **times})
         if shutter.readout_s:
             with step("tracing truth"):
                 truth = renderer.shutter_truth(path, shutter, index)

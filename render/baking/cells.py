@@ -256,14 +256,21 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
     """Rays for every `step`-th pixel from `count` poses spread over those (T, 4, 4).
 
     For each view the camera is turned by up to half a pixel at random, so that rays also sample
-    between pixel centers.
+    between pixel centers, and looks through one point of its lens.
     """
-    axes = camera.directions().reshape(-1, 3)[::step]
-    turns = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
+    axes, rng = camera.directions().reshape(-1, 3)[::step], np.random.default_rng(seed)
+    turns = rng.uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
     frames = np.linspace(0, len(poses) - 1, count).round().astype(int)
-    for pose, turn in zip(poses[frames], turns, strict=True):
-        directions = Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
-        start = mi.Point3f(pose[:3, 3].tolist())
+    radius, focus = camera.lens_m or (0.0, 1.0)
+    sizes, angles = radius * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
+    places = np.stack([sizes * np.cos(angles), sizes * np.sin(angles), 0 * sizes], axis=1)
+    for pose, turn, place in zip(poses[frames], turns, places, strict=True):
+        turned = Rotation.from_rotvec(turn).apply(axes)
+        if radius:
+            turned = turned * (focus / turned[:, 2:]) - place
+            turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        directions = turned @ pose[:3, :3].T
+        start = mi.Point3f((pose[:3, 3] + pose[:3, :3] @ place).tolist())
         dr.make_opaque(start)  # otherwise every view would be compiled anew
         yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 

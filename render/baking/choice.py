@@ -149,8 +149,9 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
     """
     pixels = []
     for frame in frames:
-        directions = np.concatenate([np.array(rays.d) for rays in frame], axis=1)
-        values = look(mi.Ray3f(frame[0].o, mi.Vector3f(directions)))
+        both = [np.broadcast_arrays(np.array(rays.o), np.array(rays.d)) for rays in frame]
+        origins, directions = (np.concatenate(parts, axis=1) for parts in zip(*both, strict=True))
+        values = look(mi.Ray3f(mi.Point3f(origins), mi.Vector3f(directions)))
         bands = len(values) // 2
         total: Any = sum(values[:bands])
         quantities = total, dr.square(total), sum(values[bands:-1]), values[-1]

@@ -32,6 +32,7 @@ _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
     *("version", "preview", "generatedBy", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm"),
+    "EV",
     *("comments", "owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
 )
 """Attributes that are used, or say nothing of place, light and time."""

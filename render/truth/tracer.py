@@ -80,6 +80,9 @@ class Truth:
     """(H, W): True if the point leaves the image, or has no flow."""
     footprint: Footprint
     """Truth of whole pixels, from rays spread over them."""
+    blur: NDArray[np.float32] | None = None
+    """(H, W): radius of the disc to which the lens blurs the point at the pixel center, px; None
+    for a camera without a lens."""
 
 
 class TruthTracer:
@@ -105,8 +108,10 @@ class TruthTracer:
         way = surface.points - view.pixels(self._camera).origin
         distance = np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
         forward, backward = self._flow(surface, following), self._flow(surface, previous)
+        depth = self._camera.depth(distance.reshape(shape))
+        blur = self._camera.blur_px(depth)
         return Truth(
-            depth=self._camera.depth(distance.reshape(shape)).astype(np.float32),
+            depth=depth.astype(np.float32),
             position=position.reshape(*shape, 3),
             normal=self._geometry.normal(surface).reshape(*shape, 3).astype(np.float32),
             object_id=object_id,
@@ -118,6 +123,7 @@ class TruthTracer:
             out_of_view_forward=forward.out_of_view,
             out_of_view_backward=backward.out_of_view,
             footprint=self._footprints.footprint(view, following, previous, object_id),
+            blur=None if blur is None else blur.astype(np.float32),
         )
 
     def flow(self, view: View, other: View) -> Flow:

@@ -8,7 +8,7 @@ from abc import abstractmethod
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
@@ -58,6 +58,11 @@ class Camera(Record, frozen=True):
     @property
     def intrinsics(self) -> Floats | None:
         """Matrix K (3, 3) of a pinhole; None for other cameras."""
+        return None
+
+    @property
+    def lens_m(self) -> tuple[float, float] | None:
+        """Radius of the lens's opening and distance in focus, m; None if all is sharp."""
         return None
 
     @property
@@ -119,3 +124,48 @@ class Camera(Record, frozen=True):
     def depth(self, distance: Floats) -> Floats:
         """Depth (H, W), m, from the distances (H, W) along the rays."""
         return distance * self.directions()[..., 2] if self.has_image_plane else distance
+
+    @property
+    def magnification_px(self) -> Floats:
+        """Pixels (H, W) or () to the radian: root of the image's area over that of a flat object."""
+        return np.array(self.focal_length_px)
+
+    def blur_px(self, depth: Floats) -> Floats | None:
+        """Radius (H, W) of the blur of points at depths (H, W), m, px; None if all is sharp."""
+        if self.lens_m is None:
+            return None
+        radius, focus = self.lens_m
+        return np.asarray(self.magnification_px * radius * np.abs(1 / depth - 1 / focus))
+
+
+class LensCamera(Camera, frozen=True):
+    """Camera that looks through a pinhole or a thin lens, onto a plane.
+
+    Points at a depth z, focused at s, are blurred to a disc of f·(D/2)·|1/z - 1/s| px around their
+    image by a pinhole, with the opening's diameter D and f pixels to the radian.
+    """
+
+    aperture_mm: Annotated[float, Field(gt=0, le=1000)] | None = Field(
+        default=None, exclude_if=lambda diameter: diameter is None
+    )
+    """Diameter of the lens's opening (mm), its focal length over its f-number; default: a pinhole,
+    to which everything is sharp."""
+
+    focus_m: Annotated[float, Field(gt=0)] | None = Field(
+        default=None, exclude_if=lambda distance: distance is None
+    )
+    """Distance along the optical axis that is in focus (m); needed with `aperture_mm`."""
+
+    @model_validator(mode="after")
+    def _lens_is_whole(self) -> Self:
+        given, missing = ("aperture_mm", "focus_m")[:: 1 if self.aperture_mm else -1]
+        if (self.aperture_mm is None) != (self.focus_m is None):
+            raise ValueError(f"{given} without {missing}: give both for a lens, or none")
+        return self
+
+    @property
+    def lens_m(self) -> tuple[float, float] | None:
+        """Radius of the lens's opening and distance in focus, m; None if all is sharp."""
+        return (
+            (self.aperture_mm / 2000, self.focus_m) if self.aperture_mm and self.focus_m else None
+        )

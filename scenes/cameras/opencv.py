@@ -26,7 +26,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
-from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera
+from megalopta.scenes.cameras.base import SINGULAR_RAD, LensCamera
 
 _ACCURACY, _MOST_STEPS = 1e-10, 30
 """Largest of Newton's last steps, in focal lengths, and their number."""
@@ -36,7 +36,7 @@ _CHECKED = 65
 """Points along each side of the image, and on lines between, at which the lens is inverted."""
 
 
-class OpenCVCamera(Camera, frozen=True):
+class OpenCVCamera(LensCamera, frozen=True):
     """Calibrated camera: OpenCV's matrix, and the distortion of its lens or fisheye."""
 
     kind: Literal["opencv"] = "opencv"
@@ -67,6 +67,8 @@ class OpenCVCamera(Camera, frozen=True):
             raise ValueError(f"distortion has {len(self.distortion)} coefficients: give 5 or 8")
         if len(self.fisheye) not in (0, 4):
             raise ValueError(f"fisheye has {len(self.fisheye)} coefficients: give 4")
+        if self.fisheye and self.aperture_mm:
+            raise ValueError("aperture_mm: a fisheye has no plane in focus; omit it and focus_m")
         return self
 
     @model_validator(mode="after")
@@ -100,6 +102,12 @@ class OpenCVCamera(Camera, frozen=True):
     def focal_length_px(self) -> float:
         """Focal length in pixels: columns per radian at the principal point."""
         return self.fx_px
+
+    @property
+    def magnification_px(self) -> Floats:
+        """Pixels (H, W) to the radian: root of the image's area over that of a flat object."""
+        plane = self._lens.undistorted((self.pixel_centers() - self._principal) / self._focal)
+        return np.asarray(np.sqrt(self._focal.prod() * self._lens.growth(plane)))
 
     @property
     def view_rad(self) -> float:
@@ -252,6 +260,11 @@ class _Lens:
                     break
             is_exact = (np.abs(step) < _ACCURACY) & ~np.isnan(self.distorted(plane))
         return np.where(is_exact.all(axis=-1, keepdims=True), plane, np.nan)
+
+    def growth(self, plane: Floats) -> Floats:
+        """Area of the image over that of the plane, at points (..., 2)."""
+        _, (xx, xy, yy) = self._bent(plane)
+        return np.asarray(xx * yy - xy**2)
 
     def _gain(self, s: Floats | float) -> Floats:
         return np.asarray(self.upper(s) / self.lower(s))

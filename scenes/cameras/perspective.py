@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
-from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Pixels
+from megalopta.scenes.cameras.base import SINGULAR_RAD, LensCamera, Pixels
 
 
-class PerspectiveCamera(Camera, frozen=True):
+class PerspectiveCamera(LensCamera, frozen=True):
     """Pinhole camera with square pixels and the principal point at the image center."""
 
     kind: Literal["perspective"] = "perspective"

@@ -32,6 +32,7 @@ class Panorama(SceneDescription, frozen=True):
     +x."""
 
     is_lit_from_outside: ClassVar[bool] = False
+    has_surfaces: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Return a scene with only the panorama, with the light's brightness and white."""

@@ -100,6 +100,7 @@ class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     linearly, or move them along the `flow` that DIS estimates."""
 
     has_truth: ClassVar[bool] = False
+    has_surfaces: ClassVar[bool] = False
 
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """Raise ValueError: pictures have no geometry."""
