@@ -71,8 +71,9 @@ class Directions(_PythonSensor):
 
     Plugin parameter: `directions` (h, w, 3) at the corners of the film and evenly between them;
     they are interpolated. Those of a thin lens, with `aperture_radius` and `focus_distance`, start
-    anywhere on it, and meet the ray through its middle in the plane in focus. `mi.traverse` sets `to_world` and `strip`, the first row and the number
-    of rows of the film, relative to those of the camera, without recompilation.
+    anywhere on it and meet the ray through its middle in the plane in focus. `mi.traverse` sets
+    `to_world` and `strip`, the first row and the number of rows of the film, relative to those of
+    the camera, without recompilation.
     """
 
     def __init__(self, properties: Any) -> None:

@@ -32,8 +32,15 @@ _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
     *("version", "preview", "generatedBy", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm"),
-    "EV",
-    *("comments", "owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
+    *(
+        "EV",
+        "comments",
+        "owner",
+        "software",
+        "Software",
+        "dwaCompressionLevel",
+        "zipCompressionLevel",
+    ),
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
@@ -151,7 +158,8 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
             "S0.<wavelength>nm"
         )
     _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
-    others = [name for number, name in channels if number != part or name not in (*used, alpha)]
+    known_names = *used, alpha, *("RGB" if wavelengths_nm else "")  # the picture of the spectra
+    others = [name for number, name in channels if number != part or name not in known_names]
     others += ["deep data"] * (len(headers) > len(flat))
     return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(others))
 

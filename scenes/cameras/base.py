@@ -127,7 +127,7 @@ class Camera(Record, frozen=True):
 
     @property
     def magnification_px(self) -> Floats:
-        """Pixels (H, W) or () to the radian: root of the image's area over that of a flat object."""
+        """Pixels to the radian, or (H, W): root of the image's area over that of a flat object."""
         return np.array(self.focal_length_px)
 
     def blur_px(self, depth: Floats) -> Floats | None:
@@ -166,6 +166,6 @@ class LensCamera(Camera, frozen=True):
     @property
     def lens_m(self) -> tuple[float, float] | None:
         """Radius of the lens's opening and distance in focus, m; None if all is sharp."""
-        return (
-            (self.aperture_mm / 2000, self.focus_m) if self.aperture_mm and self.focus_m else None
-        )
+        if self.aperture_mm is None or self.focus_m is None:
+            return None
+        return self.aperture_mm / 2000, self.focus_m
