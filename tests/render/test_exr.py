@@ -6,14 +6,16 @@ import OpenEXR
 import pytest
 
 from megalopta.render import Truth, read_radiance, read_truth, write_radiance, write_truth
-from megalopta.render.exr import TRUTH_CHANNELS
+from megalopta.render.exr import TRUTH_CHANNELS, read_channels, read_headers
 from megalopta.render.truth.footprint import FlowSpread, Footprint
+from megalopta.scenes.spectra.color import band_means, luminances
+from megalopta.scenes.spectra.spectrum import SPECTRA
 
 ORIGIN = (1000.0, -3.0, 1.0)
 BANDS = ((900.0, 1000.0), (400.0, 450.5), (450.5, 500.0))
 
 
-def some_truth():
+def some_truth(blur=None):
     rng = np.random.default_rng(3)
     h, w = 5, 7
     flow = rng.normal(size=(h, w, 2)).astype(np.float32)
@@ -35,6 +37,7 @@ def some_truth():
         footprint=Footprint(
             *shares[:2], FlowSpread(2 * flow, *shares[2:4]), FlowSpread(3 * flow, *shares[4:])
         ),
+        blur=blur,
     )
 
 
@@ -46,10 +49,42 @@ def test_radiance_returns_bit_for_bit_and_its_header_states_unit_and_bands(tmp_p
     assert bands == BANDS
     with OpenEXR.File(str(tmp_path / "deep/a.exr"), separate_channels=True) as file:
         header = dict(file.header())
-        assert {c.pixels.dtype for c in file.channels().values()} == {np.dtype(np.float32)}
+        types = {name: plane.pixels.dtype.name for name, plane in file.channels().items()}
+    assert types.keys() >= {"R", "G", "B"} and types.pop("R") == types.pop("G") == "float16"
+    assert {name for name, kind in types.items() if kind != "float32"} == {"B"}
     assert header["emissiveUnits"] == "W.m^-2.sr^-1.nm^-1"
     assert header["bandEdgesNm"] == "900.0-1000.0 400.0-450.5 450.5-500.0"
     assert header["lux"] == "1"
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-7, 1.0, 1e4])
+def test_viewers_see_a_picture_of_any_light(tmp_path, scale):
+    path, bands = tmp_path / "a.exr", tuple((nm, nm + 10.0) for nm in range(380, 780, 10))
+    gray = np.random.default_rng(1).uniform(0.2, 1, (8, 8, 1))
+    light = (scale * gray * band_means([SPECTRA["D65"]], bands)).astype(np.float32)
+    write_radiance(path, light, bands)
+    stops, channels = read_headers(path)[0]["EV"], read_channels(path)[1]
+    picture = np.stack([channels[name] for name in "RGB"], axis=-1).astype(float)
+    assert 0.1 < np.median(picture) < picture.max() < 1.5
+    # D65 is neutral, and the exposure stated: CIE's V(λ) and its fit differ by up to 1 %.
+    nits = 683 * picture / 2**stops
+    expected = np.repeat((light.astype(float) @ luminances(bands))[..., None], 3, axis=-1)
+    np.testing.assert_allclose(nits, expected, rtol=0.02)
+    write_radiance(path, light, bands, stops=stops + 1)
+    np.testing.assert_allclose(read_channels(path)[1]["R"], 2 * channels["R"], rtol=1e-3)
+
+
+def test_infrared_is_gray_and_files_without_a_picture_are_read(tmp_path):
+    path, bands = tmp_path / "a.exr", ((900.0, 1000.0), (1000.0, 1100.0))
+    light = np.random.default_rng(1).random((5, 7, 2)).astype(np.float32)
+    write_radiance(path, light, bands)
+    header, channels = read_channels(path)
+    for name in "RGB":
+        np.testing.assert_allclose(channels.pop(name), light.mean(-1) * 2 ** header["EV"], 1e-3)
+    stated = {"bandEdgesNm": header["bandEdgesNm"], "type": OpenEXR.scanlineimage}
+    OpenEXR.File(stated, channels).write(str(path))
+    read, edges = read_radiance(path)
+    assert read.tobytes() == light.tobytes() and edges == bands
 
 
 def test_truth_returns_bit_for_bit_with_nan_and_infinity(tmp_path):
@@ -60,6 +95,10 @@ def test_truth_returns_bit_for_bit_with_nan_and_infinity(tmp_path):
     for name in TRUTH_CHANNELS:
         before, after = (attrgetter(name)(record) for record in (truth, again))
         assert (after.dtype, after.tobytes()) == (before.dtype, before.tobytes()), name
+    assert again.blur is None
+    blur = np.random.default_rng(4).random((5, 7)).astype(np.float32)
+    write_truth(tmp_path / "t.exr", some_truth(blur))
+    assert read_truth(tmp_path / "t.exr").blur.tobytes() == blur.tobytes()
 
 
 def test_foreign_broken_and_missing_files_are_refused_by_name(tmp_path):

@@ -109,7 +109,8 @@ def test_spectra_of_other_renderers(tmp_path, channel):
             footage.bands_nm, [(425, 475), (475, 525), (525, 575)], atol=1e-5
         )
         np.testing.assert_array_equal(footage.frame(0)[0, 0], [1, 2, 3])
-        assert footage.is_absolute and any("W.m^-2.sr^-1" in note for note in footage.notes)
+        assert footage.is_absolute
+        assert [note for note in footage.notes if "W.m^-2.sr^-1" in note] == [*footage.notes]
         # mean of V(λ) of CIE 1924 from 525 to 575 nm
         assert footage.luminance_shares[2] == pytest.approx(683 * 50 * 0.946, rel=0.005)
     assert "omit the unit" in refused(path, "linear")
