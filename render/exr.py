@@ -56,7 +56,6 @@ TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
 }
 
 _CLUSTER_CHANNEL, _BLUR_CHANNEL = "clusterId", "blur"
-_LARGEST_HALF = float(np.finfo(np.float16).max)
 _TRUTH_ATTRIBUTES = {
     "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
@@ -98,7 +97,7 @@ def write_radiance(
     colors = linear_srgb(radiance, bands_nm, white)
     if stops is None:
         stops = -1.0 - round(math.log2(ToneCurve.of([colors]).level))
-    picture = np.minimum(colors * 2.0**stops, _LARGEST_HALF).astype(np.float16)
+    picture = np.minimum(colors * 2.0**stops, np.finfo(np.float16).max).astype(np.float16)
     channels |= {name: np.ascontiguousarray(picture[..., k]) for k, name in enumerate("RGB")}
     edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())
     header = {

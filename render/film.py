@@ -137,7 +137,6 @@ class Rows(_PythonSensor):
     """
 
     optics: Any = None
-    lens: Any = None
     times, rows = 0, 0
     to_world: Any = None
 

@@ -229,9 +229,8 @@ class FrameWriter:
         settings, stops = self._settings, None
         white, bands_nm = settings.scene.white(settings.light), settings.render.bands_nm
         first = path.with_name(self._dataset.frame("radiance", 0).name)
-        if first.exists():
-            with suppress(ValueError):  # damaged, as others will say
-                stops = read_headers(first)[0].get("EV")
+        with suppress(FileNotFoundError, ValueError):  # a damaged file is told by others
+            stops = read_headers(first)[0].get("EV")
         write_radiance(path, light, bands_nm, attributes, white=white, stops=stops)
 
     def write_sequence_labels(self) -> None:

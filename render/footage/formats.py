@@ -32,15 +32,8 @@ _SILENT = (
     *("channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name"),
     *("pixelAspectRatio", "type", "chromaticities", "whiteLuminance", "view", "multiView", "tiles"),
     *("version", "preview", "generatedBy", "spectralLayoutVersion", "emissiveUnits", "bandEdgesNm"),
-    *(
-        "EV",
-        "comments",
-        "owner",
-        "software",
-        "Software",
-        "dwaCompressionLevel",
-        "zipCompressionLevel",
-    ),
+    *("comments", "owner", "software", "Software", "dwaCompressionLevel", "zipCompressionLevel"),
+    "EV",
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}

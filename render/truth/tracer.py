@@ -109,7 +109,6 @@ class TruthTracer:
         distance = np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
         forward, backward = self._flow(surface, following), self._flow(surface, previous)
         depth = self._camera.depth(distance.reshape(shape))
-        blur = self._camera.blur_px(depth)
         return Truth(
             depth=depth.astype(np.float32),
             position=position.reshape(*shape, 3),
@@ -123,7 +122,7 @@ class TruthTracer:
             out_of_view_forward=forward.out_of_view,
             out_of_view_backward=backward.out_of_view,
             footprint=self._footprints.footprint(view, following, previous, object_id),
-            blur=None if blur is None else blur.astype(np.float32),
+            blur=self._camera.blur_px(depth),
         )
 
     def flow(self, view: View, other: View) -> Flow:

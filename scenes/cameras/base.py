@@ -8,6 +8,7 @@ from abc import abstractmethod
 from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
@@ -130,12 +131,13 @@ class Camera(Record, frozen=True):
         """Pixels to the radian, or (H, W): root of the image's area over that of a flat object."""
         return np.array(self.focal_length_px)
 
-    def blur_px(self, depth: Floats) -> Floats | None:
+    def blur_px(self, depth: Floats) -> NDArray[np.float32] | None:
         """Radius (H, W) of the blur of points at depths (H, W), m, px; None if all is sharp."""
         if self.lens_m is None:
             return None
         radius, focus = self.lens_m
-        return np.asarray(self.magnification_px * radius * np.abs(1 / depth - 1 / focus))
+        blur = self.magnification_px * radius * np.abs(1 / depth - 1 / focus)
+        return np.asarray(blur, np.float32)
 
 
 class LensCamera(Camera, frozen=True):

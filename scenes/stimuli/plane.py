@@ -114,9 +114,8 @@ def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Fl
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     # A pixel extends half its width beyond its center, twice that where the board is oblique.
     margin = _MARGIN * (high - low) + 2 * distance_m / camera.focal_length_px
-    if camera.lens_m:
-        radius, focus = camera.lens_m
-        margin += radius * (1 + ahead.max() / focus)
+    radius, focus = camera.lens_m or (0.0, 1.0)
+    margin += radius * (1 + ahead.max() / focus)
     return low - margin, high + margin
 
 

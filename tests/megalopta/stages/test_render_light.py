@@ -9,10 +9,9 @@ import trimesh
 
 from megalopta.config.model import Configuration, load, parse
 from megalopta.core.errors import UserError
-from megalopta.render import RenderSettings, SceneRenderer, read_truth
+from megalopta.render import read_truth
 from megalopta.render.exr import read_headers
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
@@ -97,20 +96,16 @@ def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
     assert mask == finished.frame("training/invalid", 4).read_bytes()
 
 
-def test_all_pictures_in_radiance_have_one_exposure_for_programs_that_compare_them(finished):
-    stated = [read_headers(finished.frame("radiance", index))[0]["EV"] for index in range(6)]
-    assert len({*stated}) == 1
+def test_all_pictures_in_radiance_have_one_exposure(finished):
+    assert len({read_headers(finished.frame("radiance", n))[0]["EV"] for n in range(6)}) == 1
 
 
 def test_a_panorama_has_no_distances_for_a_lens(sky):
-    lens = PerspectiveCamera(aperture_mm=9, focus_m=1)
-    values = sky(1).model_dump() | {"camera": lens.model_dump()}
+    values = sky(1).model_dump() | {
+        "camera": {"kind": "perspective", "aperture_mm": 9, "focus_m": 1}
+    }
     with pytest.raises(ValueError, match=r"camera\.aperture_mm: a scene of kind 'panorama'"):
         Configuration.model_validate(values)
-    poses = sky(1).trajectory.poses()
-    scene = sky(1).scene.build(sky(1).light, lens, sky(1).trajectory)
-    with pytest.raises(ValueError, match=r"camera\.aperture_mm: a panorama has no distances"):
-        SceneRenderer(scene, lens, RenderSettings(), poses)
 
 
 def test_camera_and_pose_stand_in_the_truth_and_no_pinhole_file_pretends(finished):
