@@ -118,7 +118,7 @@ class Directions(_PythonSensor):
         if self.lens is not None:
             disc = mi.warp.square_to_uniform_disk_concentric(sample3) * self.lens.x
             start = mi.Point3f(disc.x, disc.y, 0)
-            direction = dr.normalize(direction * (self.lens.y / direction.z) - start)
+            direction = dr.normalize(direction * (self.lens.y / direction.z) - mi.Vector3f(start))
         origin = self.to_world @ start
         ray = mi.Ray3f(origin, self.to_world @ direction, time, wavelengths)
         return ray, weight
