@@ -18,6 +18,7 @@ from megalopta.render import Bands, shading
 from megalopta.render.film import Look, developed, lens_of, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import Air, Layers, LoadedScene, MeshIndex
+from megalopta.render.loading.sky import sky_of, weigh_sky
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
 from megalopta.render.settings import RenderSettings, part_seed
 from megalopta.scenes.scene import Scene
@@ -194,7 +195,7 @@ class BandPaths:
         self._paths, self._sampler = LightPaths(max_depth, layers), keyed_sampler()
 
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
-        """Radiance of each band along those of N rays that are active; 0 along others.
+        """Radiance of each band along those of N rays that are active and hit something; else 0.
 
         `place` is the position of the wavelength in its band. Active rays are traced separately,
         with random numbers derived from one of the sampler's.
@@ -208,24 +209,22 @@ class BandPaths:
         self._sampler.start(dr.gather(mi.UInt, key, lanes), lanes)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
-            values, _ = self._paths.radiance(scene, self._sampler, rays)
+            values, valid = self._paths.radiance(scene, self._sampler, rays)
             for band in range(size):
-                dr.scatter(light[first + band], values[band], lanes)
+                dr.scatter(light[first + band], dr.select(valid, values[band], 0), lanes)
         return light
 
 
-_SKY_EVERY, _FOLLOWED_EVERY = 4, 16
-"""Samples of the sun for each of the sky, and for each of other surfaces."""
-
-
 class Part(NamedTuple):
-    """Part of the light, found for one in so many samples of a pixel.
+    """Part of the light, with its share of the samples of a pixel.
 
-    `look` returns the radiance of each band, and 1 where a ray meets the sky.
+    `look` returns the radiance of each band, and 1 where a ray meets the sky; `cost` is that of a
+    sample in a dense forest, CPU-µs.
     """
 
-    every: int
+    share: float
     look: Look
+    cost: float
 
 
 def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
@@ -240,10 +239,13 @@ class SplitPaths:
     """Frames of diffuse surfaces that do not emit, in clear air, by vectorized variants.
 
     The light of the surfaces seen is split into parts, each with its own samples. Their best
-    numbers are in proportion to the root of variance over cost. Light from the disc of sun or moon
-    takes one more ray and is most of the light and noise. Light from the sky takes one ray; light
-    from other surfaces a path, ten times as much work, and brings a tenth of the light.
+    numbers are in proportion to the root of variance over cost. In forests light from the disc of
+    sun or moon takes one more ray and is most of the light and noise. Light from the sky takes one
+    ray; light from other surfaces a path, ten times as much work, and brings a tenth of the light.
     """
+
+    shares: tuple[float, ...]
+    """Samples of each part over those of a pixel: as in forests, if not set."""
 
     def __init__(
         self, whole: LoadedScene, settings: RenderSettings, layers: Layers | None = None
@@ -259,21 +261,23 @@ class SplitPaths:
             [scene.materials[mesh.material] for mesh in meshes], self._bands
         )
         self._bounces = shading.Bounces(scattering, len(self._bands))
-        self._sky = shading.SkyLight(scene.lighting, scattering, self._bounces, self._bands)
+        self._sky = shading.SkyLight(
+            scene.lighting, sky_of(loaded), scattering, self._bounces, self._bands
+        )
         sun = scene.lighting.sun if settings.max_depth > 1 else None
         self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
+        self.shares = (1, 1 / 4 if sun else 1, 1 / 16)
+        if sun and sky_of(loaded):
+            weigh_sky(loaded, 0.0)  # in forests chance finds it with less noise
 
     # Found anew: a scene in a cycle of references would be freed while paths are traced.
     @property
     def parts(self) -> Sequence[Part]:
         """Parts of the light, which add up."""
-        parts = (
-            Part(1, self._seen),
-            Part(_SKY_EVERY if self._sun else 1, self._skylit),
-            Part(_FOLLOWED_EVERY, self._followed),
-        )
-        return parts[: self._depth]
+        looks = self._seen, self._skylit, self._followed
+        costs = 0.7 if self._sun else 0.3, 1.5, 9.3
+        return [Part(*part) for part in zip(self.shares, looks, costs, strict=True)][: self._depth]
 
     def move_to(self, time_s: float) -> None:
         """Move objects to a time, where a copy of theirs is traced."""
@@ -287,7 +291,7 @@ class SplitPaths:
         """Radiance and the share of the sky (H, W, B + 1)."""
         images = []
         for number, part in enumerate(self.parts):
-            samples = {"type": self._sampler, "sample_count": math.ceil(spp / part.every)}
+            samples = {"type": self._sampler, "sample_count": math.ceil(spp * part.share)}
             own_seed = part_seed(seed, "light path", number) if number else seed
             images.append(pixel_means(sensor, mi.load_dict(samples), own_seed, part.look))
         radiance = sum(image[..., :-1] for image in images)
@@ -295,12 +299,13 @@ class SplitPaths:
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky behind the surfaces, and of the sun on them."""
+        if not self._sun:
+            free = ~self._layers.ray_test(ray)
+            return [*self._sky.emitted(ray.d, free), dr.select(free, 1.0, 0.0)]
         sight, weights = self._look(ray)
-        light = self._sky.emitted(ray.d, ~sight.point.is_valid())
-        if self._sun:
-            direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
-            light = [a + b for a, b in zip(light, direct, strict=True)]
-        return [*light, sight.sky]
+        sky = self._sky.emitted(ray.d, ~sight.point.is_valid())
+        direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
+        return [*(a + b for a, b in zip(sky, direct, strict=True)), sight.sky]
 
     def _skylit(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky on the surfaces seen."""
@@ -312,10 +317,9 @@ class SplitPaths:
         """Light of other surfaces on those seen."""
         sight, weights = self._look(ray)
         rays, through = self._bounces.rays(sight, sampler.next_2d())
-        blocked = sight.shaded & self._layers.ray_test(rays, sight.shaded)
         place = sampler.next_1d()
-        dr.eval(sight, weights, rays, through, blocked, place)
-        arriving = self._paths.radiance(self._loaded, rays, place, sampler, blocked)
+        dr.eval(sight, weights, rays, through, place)
+        arriving = self._paths.radiance(self._loaded, rays, place, sampler, sight.shaded)
         light = self._bounces.reflected(sight, through, weights, place, arriving)
         return [*light, sight.sky]
 

@@ -13,9 +13,10 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
+from megalopta.render.guiding import adapt
 from megalopta.render.loading.meshes import leaf_clusters, merge
 from megalopta.render.loading.scene import LoadedScene, MovingScene, fill, is_layered, load_scene
-from megalopta.render.mitsuba_loader import activate
+from megalopta.render.mitsuba_loader import activate, is_scalar
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator, SplitPaths, can_split
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
@@ -95,14 +96,19 @@ class SceneRenderer:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
-            exposing = None
-            if can_split(scene, meshes):
-                integrator = SplitPaths(loaded_scene, settings)
+            exposing = split = None
+            is_plain = settings.integrator == "plain"
+            if can_split(scene, meshes) and not is_plain:
+                integrator = split = SplitPaths(loaded_scene, settings)
                 if is_layered(meshes):
                     layers = MovingScene(meshes, loaded, geometry.still)
                     exposing = SplitPaths(loaded_scene, settings, layers)
-            if poses is not None and not reason:
+            if poses is not None and not (air or is_plain or is_scalar()):
                 local, its_seed = self._local(poses), bake_seed(seed)
+                adapt(loaded_scene, split, camera, settings, local, its_seed)
+            if split and exposing:
+                exposing.shares = split.shares
+            if poses is not None and not reason:
                 baked = BakedLightIntegrator(loaded_scene, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:

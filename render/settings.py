@@ -66,8 +66,10 @@ class RenderSettings(Record, frozen=True):
     max_passes: Annotated[int, Field(ge=2, le=10_000)] = 16
     """Passes after which a frame is finished even if target_error is not reached."""
 
-    integrator: Literal["auto", "path", "baked"] = "auto"
-    """path traces the light of every frame anew; baked computes the light on each surface once,
+    integrator: Literal["auto", "path", "plain", "baked"] = "auto"
+    """path traces the light of every frame anew, in parts with samples in proportion to their
+    noise, and looks for the sky where a few frames found it; plain traces whole paths, as Mitsuba's
+    path integrator does; baked computes the light on each surface once,
     which all views share, and traces paths for moving objects and near them; auto bakes if frames
     of the same error on surfaces then take less work. Scalar variants, and scenes with more than 16
     moving objects, always use path; in haze auto does, and baked is rejected."""

@@ -19,7 +19,7 @@ from megalopta.render import Bands, dr, mi
 from megalopta.render.loading.materials import bitmap
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import DISC_POINTS
-from megalopta.render.loading.sky import BrightDirections, SkyPatterns
+from megalopta.render.loading.sky import EvenDirections, SkyPatterns
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Lighting, Scene, Sun
 from megalopta.scenes.spectra.color import band_means
@@ -266,17 +266,22 @@ class Bounces:
 class SkyLight:
     """Light of the sky, seen directly or from a surface along one ray.
 
-    If the sky has patterns, half of the rays go where it is bright; both kinds count by the balance
-    heuristic (Veach, 1997).
+    Unless the loaded sky is searched evenly, half of the rays follow its directions; both kinds
+    count by the balance heuristic (Veach, 1997).
     """
 
     def __init__(
-        self, lighting: Lighting, scattering: Scattering, bounces: Bounces, bands_nm: Bands
+        self,
+        lighting: Lighting,
+        loaded_sky: Any,
+        scattering: Scattering,
+        bounces: Bounces,
+        bands_nm: Bands,
     ) -> None:
         skies = [lighting.sky, *(pattern.radiance for pattern in lighting.patterns)]
         self._bands, self._skies, self._bounces = len(bands_nm), len(skies), bounces
         self._patterns = SkyPatterns(lighting.patterns)
-        self._bright = BrightDirections(lighting) if lighting.patterns else None
+        self._loaded_sky = loaded_sky
         self._emitted = mi.Float(band_means(skies, bands_nm).astype(np.float32).ravel())
         # (M, 2 sides, S, spectra · B)
         self._under = Table(scattering.under(skies), self._bands, scattering.spectra)
@@ -307,12 +312,13 @@ class SkyLight:
     def _rays(self, sight: Sight, sampler: Any) -> tuple[Any, Any, Any]:
         """Rays, True for transmitted light, and what each counts."""
         spread, through = self._bounces.rays(sight, sampler.next_2d())
-        if self._bright is None:
+        directions = self._loaded_sky.directions if self._loaded_sky else EvenDirections()
+        if isinstance(directions, EvenDirections):
             return spread, through, mi.Float(1.0)
-        aimed, _ = self._bright.sample(sampler.next_2d(), sight.shaded)
+        aimed, _ = directions.sample(sight.point.p, sampler.next_2d(), sight.shaded)
         toward = dr.select(sampler.next_1d() < 0.5, aimed, spread.d)
         density, through = self._bounces.density(sight, toward)
-        both = (density + self._bright.density(toward, sight.shaded)) / 2
+        both = (density + directions.density(sight.point.p, toward, sight.shaded)) / 2
         return sight.point.spawn_ray(toward), through, dr.select(both > 0, density / both, 0.0)
 
     def _values(self, directions: Any, active: Any) -> list[Any]:

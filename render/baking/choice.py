@@ -53,7 +53,7 @@ def path_tracing_reason(
             "integrator 'baked': baked light covers diffuse surfaces and black lamps only, and "
             f"material {shiny[0]!r} is another; use 'auto' or 'path'"
         )
-    if settings.integrator == "path":
+    if settings.integrator in ("path", "plain"):
         return "as asked"
     if any(not scene.materials[name].emission for name in shiny):
         return "baked light covers diffuse surfaces only"
@@ -183,7 +183,7 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
 
         of_part = pilot(frames, look)
         light += of_part.mean
-        variance += part.every * of_part.variance
+        variance += of_part.variance / part.share
     return math.sqrt(variance) / max(light, 1e-300)
 
 

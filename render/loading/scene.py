@@ -14,7 +14,7 @@ from megalopta.core.bounded import printable, quoted
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.sky import uneven_sky
+from megalopta.render.loading.sky import sky_light
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.scenes.material import Material
 from megalopta.scenes.scene import Haze, Lighting, Scene
@@ -55,10 +55,9 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
     """Return a scene of loaded shapes, in order, under a light."""
     parts: dict[str, Any] = {"type": "scene"}
-    if lighting and lighting.patterns:
-        parts["sky"] = uneven_sky(lighting)
-    elif lighting and max(lighting.sky.values):
-        parts["sky"] = {"type": "constant", "radiance": spectrum(lighting.sky)}
+    sky = sky_light(lighting) if lighting else None
+    if sky is not None:
+        parts["sky"] = sky
     if lighting and lighting.sun:
         irradiance = spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
         for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):

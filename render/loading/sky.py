@@ -46,8 +46,20 @@ def _zeros(kind: Any) -> Any:
     return kind() if is_scalar() else dr.zeros(kind)
 
 
+class EvenDirections:
+    """Random directions all around."""
+
+    def sample(self, point: Any, sample: Any, active: Any) -> tuple[Any, Any]:
+        """Return a direction for two random numbers, and its density per solid angle."""
+        return mi.warp.square_to_uniform_sphere(sample), mi.Float(1 / (4 * dr.pi))
+
+    def density(self, point: Any, direction: Any, active: Any) -> Any:
+        """Probability density of a direction, per solid angle."""
+        return mi.Float(1 / (4 * dr.pi))
+
+
 class BrightDirections:
-    """Random directions to where a sky with patterns is bright."""
+    """Random directions to where a sky with patterns is bright, the same from all points."""
 
     def __init__(self, lighting: Lighting) -> None:
         rows = max(len(part.pattern) for part in lighting.patterns)
@@ -61,7 +73,7 @@ class BrightDirections:
         self._texels = mi.DiscreteDistribution2D(chances)
         self._rows, self._columns = chances.shape
 
-    def sample(self, sample: Any, active: Any) -> tuple[Any, Any]:
+    def sample(self, point: Any, sample: Any, active: Any) -> tuple[Any, Any]:
         """Return a direction for two random numbers, and its density per solid angle."""
         texel, chance, within = self._texels.sample(sample, active)
         azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self._columns
@@ -69,7 +81,7 @@ class BrightDirections:
         direction = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
         return direction, chance * self._texels_per(z)
 
-    def density(self, direction: Any, active: Any) -> Any:
+    def density(self, point: Any, direction: Any, active: Any) -> Any:
         """Probability density of a direction, per solid angle."""
         place = place_of(direction)
         column = dr.minimum(mi.UInt32(place.x * self._columns), self._columns - 1)
@@ -82,20 +94,37 @@ class BrightDirections:
         return self._rows * self._columns / (2 * dr.pi**2 * sine)
 
 
-def uneven_sky(lighting: Lighting) -> Any:
-    """Mitsuba emitter of a lighting with patterns, in the active variant."""
-    return plug_in(_UnevenSky)(lighting)
+def sky_light(lighting: Lighting) -> Any:
+    """Mitsuba emitter of a sky, in the active variant; None if it is dark."""
+    if not (lighting.patterns or max(lighting.sky.values)):
+        return None
+    if is_scalar() and not lighting.patterns:  # Python is called for each ray
+        return mi.load_dict({"type": "constant", "radiance": spectrum(lighting.sky)})
+    return plug_in(_Sky)(lighting)
 
 
-class _UnevenSky(PlugIn):
-    """Sky of a lighting with patterns, as an emitter."""
+def sky_of(scene: Any) -> Any:
+    """Sky of a loaded scene, whose `directions` may be set; None without one."""
+    return next((light for light in scene.emitters() if hasattr(light, "directions")), None)
+
+
+def weigh_sky(scene: Any, weight: float) -> None:
+    """Set how often light paths in a loaded scene look for the sky, over how often for the sun."""
+    parameters = mi.traverse(scene)
+    parameters["sky.sampling_weight"] = weight
+    parameters.update()
+
+
+class _Sky(PlugIn):
+    """Sky of a lighting, as an emitter."""
 
     base = "Emitter"
 
     def __init__(self, lighting: Lighting) -> None:
         self.above.__init__(self, mi.Properties())
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-        self.directions = BrightDirections(lighting)
+        uneven = bool(lighting.patterns)
+        self.directions: Any = BrightDirections(lighting) if uneven else EvenDirections()
         self.even = mi.load_dict(spectrum(lighting.sky))
         self.spectra = [mi.load_dict(spectrum(part.radiance)) for part in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
@@ -115,7 +144,7 @@ class _UnevenSky(PlugIn):
 
     def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
         drawn = _zeros(mi.DirectionSample3f)
-        drawn.d, drawn.pdf = self.directions.sample(sample, active)
+        drawn.d, drawn.pdf = self.directions.sample(it.p, sample, active)
         drawn.p = it.p + _DISTANCE_M * drawn.d
         drawn.n = -drawn.d
         drawn.dist, drawn.time, drawn.delta = _DISTANCE_M, it.time, False
@@ -125,7 +154,7 @@ class _UnevenSky(PlugIn):
         return drawn, self.toward(it, drawn.d, active) * weight
 
     def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
-        return self.directions.density(ds.d, active)
+        return self.directions.density(it.p, ds.d, active)
 
     def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
         return self.toward(it, ds.d, active)
