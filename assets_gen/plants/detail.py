@@ -44,10 +44,9 @@ def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[S
             widening[thin[chosen]] = factor
         chord_m = max(detail.chord_m, plant.species.chord_m)
         coarse = plant.species.model_copy(update={"chord_m": chord_m})
-        kept = np.flatnonzero(widening).tolist()
-        wood = join(
-            [bark_around(coarse, skeleton, widening[i] * radii, plant.axes[i], rng) for i in kept]
-        )
+        kept = np.flatnonzero(widening)
+        along = [plant.axes[index] for index in kept]
+        wood = join(bark_around(coarse, skeleton, radii, along, rng, widening[kept]))
     average_m2 = plant.leaves.area / (len(plant.leaves.faces) / 2)
     return wood, merged_leaves(plant.leaves, max(round(detail.leaf_m2 / average_m2), 1), rng)
 
