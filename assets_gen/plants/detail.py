@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen import FloatArray, Surface, cross, join, lengths
 from megalopta.assets_gen.plants.growth import Plant, bark_around
 from megalopta.assets_gen.plants.skeleton import IndexArray
 
@@ -68,15 +68,15 @@ def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Sur
     """
     corners = leaves.vertices.reshape(-1, 4, 3)
     diagonal = corners[:, 2] - corners[:, 0]
-    halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
-    area = np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))
+    halves = [cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
+    area = np.asarray(sum(lengths(half) / 2 for half in halves))
     chosen, factor = _one_of_each(area, merged, rng)
     base, left, tip, right = corners[chosen].swapaxes(0, 1)
     across = (right - left) / 2
     middle = corners[chosen].mean(axis=1)[:, None]
     triangle = np.stack([base + across, base - across, tip], axis=1)
     triangle += middle - triangle.mean(axis=1, keepdims=True)
-    flat_area = np.linalg.norm(np.cross(2 * across, tip - base), axis=1) / 2
+    flat_area = lengths(cross(2 * across, tip - base)) / 2
     scale = np.sqrt(factor * area[chosen] / flat_area)[:, None, None]
     uv = leaves.uv.reshape(-1, 4, 2)[chosen]
     half = (uv[:, 3] - uv[:, 1]) * (1, 0) / 2

@@ -46,7 +46,7 @@ class Plant:
         ends = np.cumsum([len(tube.faces) for tube in self.tubes])
         return np.array([part.sum() for part in np.split(self.wood.face_areas, ends[:-1])])
 
-    @property
+    @cached_property
     def wood(self) -> Surface:
         """All tubes as one surface."""
         return join(self.tubes)
