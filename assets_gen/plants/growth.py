@@ -5,7 +5,7 @@ Fronds of a palm are at the golden angle, the oldest lowest. Ropes of a liana ha
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -14,14 +14,7 @@ from megalopta.assets_gen.plants import bark, branching
 from megalopta.assets_gen.plants.bark import TILE_M, Furrows
 from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, Branching, outward, sideways
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
-from megalopta.assets_gen.plants.skeleton import (
-    IndexArray,
-    Skeleton,
-    axes,
-    pipe_radii,
-    swept_tube,
-    swept_tubes,
-)
+from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
 from megalopta.core.arrays import Mask
 
@@ -97,27 +90,25 @@ def bark_around(
             tubes[index] = _stem(species, skeleton.positions[nodes], radius, rng, furrows)
         else:
             origins[index] = rng.random(2)
-    branches = np.flatnonzero(~is_stem)
-    if not len(branches):
-        return [tubes[index] for index in range(len(along))]
-    sizes = np.array([len(along[index]) for index in branches])
-    nodes, first = np.concatenate([along[index] for index in branches]), np.cumsum(sizes) - sizes
-    radius = np.repeat(factors[branches], sizes) * radii_m[nodes]
-    radius[first] = radius[first + 1]  # the first node is inside the bearing axis: of its radius
-    sides = _round_sides(radius[first], species.chord_m)
-    radius *= np.repeat(np.array([_circumradius(count) for count in sides.tolist()]), sizes)
-    positions = skeleton.positions[nodes]
-    kept = simplified(np.column_stack([positions, radius]), first, species.chord_m)
-    counts, nodes = np.add.reduceat(kept, first, dtype=np.intp), np.flatnonzero(kept)
-    first = np.cumsum(counts) - counts
-    kinds, kind = np.unique(np.stack([counts, sides]), axis=1, return_inverse=True)
-    for number, (count, around) in enumerate(kinds.T.tolist()):
-        alike = np.flatnonzero(kind == number)
-        rows = nodes[first[alike][:, None] + np.arange(count)]
-        profile = np.repeat(radius[rows[:, :-1], None], around, axis=2)
-        mine = branches[alike]
-        swept = swept_tubes(positions[rows], profile, TILE_M, origins[mine], whole_tiles=False)
-        tubes |= dict(zip(mine.tolist(), swept, strict=True))
+    if not is_stem.all():
+        branches = np.flatnonzero(~is_stem)
+        nodes = np.concatenate([along[index] for index in branches])
+        sizes = np.array([len(along[index]) for index in branches])
+        first, positions = np.cumsum(sizes) - sizes, skeleton.positions[nodes]
+        radius = np.repeat(factors[branches], sizes) * radii_m[nodes]
+        radius[first] = radius[first + 1]  # the first node is inside the bearing axis
+        sides = _sides(radius[first], species.chord_m)
+        radius *= np.repeat(_circumradius(sides), sizes)
+        kept = simplified(np.column_stack([positions, radius]), first, species.chord_m)
+        rings, nodes = np.add.reduceat(kept, first, dtype=np.intp), np.flatnonzero(kept)
+        first, shapes = np.cumsum(rings) - rings, np.stack([rings, sides])
+        for count, around in np.unique(shapes, axis=1).T.tolist():
+            alike = np.flatnonzero((rings == count) & (sides == around))
+            rows, mine = nodes[first[alike][:, None] + np.arange(count)], branches[alike]
+            profile = np.repeat(radius[rows[:, :-1], None], around, axis=2)
+            swept = swept_tube(positions[rows], profile, TILE_M, origins[mine], whole_tiles=False)
+            parts = zip(mine.tolist(), swept.vertices, swept.uv, swept.normals, strict=True)
+            tubes |= {index: Surface(a, swept.faces, uv, b) for index, a, uv, b in parts}
     return [tubes[index] for index in range(len(along))]
 
 
@@ -128,15 +119,15 @@ def _stem(
     rng: np.random.Generator,
     furrows: Furrows | None,
 ) -> Surface:
-    """Return the tube around a stem of some positions (k, 3) and radii (k,)."""
+    """Return the tube around a stem of positions (k, 3) and radii (k,)."""
     walls = species.buttresses
-    sides = bark.BUTTRESSED_SIDES if walls else int(_round_sides(radius[0], species.chord_m))
+    sides = bark.BUTTRESSED_SIDES if walls else int(_sides(radius[0], species.chord_m))
     profile = np.repeat((radius * _circumradius(sides))[:, None], sides, axis=1)
     profile *= bark.root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
     if walls:
         profile *= bark.buttress_flare(positions[:, 2], sides, walls, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
-    kept = np.flatnonzero(simplified(outline, np.zeros(1, np.intp), 0.3 * species.chord_m))
+    kept = simplified(outline, np.zeros(1, np.intp), 0.3 * species.chord_m)
     origin = rng.random(2)
     axis, rings = positions[kept], profile[kept][:-1]
     if furrows:
@@ -144,18 +135,14 @@ def _stem(
     return swept_tube(axis, rings, TILE_M, origin, whole_tiles=True)
 
 
-def _round_sides(radius_m: FloatArray, chord_m: float) -> IndexArray:
+def _sides(radius_m: FloatArray, chord_m: float) -> IndexArray:
     """Return enough sides of tubes to look round at this detail."""
     return np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]).astype(np.intp)
 
 
-@cache
-def _circumradius(sides: int) -> float:
-    """Return it for outlines as wide as a circle of radius 1.
-
-    By Cauchy's formula convex outlines of one circumference are equally wide on average.
-    """
-    return float(np.pi / (sides * np.sin(np.pi / sides)))
+def _circumradius(sides: IndexArray | int) -> FloatArray:
+    """Return that of outlines as wide on average (Cauchy's formula) as a circle of radius 1."""
+    return np.asarray(np.pi / (sides * np.sin(np.pi / sides)))
 
 
 def simplified(points: FloatArray, first: IndexArray, tolerance: float) -> Mask:
@@ -175,12 +162,11 @@ def simplified(points: FloatArray, first: IndexArray, tolerance: float) -> Mask:
         square = np.maximum(np.vecdot(chord, chord), 1e-12)
         share = (np.vecdot(away, chord[span]) / square[span]).clip(0, 1)
         error = lengths(away - share[:, None] * chord[span])
-        most = np.maximum.reduceat(error, begin)
-        worst = inner[np.unique(np.where(error == most[span], span, -1), return_index=True)[1]]
-        worst = worst[-len(low) :]  # without that of points that are none
-        cut = most > tolerance
-        keep[worst[cut]] = True
-        low, high = np.append(low[cut], worst[cut]), np.append(worst[cut], high[cut])
+        worst = np.lexsort((-error, span))[begin]
+        cut = error[worst] > tolerance
+        worst = inner[worst[cut]]
+        keep[worst] = True
+        low, high = np.append(low[cut], worst), np.append(worst, high[cut])
     return keep
 
 

@@ -8,7 +8,6 @@ reflection, Wang et al. 2008, ACM TOG 27:2). Welded by position, a tube is water
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,33 +160,27 @@ def swept_tube(
     """Return the closed tube around an axis (k, 3) from base to pointed tip (m).
 
     Its profile (k - 1, sides) is the radius of each ring toward each side (m). Texture tiles have a
-    size around and along the tube (m); whole tiles around the base hide the seam.
+    size around and along the tube (m); whole tiles around the base hide the seam. Arrays of n tubes
+    give those of n surfaces with the same faces.
     """
-    return swept_tubes(axis[None], profile[None], tile_m, uv_origin[None], whole_tiles)[0]
-
-
-def swept_tubes(
-    axis: FloatArray,
-    profile: FloatArray,
-    tile_m: tuple[float, float],
-    uv_origin: FloatArray,
-    whole_tiles: bool,
-) -> list[Surface]:
-    """Return tubes of n axes (n, k, 3), as `swept_tube` does of each."""
-    rings, sides = profile.shape[1:]
+    rings, sides = profile.shape[-2:]
     _, normals, binormals = rotation_minimizing_frames(axis)
     angle = 2 * np.pi * np.arange(sides)[:, None] / sides
-    spokes = np.cos(angle) * normals[:, :-1, None] + np.sin(angle) * binormals[:, :-1, None]
-    grid = axis[:, :-1, None] + profile[..., None] * spokes
-    tips = np.broadcast_to(axis[:, -1:, None], (len(axis), 1, sides, 3))
-    rows = np.concatenate([grid[:, :1], grid, tips], axis=1)
-    columns = np.concatenate([grid[:, :, -1:], grid, grid[:, :, :1]], axis=2)
-    outward = unit(cross(columns[:, :, 2:] - columns[:, :, :-2], rows[:, 2:] - rows[:, :-2]))
-    vertices = np.concatenate([_seamed(grid), axis[:, -1:]], axis=1)
-    uv = tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin[:, None]
-    ends = unit(axis[:, -1:] - axis[:, -2:-1])
-    smooth, faces = np.concatenate([_seamed(outward), ends], axis=1), tube_faces(rings, sides)
-    return [Surface(*tube) for tube in zip(vertices, repeat(faces), uv, smooth, strict=False)]
+    first, second = (across[..., :-1, None, :] for across in (normals, binormals))
+    spokes = np.cos(angle) * first + np.sin(angle) * second
+    grid = axis[..., :-1, None, :] + profile[..., None] * spokes
+    base = grid[..., :1, :, :]
+    rows = np.concatenate([base, grid, axis[..., -1:, None, :] + np.zeros_like(base)], axis=-3)
+    columns = np.concatenate([grid[..., -1:, :], grid, grid[..., :1, :]], axis=-2)
+    around = columns[..., 2:, :] - columns[..., :-2, :]
+    outward = unit(cross(around, rows[..., 2:, :, :] - rows[..., :-2, :, :]))
+    tip = unit(axis[..., -1:, :] - axis[..., -2:-1, :])
+    return Surface(
+        np.concatenate([_seamed(grid), axis[..., -1:, :]], axis=-2),
+        tube_faces(rings, sides),
+        tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin[..., None, :],
+        np.concatenate([_seamed(outward), tip], axis=-2),
+    )
 
 
 def tube_uv(
@@ -200,18 +193,17 @@ def tube_uv(
     length = np.zeros(axis.shape[:-1])
     np.cumsum(lengths(np.diff(axis, axis=-2)), axis=-1, out=length[..., 1:])
     length /= tile_m[1]
-    uv = np.empty((*axis.shape[:-2], rings * (sides + 1) + 1, 2))
-    walls = uv[..., :-1, :].reshape(*axis.shape[:-2], rings, sides + 1, 2)
-    walls[..., 0] = (np.arange(sides + 1) * (turns / sides)[..., None])[..., None, :]
+    walls = np.empty((*axis.shape[:-2], rings, sides + 1, 2))
+    walls[..., 0] = np.arange(sides + 1) * (turns / sides)[..., None, None]
     walls[..., -1, 0] = turns[..., None]
     walls[..., 1] = length[..., :-1, None]
-    uv[..., :-1, :] = walls.reshape(*axis.shape[:-2], -1, 2)
-    uv[..., -1, 0], uv[..., -1, 1] = turns / 2, length[..., -1]
-    return uv
+    tip = np.stack([turns / 2, length[..., -1]], axis=-1)[..., None, :]
+    return np.concatenate([walls.reshape(*axis.shape[:-2], -1, 2), tip], axis=-2)
 
 
 def _seamed(grid: FloatArray) -> FloatArray:
-    return np.concatenate([grid, grid[:, :, :1]], axis=2).reshape(len(grid), -1, 3)
+    seamed = np.concatenate([grid, grid[..., :1, :]], axis=-2)
+    return seamed.reshape(*grid.shape[:-3], -1, 3)
 
 
 @lru_cache(maxsize=512)

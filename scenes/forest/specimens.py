@@ -216,17 +216,14 @@ def in_leaf(
         specimens = grow(fullness)
         return specimens, leaf_area_index * ground / _leaf_area(specimens, placements, path, ring_m)
 
-    likely = 1 if leaf_area_index <= 1.25 * natural else 2
-    specimens, share = grown_to(likely)
-    if likely > 1 and share < 0.55:  # the area of half the leaves is half, to a percent
-        fewer, its_share = grown_to(1)
-        if its_share <= 1:
-            return fewer, its_share
-    while share > 1 and likely < 4:
-        likely *= 2
-        specimens, share = grown_to(likely)
-    if share <= 1:
-        return specimens, share
+    share = np.inf
+    for fullness in (1, 2, 4) if leaf_area_index <= 1.25 * natural else (2, 4):
+        specimens, share = grown_to(fullness)
+        if fullness == 2 and share < 0.55:  # the area of half the leaves is half, to a percent
+            fewer, its_share = grown_to(1)
+            specimens, share = (fewer, its_share) if its_share <= 1 else (specimens, share)
+        if share <= 1:
+            return specimens, share
     reached = leaf_area_index / share
     raise ValueError(
         f"leaf_area_index: {leaf_area_index:g} is more than the {reached:.2g} that these trees can "
