@@ -34,7 +34,7 @@ class Surface:
         """Area of all faces (m²)."""
         return float(self.face_areas.sum())
 
-    @property
+    @cached_property
     def face_areas(self) -> FloatArray:
         """Area (m,) of each face (m²)."""
         a, b, c = (self.vertices.take(corner, axis=0) for corner in self.faces.T)
