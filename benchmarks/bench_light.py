@@ -1,14 +1,12 @@
 """Where the noise of radiance comes from, what frames of an error cost, and whether that is stated.
 
-- `first`: CPU-seconds until frames come, in a process with empty caches.
+- `first`: CPU-seconds until frames come, and memory, in a process with empty caches.
 - `speeds`: error and cost of a sample of split paths and of Mitsuba's path tracer, whose variants
   run in processes of their own; the faster is the baseline.
 - `costs`: CPU-seconds of a frame for median errors on surfaces, of single frames and of 30, by
   Mitsuba's faster variant, split paths and baked light. Errors of samples fall as the root of their
   number; costs and variances are those of one frame, measured in the same run.
 - `accuracy`: stated error of baked frames over the true one, against converged split paths.
-- `scale`: triangles, memory, time to load, and the cost of a sample, for forests of up to 5000
-  trees and frames of up to 640 x 480 px.
 
 Errors are those of the sum over bands, on pixels without sky, over the mean (RMS) or the pixel's
 own light (median over blocks).
@@ -216,11 +214,11 @@ def speeds(preset: str, level: str) -> None:
             )
 
 
-def first(preset: str, level: str) -> None:
+def first(preset: str, level: str, number: int) -> None:
     """Row of one scene and light, in a process of its own with a new home."""
     trees = {}
     if preset != "room":
-        trees = {"scene": f"{{kind: forest, preset: {preset}, trees: 100}}"}
+        trees = {"scene": f"{{kind: forest, preset: {preset}, trees: {number}}}"}
     given = [
         flight(preset, level, width, 2, **{**trees, "render.samples_per_pixel": samples})
         for width, samples in ((96, "16"), (128, "16"), (128, "1"))
@@ -229,9 +227,9 @@ def first(preset: str, level: str) -> None:
     built_s, pose, row = time.process_time(), given[0].trajectory.poses()[0], []
     for each in given:
         settings = each.render.model_copy(update={"integrator": "path"})
-        loaded_s, rendering = cpu_seconds(
-            lambda e=each, s=settings: SceneRenderer(scene, e.camera, s)
-        )
+        begun = time.process_time()
+        rendering = SceneRenderer(scene, each.camera, settings)
+        loaded_s = time.process_time() - begun
         spent = [cpu_seconds(lambda r=rendering, n=n: r.radiance(pose, n))[0] for n in range(6)]
         row.append((loaded_s, spent[0], float(np.median(spent[1:]))))
         del rendering  # the next gets the same kernels if none of this is left
@@ -239,7 +237,8 @@ def first(preset: str, level: str) -> None:
     print(
         f"  {preset:10} {level:9} imported and built in {built_s:.1f} CPU-s; loaded in "
         f"{row[0][0]:.1f}; first frame {row[0][1]:.1f}; first of another size {row[1][1]:.1f}; "
-        f"with one sample {row[2][2]:.3f}",
+        f"with one sample {row[2][2]:.3f}; {scene.triangle_count / 1e6:.1f} million triangles, "
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9:.2f} GB",
         flush=True,
     )
 
@@ -395,31 +394,6 @@ def median_of_blocks(error2: np.ndarray, light: np.ndarray, part: np.ndarray) ->
     return float(np.median(np.sqrt(np.maximum(total * pixels, 0))[lit] / lights[lit]))
 
 
-SIZES = ((100, 320), (1000, 160), (1000, 320), (1000, 640), (5000, 320), (5000, 640))
-
-
-def scale(trees: int, width: int) -> None:
-    """Row of a dense forest by day, in a process of its own for its peak memory."""
-    begun = time.process_time()
-    changes = {"scene": f"{{kind: forest, preset: dense, trees: {trees}}}"}
-    configuration = flight("dense", "daylight", width, 2, **changes)
-    rendering = renderer(configuration, "path")
-    loaded_s = time.process_time() - begun
-    poses = configuration.trajectory.poses()
-    rendering.radiance(poses[0], 0)
-    spent = [cpu_seconds(lambda: rendering.radiance(poses[1], 1))[0] for _ in range(3)]
-    truth_s, _ = cpu_seconds(lambda: rendering.truth(poses, 0))
-    pixels = width * (width * 3 // 4)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    print(
-        f"  {trees:5} trees, {rendering._scene.triangle_count / 1e6:.1f} million triangles, "
-        f"{width} px wide: {memory / 1e9:.2f} GB; loaded in {loaded_s:.0f} CPU-s; "
-        f"{1e6 * float(np.median(spent)) / pixels / SAMPLES:.2f} CPU-us a sample; truth "
-        f"{truth_s:.1f} CPU-s",
-        flush=True,
-    )
-
-
 def in_new_home(work: Callable[..., None], *job: Any) -> None:
     """Do some work in a process of its own, with empty caches."""
     with tempfile.TemporaryDirectory() as folder:
@@ -434,6 +408,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", nargs="*", default=["first", "speeds", "costs"])
     parser.add_argument("--width", type=int, default=320)
+    parser.add_argument("--trees", type=int, default=100, help="of the forest of `first`")
     parser.add_argument("--lengths", nargs="+", type=int, default=[1, FRAMES])
     parser.add_argument("--presets", nargs="+", default=PRESETS)
     parser.add_argument("--lights", nargs="+", default=LIGHTS)
@@ -441,7 +416,7 @@ def main() -> None:
     for preset in given.presets:
         for level in given.lights:
             if "first" in given.what:
-                in_new_home(first, preset, level)
+                in_new_home(first, preset, level, given.trees)
             if "speeds" in given.what:
                 speeds(preset, level)
             if "costs" in given.what:
@@ -449,9 +424,6 @@ def main() -> None:
     if "accuracy" in given.what:
         for preset, level in UNSEEN:
             accuracy(preset, level)
-    if "scale" in given.what:
-        for size in SIZES:
-            in_new_home(scale, *size)
 
 
 if __name__ == "__main__":
