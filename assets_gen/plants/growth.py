@@ -92,8 +92,8 @@ def bark_around(
             origins[index] = rng.random(2)
     if not is_stem.all():
         branches = np.flatnonzero(~is_stem)
-        nodes = np.concatenate([along[index] for index in branches])
-        sizes = np.array([len(along[index]) for index in branches])
+        nodes = np.concatenate([along[index] for index in branches.tolist()])
+        sizes = np.array([len(along[index]) for index in branches.tolist()])
         first, positions = np.cumsum(sizes) - sizes, skeleton.positions[nodes]
         radius = np.repeat(factors[branches], sizes) * radii_m[nodes]
         radius[first] = radius[first + 1]  # the first node is inside the bearing axis
@@ -107,6 +107,7 @@ def bark_around(
             rows, mine = nodes[first[alike][:, None] + np.arange(count)], branches[alike]
             profile = np.repeat(radius[rows[:, :-1], None], around, axis=2)
             swept = swept_tube(positions[rows], profile, TILE_M, origins[mine], whole_tiles=False)
+            assert swept.normals is not None
             parts = zip(mine.tolist(), swept.vertices, swept.uv, swept.normals, strict=True)
             tubes |= {index: Surface(a, swept.faces, uv, b) for index, a, uv, b in parts}
     return [tubes[index] for index in range(len(along))]
