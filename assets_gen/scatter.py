@@ -31,11 +31,14 @@ def poisson_disk(
     kept = np.empty((0, 2))
     while len(kept) < count:
         darts = np.concatenate([kept, rng.uniform(low, high, (4 * count, 2))])
-        pairs = cKDTree(darts).query_pairs(spacing_m, output_type="ndarray")
+        earlier, later = cKDTree(darts).query_pairs(spacing_m, output_type="ndarray").T
         alive = np.ones(len(darts), dtype=bool)
-        for earlier, later in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
-            if alive[earlier]:
-                alive[later] = False
+        while len(earlier):
+            open_ = np.zeros(len(darts), dtype=bool)
+            open_[later] = True
+            alive[later[~open_[earlier]]] = False  # too near to one that surely stays
+            pending = alive[earlier] & alive[later]
+            earlier, later = earlier[pending], later[pending]
         kept = darts[alive]
     return kept[:count]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +29,15 @@ class Surface:
     clusters: NDArray[np.int64] | None = None
     """(m,): number of the twig that bears each face's leaf, from 1; None if there are none."""
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Area of all faces (m²)."""
         return float(self.face_areas.sum())
 
-    @property
+    @cached_property
     def face_areas(self) -> FloatArray:
         """Area (m,) of each face (m²)."""
-        a, b, c = (self.vertices[corner] for corner in self.faces.T)
+        a, b, c = (self.vertices.take(corner, axis=0) for corner in self.faces.T)
         return lengths(cross(b - a, c - a)) / 2
 
     def to_mesh(self) -> "trimesh.Trimesh":
@@ -102,12 +103,15 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def lengths(vectors: FloatArray) -> FloatArray:
-    """Return the lengths (…) of vectors (…, d); faster than numpy's norm on few vectors."""
-    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
+    """Return the lengths (…) of vectors (…, d); much faster than numpy's norm."""
+    square = vectors[..., 0] * vectors[..., 0]
+    for axis in range(1, vectors.shape[-1]):
+        square = square + vectors[..., axis] * vectors[..., axis]
+    return np.asarray(np.sqrt(square))
 
 
 def unit(vectors: FloatArray) -> FloatArray:
     """Return vectors (…, 3) scaled to length 1; a zero vector stays zero."""
-    length = np.sqrt(np.add.reduce(vectors * vectors, axis=-1, keepdims=True))
+    length = lengths(vectors)[..., None]
     length[length == 0] = 1
     return vectors / length

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from megalopta.assets_gen import FloatArray
 
@@ -31,8 +32,9 @@ def tileable_noise(
     fu = np.fft.rfftfreq(shape[1], size_m[1] / shape[1])[None, :]
     frequency = np.hypot(fu, fv)
     band = (frequency >= 1 / wavelengths_m[1]) & (frequency <= 1 / wavelengths_m[0])
-    gain = np.where(band, np.maximum(frequency, 1e-12) ** -exponent, 0)
-    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal(shape)) * gain, shape)
+    gain = np.zeros(frequency.shape)
+    gain[band] = frequency[band] ** -exponent
+    field = fft.irfft2(fft.rfft2(rng.standard_normal(shape)) * gain, shape)
     return np.asarray(field / field.std())
 
 
@@ -161,18 +163,23 @@ def strew(
             painted = slice(first, first + PAINTED)
             long = length[painted, None]
             reach = np.ceil(long.max() / 2 / texel).astype(int)
-            offsets = np.stack(
-                np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij"), axis=-1
-            ).reshape(-1, 2)
-            index = np.floor(center[painted] / texel).astype(int)[:, None] + offsets
-            away = (index + 0.5) * texel - center[painted, None]
+            middle = np.floor(center[painted] / texel).astype(int)
+            rows, columns = (
+                middle[:, axis, None] + np.arange(-reach[axis], reach[axis] + 1) for axis in (0, 1)
+            )
+            down = (rows + 0.5) * texel[0] - center[painted, :1]
+            right = (columns + 0.5) * texel[1] - center[painted, 1:]
             cosine, sine = np.cos(angle[painted, None]), np.sin(angle[painted, None])
-            along = 2 * (away[..., 0] * cosine + away[..., 1] * sine) / long
-            across = 2 * (away[..., 1] * cosine - away[..., 0] * sine) / (marks.aspect * long)
+            along = (down * cosine)[:, :, None] + (right * sine)[:, None]
+            along *= 2
+            along /= long[..., None]
+            across = (right * cosine)[:, None] - (down * sine)[:, :, None]
+            across *= 2
+            across /= marks.aspect * long[..., None]
             # A lens, pointed at both ends; one half is darker, as of a folded leaf.
-            inside = np.abs(across) < 1 - along**2
-            value = shade[painted, None] + 0.12 * np.sign(across) + 0.1 * along
-            flat = (index[..., 0] % shape[0]) * shape[1] + index[..., 1] % shape[1]
+            mark, row, column = np.nonzero(np.abs(across) < 1 - along**2)
+            along, across = along[mark, row, column], across[mark, row, column]
             # For repeated indices numpy keeps the last value, so later marks are on top.
-            image[flat[inside]] = value[inside]
+            place = rows[mark, row] % shape[0] * shape[1] + columns[mark, column] % shape[1]
+            image[place] = shade[painted][mark] + 0.12 * np.sign(across) + 0.1 * along
     return image.reshape(shape)

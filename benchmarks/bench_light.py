@@ -1,40 +1,48 @@
 """Where the noise of radiance comes from, what frames of an error cost, and whether that is stated.
 
-- `parts`: of each part of split paths its share of the light, the variance of a sample and the CPU
-  time of one; beside them Mitsuba's path tracer, with its roulette from the fifth hit on.
+- `first`: CPU-seconds until frames come, and memory, in a process with empty caches.
+- `speeds`: error and cost of a sample of split paths and of Mitsuba's path tracer, whose variants
+  run in processes of their own; the faster is the baseline.
 - `costs`: CPU-seconds of a frame for median errors on surfaces, of single frames and of 30, by
-  Mitsuba's path tracer, split paths and baked light. Errors of samples fall as the root of their
+  Mitsuba's faster variant, split paths and baked light. Errors of samples fall as the root of their
   number; costs and variances are those of one frame, measured in the same run.
 - `accuracy`: stated error of baked frames over the true one, against converged split paths.
-- `scale`: triangles, memory, time to load, and the cost of a sample, for forests of up to 5000
-  trees and frames of up to 640 x 480 px.
 
 Errors are those of the sum over bands, on pixels without sky, over the mean (RMS) or the pixel's
 own light (median over blocks).
 """
 
 import argparse
+import gc
 import math
+import os
 import resource
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+import trimesh
 
 from megalopta.config.model import Configuration, load
 from megalopta.render import MeasuredPass, RunningMean, SceneRenderer, frame_seed, mi
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import BakedLight
-from megalopta.render.film import Film, pixel_means
+from megalopta.render.film import Film
 from megalopta.render.noise import RegionNoise
 from megalopta.scenes.build import build_scene
 
-PRESETS, LIGHTS = ("open", "dense", "rainforest"), ("daylight", "twilight", "starlight")
+PRESETS, LIGHTS = ("open", "dense", "rainforest", "room"), ("daylight", "twilight", "starlight")
+VARIANTS = {"scalar": "scalar_spectral", "llvm": "llvm_ad_spectral"}
+SIZES_SAMPLES = ((64, 64), (320, 16), (640, 4))
+"""Widths of frames of `speeds`, and samples per pixel."""
 FRAMES, SAMPLES, BAKE_ERROR = 30, 64, 0.1
 _REFERENCE = 32
 UNSEEN = (
@@ -52,17 +60,49 @@ UNSEEN = (
 """Presets and lights that nothing was set on."""
 
 
+_FOLDER = tempfile.TemporaryDirectory()
+_BOXES = (
+    *(((0, 0, -0.05), (6, 4, 0.1)), ((0, 0, 2.75), (6, 4, 0.1)), ((-3.05, 0, 1.35), (0.1, 4, 2.8))),
+    *(((0, 2.05, 1.35), (6, 0.1, 2.8)), ((0, -2.05, 1.35), (6, 0.1, 2.8))),
+    *(((3.05, 0, 0.45), (0.1, 4, 0.9)), ((3.05, 0, 2.4), (0.1, 4, 0.6))),
+    *(((3.05, -1.3, 1.5), (0.1, 1.4, 1.2)), ((3.05, 1.3, 1.5), (0.1, 1.4, 1.2))),
+    *(((-1, 0.8, 0.4), (1.2, 0.8, 0.8)), ((0.8, -1, 0.5), (0.5, 0.5, 1.0))),
+)
+"""Middles and sizes (m) of walls with one window of 1.2 by 1.2 m, and of furniture."""
+
+
+@cache
+def room() -> Path:
+    """File of a pale room that the sky lights through its window."""
+    boxes = [trimesh.creation.box(size).apply_translation(middle) for middle, size in _BOXES]
+    whole = trimesh.util.concatenate(boxes)
+    whole.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    paint = trimesh.visual.material.PBRMaterial(baseColorFactor=[225] * 3, metallicFactor=0)
+    uv = np.zeros((len(whole.vertices), 2))
+    whole.visual = trimesh.visual.TextureVisuals(uv=uv, material=paint)
+    whole.export(Path(_FOLDER.name) / "room.glb")
+    return Path(_FOLDER.name) / "room.glb"
+
+
 def flight(preset: str, level: str, width: int, frames: int, **more: str) -> Configuration:
-    """Flight of three seconds through a forest, in frames of 4:3."""
+    """Flight through a forest of 300 trees, or a slow one in a room, in frames of 4:3."""
+    place = {"scene": f"{{kind: forest, preset: {preset}, trees: 300}}", "render.max_depth": "16"}
+    if preset == "room":
+        place = {
+            "scene": f"{{kind: meshes, files: ['{room()}']}}",
+            "trajectory.position_m": "[-2.6, -1.2, 1.5]",
+            "trajectory.look_at_m": "[1, 1, 1]",
+            "trajectory.velocity_m_s": "[0.1, 0, 0]",
+            "render.max_depth": "64",
+        }
     changes = {
-        "scene": f"{{kind: forest, preset: {preset}, trees: 300}}",
+        **place,
         "light.level": level,
         "camera.width": str(width),
         "camera.height": str(width * 3 // 4),
         "trajectory.frames": str(frames),
         "render.samples_per_pixel": str(SAMPLES),
         "render.bake_error": str(BAKE_ERROR),
-        "render.max_depth": "16",
         **more,
     }
     return load("demo", changes)
@@ -91,9 +131,9 @@ class Sample:
     median: float
     cpu_s: float
 
-    def work(self, median: float) -> float:
-        """CPU-seconds of a pixel for a median error."""
-        return self.cpu_s * (self.median / median) ** 2
+    def work(self, error: float, is_rms: bool = False) -> float:
+        """CPU-seconds of a pixel for a median error, or RMS."""
+        return self.cpu_s * ((self.rms if is_rms else self.median) / error) ** 2
 
 
 def sampled(take: Callable[[int], Any], seen: MeasuredPass, samples: int) -> Sample:
@@ -110,13 +150,13 @@ def sampled(take: Callable[[int], Any], seen: MeasuredPass, samples: int) -> Sam
     return Sample(surface.rms * samples**0.5, surface.median * samples**0.5, cost)
 
 
-def closely_seen(rendering: SceneRenderer, pose: Any) -> MeasuredPass:
+def closely_seen(rendering: SceneRenderer, pose: Any, samples: int = SAMPLES) -> MeasuredPass:
     """Measured frame at a local pose, with the sky of many samples.
 
     A pixel that shows a thousandth of sky has an error of its own.
     """
     view = rendering._view
-    film = Film(rendering.camera, view._settings, SAMPLES)
+    film = Film(rendering.camera, view._settings, samples)
 
     def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
         return view._integrator.measured(rendering._loaded, sensor, seed, spp)
@@ -132,53 +172,75 @@ def without_standing(seen: MeasuredPass) -> MeasuredPass:
 
 
 def mitsubas(
-    rendering: SceneRenderer, pose: Any, samples: int, **settings: Any
-) -> Callable[[int], Any]:
-    """Frames of Mitsuba's own path tracer at a local pose."""
-    depth = rendering._view._settings.max_depth
-    path = mi.load_dict({"type": "path", "max_depth": depth, **settings})
-    film = Film(rendering.camera, rendering._view._settings, samples)
+    backend: str, preset: str, level: str, width: int, samples: int, seen: MeasuredPass
+) -> Sample:
+    """Sample of Mitsuba's own path tracer in a variant."""
+    configuration = flight(preset, level, width, 2, **{"render.backend": backend})
+    rendering = renderer(configuration, "path")
+    pose, settings = rendering._local(configuration.trajectory.poses()[0]), configuration.render
+    path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+    film = Film(rendering.camera, settings, samples)
 
     def trace(scene: Any, sensor: Any, seed: int, spp: int) -> Any:
         return np.array(path.render(scene, sensor, seed=seed, spp=spp), np.float32)
 
-    return lambda seed: film.expose(trace, rendering._loaded, pose, seed)
+    return sampled(lambda seed: film.expose(trace, rendering._loaded, pose, seed), seen, samples)
 
 
-def parts(preset: str, level: str) -> None:
-    """Table of the parts of one forest and light."""
-    configuration = flight(preset, level, 120, 2)
-    rendering = renderer(configuration, "path")
-    first = configuration.trajectory.poses()[0]
-    pose = rendering._local(first)
-    view = rendering._view
-    seen = closely_seen(rendering, pose)
-    film = Film(rendering.camera, view._settings, SAMPLES)
-    print(f"{preset}, {level}: {(seen.sky == 0).mean():.0%} surfaces", flush=True)
-    whole = seen.radiance[seen.sky == 0].sum(axis=-1).mean()
+def of_variants(*job: Any) -> dict[str, Sample]:
+    """Samples of Mitsuba's path tracer; a process has one variant."""
+    with get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
+        return {name: pool.apply(mitsubas, (backend, *job)) for backend, name in VARIANTS.items()}
 
-    def part(look: Any) -> Callable[[int], Any]:
-        def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
-            return pixel_means(sensor, sensor.sampler(), seed, look)[..., :-1]
 
-        return lambda seed: film.expose(trace, rendering._loaded, pose, seed)
+def speeds(preset: str, level: str) -> None:
+    """Rows of the table of one scene and light."""
+    for width, samples in SIZES_SAMPLES:
+        more = {"render.samples_per_pixel": str(samples)}
+        configuration = flight(preset, level, width, 2, **more)
+        rendering, pose = renderer(configuration, "path"), configuration.trajectory.poses()[0]
+        seen = closely_seen(rendering, rendering._local(pose), samples)
+        rows = of_variants(preset, level, width, samples, seen)
+        best = min(one.work(0.1, is_rms=True) for one in rows.values())
+        rows["split paths"] = sampled(lambda s: rendering.radiance(pose, s), seen, samples)  # noqa: B023
+        for name, one in rows.items():
+            median, rms = one.work(0.1) * seen.sky.size, one.work(0.1, is_rms=True)
+            print(
+                f"  {preset:10} {level:9} {width} px, {samples} samples, {name:16} error of a "
+                f"sample {one.rms:.2f} RMS, {one.median:.2f} median; {1e6 * one.cpu_s:.2f} CPU-us; "
+                f"CPU-s for 10 %: {median:.2f} median, {rms * seen.sky.size:.2f} RMS "
+                f"({rms / best:.2f} of Mitsuba's fastest)",
+                flush=True,
+            )
 
-    names = ("sky seen, sun on surfaces", "sky on surfaces", "other surfaces")
-    takes = {
-        name: part(each.look) for name, each in zip(names, view._integrator.parts, strict=True)
-    }
-    takes["split paths"] = lambda seed: rendering.radiance(first, seed)
-    takes["Mitsuba's path, roulette from 5"] = mitsubas(rendering, pose, SAMPLES)
-    takes["Mitsuba's path, roulette from 2"] = mitsubas(rendering, pose, SAMPLES, rr_depth=2)
-    for name, take in takes.items():
-        one = sampled(take, seen, SAMPLES)
-        light = take(9)[seen.sky == 0].sum(axis=-1).mean() / whole
-        print(
-            f"  {name:32} {light:5.1%} of the light; error of a sample "
-            f"{light * one.rms:5.2f} RMS; {1e6 * one.cpu_s:5.2f} CPU-us; variance x cost "
-            f"{1e6 * one.cpu_s * (light * one.rms) ** 2:6.1f}",
-            flush=True,
-        )
+
+def first(preset: str, level: str, number: int) -> None:
+    """Row of one scene and light, in a process of its own with a new home."""
+    trees = {}
+    if preset != "room":
+        trees = {"scene": f"{{kind: forest, preset: {preset}, trees: {number}}}"}
+    given = [
+        flight(preset, level, width, 2, **{**trees, "render.samples_per_pixel": samples})
+        for width, samples in ((96, "16"), (128, "16"), (128, "1"))
+    ]
+    scene = build_scene(given[0].scene, given[0].light, given[0].camera, given[0].trajectory)
+    built_s, pose, row = time.process_time(), given[0].trajectory.poses()[0], []
+    for each in given:
+        settings = each.render.model_copy(update={"integrator": "path"})
+        begun = time.process_time()
+        rendering = SceneRenderer(scene, each.camera, settings)
+        loaded_s = time.process_time() - begun
+        spent = [cpu_seconds(lambda r=rendering, n=n: r.radiance(pose, n))[0] for n in range(6)]
+        row.append((loaded_s, spent[0], float(np.median(spent[1:]))))
+        del rendering  # the next gets the same kernels if none of this is left
+        gc.collect()
+    print(
+        f"  {preset:10} {level:9} imported and built in {built_s:.1f} CPU-s; loaded in "
+        f"{row[0][0]:.1f}; first frame {row[0][1]:.1f}; first of another size {row[1][1]:.1f}; "
+        f"with one sample {row[2][2]:.3f}; {scene.triangle_count / 1e6:.1f} million triangles, "
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9:.2f} GB",
+        flush=True,
+    )
 
 
 def costs(preset: str, level: str, width: int, lengths: list[int]) -> None:
@@ -188,7 +250,9 @@ def costs(preset: str, level: str, width: int, lengths: list[int]) -> None:
     path = renderer(configuration, "path")
     pose = path._local(first)
     seen, pixels = closely_seen(path, pose), width * (width * 3 // 4)
-    plain = sampled(mitsubas(path, pose, 16), seen, 16)
+    variants = of_variants(preset, level, width, 16, seen)
+    name = min(variants, key=lambda variant: variants[variant].work(0.1))
+    plain = variants[name]
     split = sampled(lambda seed: path.radiance(first, seed), seen, SAMPLES)
     kinds = {number: baked(configuration, first, number, seen.sky) for number in lengths}
     for error in (0.2, 0.1, 0.05):
@@ -196,7 +260,7 @@ def costs(preset: str, level: str, width: int, lengths: list[int]) -> None:
         row += [kind.cpu_s(error, pixels) for kind in kinds.values()]
         shares = "".join(f" {each:8.1f} ({each / row[0]:.3f})" for each in row[1:])
         print(
-            f"  {preset:10} {level:9} median {error:4.0%}: Mitsuba's path {row[0]:8.1f}; split, "
+            f"  {preset:10} {level:9} median {error:4.0%}: {name} {row[0]:8.1f}; split, "
             f"baked for {' and '.join(map(str, lengths))} frames:{shares}",
             flush=True,
         )
@@ -330,53 +394,36 @@ def median_of_blocks(error2: np.ndarray, light: np.ndarray, part: np.ndarray) ->
     return float(np.median(np.sqrt(np.maximum(total * pixels, 0))[lit] / lights[lit]))
 
 
-SIZES = ((100, 320), (1000, 160), (1000, 320), (1000, 640), (5000, 320), (5000, 640))
-
-
-def scale(trees: int, width: int) -> None:
-    """Row of a dense forest by day, in a process of its own for its peak memory."""
-    begun = time.process_time()
-    changes = {"scene": f"{{kind: forest, preset: dense, trees: {trees}}}"}
-    configuration = flight("dense", "daylight", width, 2, **changes)
-    rendering = renderer(configuration, "path")
-    loaded_s = time.process_time() - begun
-    poses = configuration.trajectory.poses()
-    rendering.radiance(poses[0], 0)
-    spent = [cpu_seconds(lambda: rendering.radiance(poses[1], 1))[0] for _ in range(3)]
-    truth_s, _ = cpu_seconds(lambda: rendering.truth(poses, 0))
-    pixels = width * (width * 3 // 4)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    print(
-        f"  {trees:5} trees, {rendering._scene.triangle_count / 1e6:.1f} million triangles, "
-        f"{width} px wide: {memory / 1e9:.2f} GB; loaded in {loaded_s:.0f} CPU-s; "
-        f"{1e6 * float(np.median(spent)) / pixels / SAMPLES:.2f} CPU-us a sample; truth "
-        f"{truth_s:.1f} CPU-s",
-        flush=True,
-    )
+def in_new_home(work: Callable[..., None], *job: Any) -> None:
+    """Do some work in a process of its own, with empty caches."""
+    with tempfile.TemporaryDirectory() as folder:
+        new = {"HOME": folder, "XDG_CACHE_HOME": folder}
+        with patch.dict(os.environ, new):
+            process = get_context("spawn").Process(target=work, args=job)
+            process.start()
+            process.join()
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="*", default=["parts", "costs", "accuracy", "scale"])
+    parser.add_argument("what", nargs="*", default=["first", "speeds", "costs"])
     parser.add_argument("--width", type=int, default=320)
+    parser.add_argument("--trees", type=int, default=100, help="of the forest of `first`")
     parser.add_argument("--lengths", nargs="+", type=int, default=[1, FRAMES])
     parser.add_argument("--presets", nargs="+", default=PRESETS)
     parser.add_argument("--lights", nargs="+", default=LIGHTS)
     given = parser.parse_args()
     for preset in given.presets:
         for level in given.lights:
-            if "parts" in given.what:
-                parts(preset, level)
+            if "first" in given.what:
+                in_new_home(first, preset, level, given.trees)
+            if "speeds" in given.what:
+                speeds(preset, level)
             if "costs" in given.what:
                 costs(preset, level, given.width, given.lengths)
     if "accuracy" in given.what:
         for preset, level in UNSEEN:
             accuracy(preset, level)
-    if "scale" in given.what:
-        for size in SIZES:
-            row = get_context("spawn").Process(target=scale, args=size)
-            row.start()
-            row.join()
 
 
 if __name__ == "__main__":

@@ -259,7 +259,8 @@ def _finite(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     return radiance
 
 
-SHARED_PX = 0.05
+SHARED_PX = 0.1
+"""Twice what objects may be off in a line, as those that share a pose are placed at its middle."""
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 2, 64
 _RESERVE = 1.25
 _MARGIN = 0.1

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import FloatArray, unit
+from megalopta.assets_gen import FloatArray, cross, unit
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, relaxed, sum_toward_root
 from megalopta.assets_gen.plants.species import Colonized, Crown, Species, Whorled
 
@@ -95,8 +95,8 @@ def outward(azimuth: FloatArray) -> FloatArray:
 
 def sideways(direction: FloatArray, turn: FloatArray) -> FloatArray:
     """Return unit vectors across `direction` (n, 3), turned about it; 0 is horizontal."""
-    level = unit(np.cross(direction, UP) + 1e-9)
-    return np.cos(turn)[:, None] * level + np.sin(turn)[:, None] * np.cross(level, direction)
+    level = unit(cross(direction, UP) + 1e-9)
+    return np.cos(turn)[:, None] * level + np.sin(turn)[:, None] * cross(level, direction)
 
 
 def stem_axis(

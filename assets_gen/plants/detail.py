@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen import FloatArray, Surface, cross, join, lengths
 from megalopta.assets_gen.plants.growth import Plant, bark_around
 from megalopta.assets_gen.plants.skeleton import IndexArray
 
@@ -44,10 +44,9 @@ def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[S
             widening[thin[chosen]] = factor
         chord_m = max(detail.chord_m, plant.species.chord_m)
         coarse = plant.species.model_copy(update={"chord_m": chord_m})
-        kept = np.flatnonzero(widening).tolist()
-        wood = join(
-            [bark_around(coarse, skeleton, widening[i] * radii, plant.axes[i], rng) for i in kept]
-        )
+        kept = np.flatnonzero(widening)
+        along = [plant.axes[index] for index in kept]
+        wood = join(bark_around(coarse, skeleton, radii, along, rng, widening[kept]))
     average_m2 = plant.leaves.area / (len(plant.leaves.faces) / 2)
     return wood, merged_leaves(plant.leaves, max(round(detail.leaf_m2 / average_m2), 1), rng)
 
@@ -68,16 +67,14 @@ def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Sur
     It is at the place of one of them, chosen at random, and has their total area.
     """
     corners = leaves.vertices.reshape(-1, 4, 3)
-    diagonal = corners[:, 2] - corners[:, 0]
-    halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
-    area = np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))
+    area = np.add(*leaves.face_areas.reshape(-1, 2).T)
     chosen, factor = _one_of_each(area, merged, rng)
     base, left, tip, right = corners[chosen].swapaxes(0, 1)
     across = (right - left) / 2
     middle = corners[chosen].mean(axis=1)[:, None]
     triangle = np.stack([base + across, base - across, tip], axis=1)
     triangle += middle - triangle.mean(axis=1, keepdims=True)
-    flat_area = np.linalg.norm(np.cross(2 * across, tip - base), axis=1) / 2
+    flat_area = lengths(cross(2 * across, tip - base)) / 2
     scale = np.sqrt(factor * area[chosen] / flat_area)[:, None, None]
     uv = leaves.uv.reshape(-1, 4, 2)[chosen]
     half = (uv[:, 3] - uv[:, 1]) * (1, 0) / 2

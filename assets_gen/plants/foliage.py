@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, unit
+from megalopta.assets_gen import FloatArray, Surface, cross, lengths, unit
 from megalopta.assets_gen.plants.branching import UP, sideways
 from megalopta.assets_gen.plants.skeleton import IndexArray
 from megalopta.assets_gen.plants.species import Foliage
@@ -63,7 +63,7 @@ def _attachments(
     axes: FloatArray, bare: float, per_m: float
 ) -> tuple[IndexArray, FloatArray, IndexArray]:
     """Return each leaf's axis, position along it (fraction of the length) and rank."""
-    length = np.linalg.norm(np.diff(axes, axis=1), axis=2).sum(axis=1)
+    length = lengths(np.diff(axes, axis=1)).sum(axis=1)
     count = np.maximum(np.round(length * (1 - bare) * per_m), 2).astype(np.intp)
     axis = np.repeat(np.arange(len(axes)), count)
     rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -92,8 +92,8 @@ def blades(
     Its base (n, 3) (m), its direction along the midrib, the direction that its upper side faces,
     and its size (n,), a factor on length and width, are given.
     """
-    across = unit(np.cross(facing, direction))
-    normal = np.cross(direction, across)
+    across = unit(cross(facing, direction))
+    normal = cross(direction, across)
     fold = np.radians(foliage.fold_deg)
     length, half = size[:, None] * foliage.length_m, size[:, None] * foliage.width_m / 2
     middle = base + foliage.widest * length * direction + half * np.sin(fold) * normal

@@ -3,6 +3,7 @@
 Fronds of a palm are at the golden angle, the oldest lowest. Ropes of a liana hang between holds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, Branching, o
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
+from megalopta.core.arrays import Mask
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Plant:
         ends = np.cumsum([len(tube.faces) for tube in self.tubes])
         return np.array([part.sum() for part in np.split(self.wood.face_areas, ends[:-1])])
 
-    @property
+    @cached_property
     def wood(self) -> Surface:
         """All tubes as one surface."""
         return join(self.tubes)
@@ -58,7 +60,7 @@ def grow_plant(
     reference = min(1.3, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
     along = axes(skeleton, radii)
-    tubes = tuple(bark_around(species, skeleton, radii, nodes, rng, furrows) for nodes in along)
+    tubes = tuple(bark_around(species, skeleton, radii, along, rng, furrows=furrows))
     twigs = leaf_axes(skeleton.positions[grown.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
     leaves = place_leaves(twigs, foliage, rng)
@@ -69,56 +71,104 @@ def bark_around(
     species: Species,
     skeleton: Skeleton,
     radii_m: FloatArray,
-    nodes: IndexArray,
+    along: Sequence[IndexArray],
     rng: np.random.Generator,
+    factors: FloatArray | None = None,
     furrows: Furrows | None = None,
-) -> Surface:
-    """Return the tube around one axis, with only the rings and sides that its chord requires.
+) -> list[Surface]:
+    """Return the tube around each axis, with only the rings and sides that its chord requires.
 
-    Furrows of a stem need more. With any number of sides, the tube is as wide on average as the
-    round branch that it represents.
+    Radii are multiplied by the axis' factor. Furrows of a stem need more rings and sides. With any
+    number of sides, a tube is as wide on average as the round branch that it represents.
     """
-    is_stem, chord_m = skeleton.parents[nodes[0]] < 0, species.chord_m
-    positions, radius = skeleton.positions[nodes], radii_m[nodes]
-    if not is_stem:
-        radius[0] = radius[1]  # the first node is inside the bearing axis and has its radius
-    walls = species.buttresses if is_stem else None
-    # enough sides to look round at this detail
-    round_sides = int(np.interp(radius[0] / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
-    sides = bark.BUTTRESSED_SIDES if walls else round_sides
-    # By Cauchy's formula convex outlines of one circumference are equally wide on average.
-    circumradius = float(np.pi / (sides * np.sin(np.pi / sides)))
-    profile = np.repeat(radius[:, None] * circumradius, sides, axis=1)
-    if is_stem:
-        profile *= bark.root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
+    factors = np.ones(len(along)) if factors is None else factors
+    is_stem = skeleton.parents[[nodes[0] for nodes in along]] < 0
+    tubes, origins = {}, np.empty((len(along), 2))
+    for index, nodes in enumerate(along):
+        if is_stem[index]:
+            radius = factors[index] * radii_m[nodes]
+            tubes[index] = _stem(species, skeleton.positions[nodes], radius, rng, furrows)
+        else:
+            origins[index] = rng.random(2)
+    if not is_stem.all():
+        branches = np.flatnonzero(~is_stem)
+        nodes = np.concatenate([along[index] for index in branches.tolist()])
+        sizes = np.array([len(along[index]) for index in branches.tolist()])
+        first, positions = np.cumsum(sizes) - sizes, skeleton.positions[nodes]
+        radius = np.repeat(factors[branches], sizes) * radii_m[nodes]
+        radius[first] = radius[first + 1]  # the first node is inside the bearing axis
+        sides = _sides(radius[first], species.chord_m)
+        radius *= np.repeat(_circumradius(sides), sizes)
+        kept = simplified(np.column_stack([positions, radius]), first, species.chord_m)
+        rings, nodes = np.add.reduceat(kept, first, dtype=np.intp), np.flatnonzero(kept)
+        first, shapes = np.cumsum(rings) - rings, np.stack([rings, sides])
+        for count, around in np.unique(shapes, axis=1).T.tolist():
+            alike = np.flatnonzero((rings == count) & (sides == around))
+            rows, mine = nodes[first[alike][:, None] + np.arange(count)], branches[alike]
+            profile = np.repeat(radius[rows[:, :-1], None], around, axis=2)
+            swept = swept_tube(positions[rows], profile, TILE_M, origins[mine], whole_tiles=False)
+            assert swept.normals is not None
+            parts = zip(mine.tolist(), swept.vertices, swept.uv, swept.normals, strict=True)
+            tubes |= {index: Surface(a, swept.faces, uv, b) for index, a, uv, b in parts}
+    return [tubes[index] for index in range(len(along))]
+
+
+def _stem(
+    species: Species,
+    positions: FloatArray,
+    radius: FloatArray,
+    rng: np.random.Generator,
+    furrows: Furrows | None,
+) -> Surface:
+    """Return the tube around a stem of positions (k, 3) and radii (k,)."""
+    walls = species.buttresses
+    sides = bark.BUTTRESSED_SIDES if walls else int(_sides(radius[0], species.chord_m))
+    profile = np.repeat((radius * _circumradius(sides))[:, None], sides, axis=1)
+    profile *= bark.root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
     if walls:
         profile *= bark.buttress_flare(positions[:, 2], sides, walls, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
-    kept = simplified(outline, chord_m * (0.3 if is_stem else 1))
+    kept = simplified(outline, np.zeros(1, np.intp), 0.3 * species.chord_m)
     origin = rng.random(2)
     axis, rings = positions[kept], profile[kept][:-1]
-    if is_stem and furrows:
+    if furrows:
         axis, rings = furrows.carved(axis, rings, TILE_M, origin)
-    return swept_tube(axis, rings, TILE_M, origin, whole_tiles=is_stem)
+    return swept_tube(axis, rings, TILE_M, origin, whole_tiles=True)
 
 
-def simplified(points: FloatArray, tolerance: float) -> IndexArray:
-    """Return the points of a polyline (k, d) that keep it within `tolerance` (Douglas–Peucker)."""
-    keep = {0, len(points) - 1}
-    spans = [(0, len(points) - 1)]
-    while spans:
-        low, high = spans.pop()
-        if high - low < 2:
-            continue
-        chord = points[high] - points[low]
-        inner = points[low + 1 : high] - points[low]
-        share = (inner @ chord / max(chord @ chord, 1e-12)).clip(0, 1)
-        error = lengths(inner - share[:, None] * chord)
-        worst = int(error.argmax())
-        if error[worst] > tolerance:
-            keep.add(low + 1 + worst)
-            spans += [(low, low + 1 + worst), (low + 1 + worst, high)]
-    return np.array(sorted(keep))
+def _sides(radius_m: FloatArray, chord_m: float) -> IndexArray:
+    """Return enough sides of tubes to look round at this detail."""
+    return np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]).astype(np.intp)
+
+
+def _circumradius(sides: IndexArray | int) -> FloatArray:
+    """Return that of outlines as wide on average (Cauchy's formula) as a circle of radius 1."""
+    return np.asarray(np.pi / (sides * np.sin(np.pi / sides)))
+
+
+def simplified(points: FloatArray, first: IndexArray, tolerance: float) -> Mask:
+    """Return a mask (n,) of the points (n, d) that keep polylines within `tolerance`.
+
+    Polylines begin at the points `first` (Douglas–Peucker).
+    """
+    low, high = first, np.append(first[1:], len(points)) - 1
+    keep = np.zeros(len(points), dtype=bool)
+    keep[low] = keep[high] = True
+    while (wide := high - low > 1).any():
+        low, high = low[wide], high[wide]
+        count = high - low - 1
+        begin, span = np.cumsum(count) - count, np.repeat(np.arange(len(low)), count)
+        inner = np.arange(len(span)) + (low + 1 - begin)[span]
+        chord, away = points[high] - points[low], points[inner] - points[low[span]]
+        square = np.maximum(np.vecdot(chord, chord), 1e-12)
+        share = (np.vecdot(away, chord[span]) / square[span]).clip(0, 1)
+        error = lengths(away - share[:, None] * chord[span])
+        worst = np.lexsort((-error, span))[begin]
+        cut = error[worst] > tolerance
+        worst = inner[worst[cut]]
+        keep[worst] = True
+        low, high = np.append(low[cut], worst), np.append(worst, high[cut])
+    return keep
 
 
 NODES = 7

@@ -127,23 +127,27 @@ _AXES = np.eye(3)
 
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return tangents, normals and binormals, each (k, 3), along a polyline `axis` (k, 3)."""
-    steps = axis[1:] - axis[:-1]
+    """Return tangents, normals and binormals, each (…, k, 3), along polylines `axis` (…, k, 3)."""
+    steps = np.diff(axis, axis=-2)
     headings = unit(steps)
-    tangents = unit(np.concatenate([headings[:1], headings[:-1] + headings[1:], headings[-1:]]))
-    helper = _AXES[abs(tangents[0]).argmin()]
-    normals = [unit(cross(tangents[0], helper))]
-    for i, step in enumerate(steps):
-        second = tangents[i + 1] - _reflected(tangents[i], step)
-        normals.append(_reflected(_reflected(normals[i], step), second))
-    across = np.array(normals)
-    return tangents, across, cross(tangents, across)
+    ends = headings[..., :1, :], headings[..., -1:, :]
+    bisectors = headings[..., :-1, :] + headings[..., 1:, :]
+    tangents = unit(np.concatenate([ends[0], bisectors, ends[1]], axis=-2))
+    helper = _AXES[abs(tangents[..., 0, :]).argmin(axis=-1)]
+    normals = np.empty_like(tangents)
+    normals[..., 0, :] = unit(cross(tangents[..., 0, :], helper))
+    for i in range(steps.shape[-2]):
+        step = steps[..., i, :]
+        second = tangents[..., i + 1, :] - _reflected(tangents[..., i, :], step)
+        normals[..., i + 1, :] = _reflected(_reflected(normals[..., i, :], step), second)
+    return tangents, normals, cross(tangents, normals)
 
 
 def _reflected(vector: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return a vector mirrored at the plane perpendicular to `direction`."""
-    square = direction @ direction
-    return vector - 2 / square * (direction @ vector) * direction if square > 1e-20 else vector
+    """Return vectors (…, 3) mirrored at the planes perpendicular to `direction` (…, 3)."""
+    square = np.vecdot(direction, direction)
+    factor = 2 / np.where(square > 1e-20, square, np.inf) * np.vecdot(direction, vector)
+    return np.asarray(vector - factor[..., None] * direction)
 
 
 def swept_tube(
@@ -156,46 +160,50 @@ def swept_tube(
     """Return the closed tube around an axis (k, 3) from base to pointed tip (m).
 
     Its profile (k - 1, sides) is the radius of each ring toward each side (m). Texture tiles have a
-    size around and along the tube (m); whole tiles around the base hide the seam.
+    size around and along the tube (m); whole tiles around the base hide the seam. Arrays of n tubes
+    give those of n surfaces with the same faces.
     """
-    rings, sides = profile.shape
+    rings, sides = profile.shape[-2:]
     _, normals, binormals = rotation_minimizing_frames(axis)
     angle = 2 * np.pi * np.arange(sides)[:, None] / sides
-    spokes = np.cos(angle) * normals[:-1, None] + np.sin(angle) * binormals[:-1, None]
-    grid = axis[:-1, None] + profile[..., None] * spokes
-    rows = np.empty((rings + 2, sides, 3))
-    rows[0], rows[1:-1], rows[-1] = grid[0], grid, axis[-1]
-    columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
-    outward = unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
+    first, second = (across[..., :-1, None, :] for across in (normals, binormals))
+    spokes = np.cos(angle) * first + np.sin(angle) * second
+    grid = axis[..., :-1, None, :] + profile[..., None] * spokes
+    base = grid[..., :1, :, :]
+    rows = np.concatenate([base, grid, axis[..., -1:, None, :] + np.zeros_like(base)], axis=-3)
+    columns = np.concatenate([grid[..., -1:, :], grid, grid[..., :1, :]], axis=-2)
+    around = columns[..., 2:, :] - columns[..., :-2, :]
+    outward = unit(cross(around, rows[..., 2:, :, :] - rows[..., :-2, :, :]))
+    tip = unit(axis[..., -1:, :] - axis[..., -2:-1, :])
     return Surface(
-        np.concatenate([_seamed(grid), axis[-1:]]),
+        np.concatenate([_seamed(grid), axis[..., -1:, :]], axis=-2),
         tube_faces(rings, sides),
-        tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin,
-        np.concatenate([_seamed(outward), unit(axis[-1:] - axis[-2:-1])]),
+        tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin[..., None, :],
+        np.concatenate([_seamed(outward), tip], axis=-2),
     )
 
 
 def tube_uv(
     axis: FloatArray, profile: FloatArray, tile_m: tuple[float, float], whole_tiles: bool
 ) -> FloatArray:
-    """Return the texture coordinates of all vertices of a tube, from (0, 0) at its base on."""
-    rings, sides = profile.shape
-    around = 2 * np.pi * (np.add.reduce(profile[0]) / sides) / tile_m[0]
-    turns = max(round(around), 1) if whole_tiles else around
-    length = np.zeros(rings + 1)
-    np.cumsum(lengths(axis[1:] - axis[:-1]), out=length[1:])
+    """Return the texture coordinates of all vertices of tubes, from (0, 0) at their base on."""
+    rings, sides = profile.shape[-2:]
+    around = 2 * np.pi * (np.add.reduce(profile[..., 0, :], axis=-1) / sides) / tile_m[0]
+    turns = np.maximum(np.round(around), 1) if whole_tiles else around
+    length = np.zeros(axis.shape[:-1])
+    np.cumsum(lengths(np.diff(axis, axis=-2)), axis=-1, out=length[..., 1:])
     length /= tile_m[1]
-    uv = np.empty((rings * (sides + 1) + 1, 2))
-    walls = uv[:-1].reshape(rings, sides + 1, 2)
-    walls[..., 0] = np.arange(sides + 1) * (turns / sides)
-    walls[:, -1, 0] = turns
-    walls[..., 1] = length[:-1, None]
-    uv[-1] = turns / 2, length[-1]
-    return uv
+    walls = np.empty((*axis.shape[:-2], rings, sides + 1, 2))
+    walls[..., 0] = np.arange(sides + 1) * (turns / sides)[..., None, None]
+    walls[..., -1, 0] = turns[..., None]
+    walls[..., 1] = length[..., :-1, None]
+    tip = np.stack([turns / 2, length[..., -1]], axis=-1)[..., None, :]
+    return np.concatenate([walls.reshape(*axis.shape[:-2], -1, 2), tip], axis=-2)
 
 
 def _seamed(grid: FloatArray) -> FloatArray:
-    return np.concatenate([grid, grid[:, :1]], axis=1).reshape(-1, 3)
+    seamed = np.concatenate([grid, grid[..., :1, :]], axis=-2)
+    return seamed.reshape(*grid.shape[:-3], -1, 3)
 
 
 @lru_cache(maxsize=512)

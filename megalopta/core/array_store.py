@@ -43,8 +43,8 @@ class ArrayStore:
         if self._path is None:
             return
         with contextlib.suppress(OSError):
-            with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, **dict[str, Any](arrays))
+            with files.atomic_write(self._path, lasting=False) as temporary:
+                np.savez(temporary, **dict[str, Any](arrays))
             kept = sorted(self._path.parent.glob("*.npz"), key=lambda path: -path.stat().st_mtime)
             sizes = np.cumsum([path.stat().st_size for path in kept])
             for path, size in zip(kept[1:], sizes[1:], strict=True):

@@ -20,20 +20,22 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
-def atomic_write(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path, lasting: bool = True) -> Iterator[Path]:
     """Yield a temporary path for a file or folder, which replaces `path` when complete.
 
-    A file is replaced; a folder of this name must not exist. Raises OSError, naming `path`, if it
-    cannot be written.
+    A file is replaced; a folder of this name must not exist. It survives a loss of power if it is
+    `lasting`. Raises OSError, naming `path`, if it cannot be written.
     """
     # The suffix stays last: image writers choose the format by it.
     temporary = path.with_name(f".part-{uuid4().hex[:12]}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        _sync(temporary)
+        if lasting:
+            _sync(temporary)
         temporary.replace(path)
-        _sync(path.parent, deep=False)
+        if lasting:
+            _sync(path.parent, deep=False)
     except OSError as problem:
         if problem.errno in _NO_ROOM or problem.filename in (None, str(temporary)):
             raise OSError(problem.errno, problem.strerror or str(problem), str(path)) from problem

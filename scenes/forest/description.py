@@ -252,7 +252,8 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index:
         ring_m = forest.clearance_m, forest.clearance_m + RING_M
-        specimens, share = in_leaf(forest.leaf_area_index, grow, placements, path, ring_m)
+        indices = forest.leaf_area_index, TREE_LEAF_M2 * forest.density_per_ha / 1e4
+        specimens, share = in_leaf(*indices, grow, placements, path, ring_m)
     else:
         specimens, share = grow(), 1.0
     assets = plant_assets(forest.seed, specimens, share) | litter

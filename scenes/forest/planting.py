@@ -198,13 +198,14 @@ class Planting:
         upright = Rotation.from_rotvec(np.column_stack([none, none, angle]))
         axes = np.column_stack([lean * np.cos(toward), lean * np.sin(toward), none])
         turns = (Rotation.from_rotvec(axes) * upright).as_matrix()
+        lying = np.flatnonzero([plant.lies for plant in plants])
+        turns[lying] = slopes[lying] @ turns[lying]
+        to_world = np.tile(np.eye(4), (len(points), 1, 1))
+        to_world[:, :3, :3] = scales[:, None, None] * turns
+        to_world[:, :3, 3] = np.column_stack([points, heights])
         for index, plant in enumerate(plants):
-            turn = slopes[index] @ turns[index] if plant.lies else turns[index]
-            to_world = np.eye(4)
-            to_world[:3, :3] = scales[index] * turn
-            to_world[:3, 3] = (*points[index], heights[index])
             asset = f"{plant.name} {numbers[index]} {LODS[levels[index]].name}"
-            yield Placement(asset, plant.name, to_world)
+            yield Placement(asset, plant.name, to_world[index])
 
     def _slopes(self, points: Floats) -> Floats:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""

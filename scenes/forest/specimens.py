@@ -199,6 +199,7 @@ def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
 
 def in_leaf(
     leaf_area_index: float,
+    natural: float,
     grow: Callable[[int], Mapping[str, Organs]],
     placements: Sequence[Placement],
     path: cKDTree,
@@ -206,16 +207,24 @@ def in_leaf(
 ) -> tuple[Mapping[str, Organs], float]:
     """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
-    `grow` returns all specimens for a factor on their species' leaves. Raises ValueError if the
-    stand cannot carry that many.
+    `grow` returns all specimens for a factor on their species' leaves: 1, or 2 or 4 if that is too
+    few. `natural` is about the index of 1. Raises ValueError if the stand cannot carry that many.
     """
     ground = ground_area(path, ring_m)
-    reached = 0.0
-    for fullness in (1, 2, 4):
+
+    def grown_to(fullness: int) -> tuple[Mapping[str, Organs], float]:
         specimens = grow(fullness)
-        reached = _leaf_area(specimens, placements, path, ring_m) / ground
-        if leaf_area_index <= reached:
-            return specimens, leaf_area_index / reached
+        return specimens, leaf_area_index * ground / _leaf_area(specimens, placements, path, ring_m)
+
+    share = np.inf
+    for fullness in (1, 2, 4) if leaf_area_index <= 1.25 * natural else (2, 4):
+        specimens, share = grown_to(fullness)
+        if fullness == 2 and share < 0.55:  # the area of half the leaves is half, to a percent
+            fewer, its_share = grown_to(1)
+            specimens, share = (fewer, its_share) if its_share <= 1 else (specimens, share)
+        if share <= 1:
+            return specimens, share
+    reached = leaf_area_index / share
     raise ValueError(
         f"leaf_area_index: {leaf_area_index:g} is more than the {reached:.2g} that these trees can "
         "carry; raise density_per_ha or lower leaf_area_index"

@@ -1,5 +1,7 @@
 """What the kinds of a forest carry, how they are kept, and how they sway."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,7 @@ def arrays(levels):
     """All arrays of organs at levels of detail, and what they are."""
     for level, organs in enumerate(levels):
         for organ, surface in organs.items():
-            yield from ((f"{level} {organ} {key}", each) for key, each in vars(surface).items())
+            yield from ((f"{level} {organ} {key}", each) for key, each in asdict(surface).items())
 
 
 @pytest.mark.parametrize("kind", ["hazel", "fern", "rock"])
