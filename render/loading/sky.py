@@ -23,13 +23,13 @@ class SkyPatterns:
     """Patterns of a sky, evaluated along directions."""
 
     def __init__(self, patterns: Sequence[SkyPattern]) -> None:
-        self._textures = [mi.load_dict(bitmap(sky.pattern)) for sky in patterns]
+        self.textures = [mi.load_dict(bitmap(sky.pattern)) for sky in patterns]
         self._rows = [len(sky.pattern) for sky in patterns]
 
     def toward(self, direction: Any, active: Any) -> list[Any]:
         """Value of each pattern in directions; constant beyond its first and last row."""
         place, values = place_of(direction), []
-        for texture, rows in zip(self._textures, self._rows, strict=True):
+        for texture, rows in zip(self.textures, self._rows, strict=True):
             half, at = 0.5 / rows, _zeros(mi.SurfaceInteraction3f)
             at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
             values.append(texture.eval_1(at, active))
@@ -58,12 +58,12 @@ class BrightDirections:
             chance += near[of_row][:, of_column]
         sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
         chances = np.asarray(chance * sine[:, None] / chance.max(), np.float32)
-        self._texels = mi.DiscreteDistribution2D(chances)
+        self.texels = mi.DiscreteDistribution2D(chances)
         self._rows, self._columns = chances.shape
 
     def sample(self, sample: Any, active: Any) -> tuple[Any, Any]:
         """Return a direction for two random numbers, and its density per solid angle."""
-        texel, chance, within = self._texels.sample(sample, active)
+        texel, chance, within = self.texels.sample(sample, active)
         azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self._columns
         sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self._rows)
         direction = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
@@ -75,7 +75,7 @@ class BrightDirections:
         column = dr.minimum(mi.UInt32(place.x * self._columns), self._columns - 1)
         row = dr.minimum(mi.UInt32(place.y * self._rows), self._rows - 1)
         texel = mi.Point2u(column, row)
-        return self._texels.pdf(texel, active) * self._texels_per(direction.z)
+        return self.texels.pdf(texel, active) * self._texels_per(direction.z)
 
     def _texels_per(self, z: Any) -> Any:
         sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
@@ -99,6 +99,8 @@ class _UnevenSky(PlugIn):
         self.even = mi.load_dict(spectrum(lighting.sky))
         self.spectra = [mi.load_dict(spectrum(part.radiance)) for part in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
+        # Dr.Jit looks only here for what a recorded function reads.
+        self.held = [self.directions.texels, *self.patterns.textures]
 
     def toward(self, at: Any, direction: Any, active: Any) -> Any:
         """Radiance from a direction, at the wavelengths of a point."""
