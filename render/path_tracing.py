@@ -289,7 +289,7 @@ class SplitPaths:
     def __init__(
         self, whole: LoadedScene, settings: RenderSettings, layers: Layers | None = None
     ) -> None:
-        scene, meshes, loaded = whole
+        scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         assert scene.lighting is not None
         self._loaded, self._depth = loaded, settings.max_depth
         self._layers = layers or Layers(loaded)

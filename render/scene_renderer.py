@@ -13,8 +13,8 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
-from megalopta.render.loading.meshes import leaf_clusters, merge
-from megalopta.render.loading.scene import LoadedScene, MovingScene, fill, is_layered, load_scene
+from megalopta.render.loading.meshes import leaf_clusters
+from megalopta.render.loading.scene import MovingScene, fill, is_layered, whole_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator, SplitPaths, can_split
@@ -73,9 +73,8 @@ class SceneRenderer:
         activate(self.variant)
         scene.check_bands(settings.bands_nm)
         scene = under_panorama(scene)
-        meshes = merge(scene)
-        loaded = load_scene(scene, meshes)
-        loaded_scene = LoadedScene(scene, meshes, loaded)
+        whole = self._whole = whole_scene(scene)
+        meshes, loaded = whole.meshes, whole.loaded
         self._scene, self._loaded = scene, loaded
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
@@ -95,17 +94,17 @@ class SceneRenderer:
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
             exposing = None
             if can_split(scene, meshes):
-                integrator = SplitPaths(loaded_scene, settings)
+                integrator = SplitPaths(whole, settings)
                 if is_layered(meshes):
                     layers = MovingScene(meshes, loaded, geometry.still)
-                    exposing = SplitPaths(loaded_scene, settings, layers)
+                    exposing = SplitPaths(whole, settings, layers)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
-                baked = BakedLightIntegrator(loaded_scene, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:
                     integrator, exposing = baked, None
-            self._view = SurfaceView(loaded_scene, camera, settings, integrator, exposing, air)
+            self._view = SurfaceView(whole, camera, settings, integrator, exposing, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

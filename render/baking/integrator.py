@@ -47,7 +47,7 @@ class BakedLightIntegrator:
     def __init__(
         self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
     ) -> None:
-        scene, meshes, loaded = whole
+        scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         self._bands = settings.bands_nm
         self._paths = BandPaths(self._bands, settings.max_depth)
         self._moving = Neighborhood(meshes)

@@ -4,7 +4,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import repeat
-from typing import Any, NamedTuple
+from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.bounded import printable, quoted
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
-from megalopta.render.loading.meshes import MergedMesh, MovingMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh, merge
 from megalopta.render.loading.sky import uneven_sky
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.scenes.material import Material
@@ -30,13 +31,30 @@ _PLACE = re.compile(
 """Part of Mitsuba's messages that says where in a nested description."""
 
 
-class LoadedScene(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LoadedScene:
     """Scene with its loaded Mitsuba version."""
 
     scene: Scene
     meshes: Sequence[MergedMesh]
     loaded: Any
     """Mitsuba's scene of the meshes, in order."""
+
+
+_IN_USE: WeakValueDictionary[tuple[int, str], LoadedScene] = WeakValueDictionary()
+
+
+def whole_scene(scene: Scene) -> LoadedScene:
+    """Load a scene, or return it as loaded for another renderer, if nothing moves.
+
+    Kernels hold Dr.Jit's numbers of shapes: for a second copy they would be compiled again.
+    """
+    key = id(scene), str(mi.variant())
+    whole = None if scene.is_moving else _IN_USE.get(key)
+    if whole is None:
+        meshes = merge(scene)
+        whole = _IN_USE[key] = LoadedScene(scene, meshes, load_scene(scene, meshes))
+    return whole
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
