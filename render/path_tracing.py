@@ -64,7 +64,8 @@ class _KeyedSampler(PlugIn):
         self.generator = pcg32(1, state, stream)
 
     def clone(self) -> Any:
-        copy, pcg32 = keyed_sampler(), mi.PCG32
+        pcg32: Any = mi.PCG32
+        copy = keyed_sampler()
         copy.generator = pcg32(self.generator)
         return copy
 
@@ -100,10 +101,10 @@ class LightPaths:
     def __init__(self, max_depth: int, layers: Layers | None = None) -> None:
         self._max_depth = dr.opaque(mi.UInt32, max_depth)
         self._layers = layers
-        # Python traces the loop once; later frames launch its kernels. A recording needs to know of
-        # each kind of object that the loop calls.
+        # Python traces the loop once; later frames launch its kernels. Only the kinds of objects
+        # among the arguments may be called.
         kinds = [dr.zeros(kind) for kind in (mi.ShapePtr, mi.BSDFPtr, mi.EmitterPtr)]
-        self._trace = dr.freeze(
+        self._trace: Any = dr.freeze(
             _traced, state_fn=lambda *_: kinds, limit=_MOST_RECORDINGS, warn_after=10**6
         )
 
@@ -126,21 +127,18 @@ class LightPaths:
         dr.eval()
         first: Any = mi.Ray3f(origin, rays.d)
         first.wavelengths = rays.wavelengths
-        scenes, spare = self._layers.scenes if self._layers else (scene,), sampler.clone()
-        rest = first, active
-        try:
+        scenes = self._layers.scenes if self._layers else (scene,)
+        for trace, numbers in (self._trace, sampler), (_traced, sampler.clone()):
             try:
-                light, valid = self._trace(scene, scenes, self._max_depth, sampler, *rest)
+                light, valid = trace(scene, scenes, self._max_depth, numbers, first, active)
+                break
             except RuntimeError as problem:
-                if _is_interrupt(problem) or not self._trace.enabled:
+                if _is_interrupt(problem):
+                    raise KeyboardInterrupt from problem
+                if trace is _traced:
                     raise
-                # Mitsuba makes some tables while it is recorded, which is refused, but only once.
-                self._trace.enabled = self._trace.n_recordings < _MOST_RECORDINGS
-                light, valid = _traced(scene, scenes, self._max_depth, spare, *rest)
-        except RuntimeError as problem:  # Dr.Jit's, also for Ctrl-C in the loop
-            if _is_interrupt(problem):
-                raise KeyboardInterrupt from problem
-            raise
+                # Mitsuba made tables while it was recorded, as it may not; next time, there are.
+                self._trace.enabled &= self._trace.n_recordings < _MOST_RECORDINGS
         dr.eval(light, valid)
         return light, valid
 
