@@ -14,8 +14,8 @@ from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.film import Film, pixel_means
 from megalopta.render.loading.materials import mean
-from megalopta.render.loading.scene import LoadedScene
-from megalopta.render.loading.sky import SkyPatterns, sky_of, weigh_sky
+from megalopta.render.loading.scene import LoadedScene, of_shapes
+from megalopta.render.loading.sky import SkyPatterns, sky_of
 from megalopta.render.path_tracing import SplitPaths
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Lighting
@@ -77,6 +77,7 @@ class OpenSky:
         cumulated = np.cumsum(chance, axis=1)
         cumulated[:, -1] = 1
         self._cumulated = mi.Float(np.pad(cumulated, ((0, 0), (1, 0))).astype(np.float32).ravel())
+        self.tables = [self._cumulated, self._low, self._side, self._size]
 
     def sample(self, point: Any, sample: Any, active: Any) -> tuple[Any, Any]:
         """Return a direction for two random numbers, and its density per solid angle."""
@@ -179,33 +180,44 @@ def _looks(
 
 _POSES, _PIXELS, _SAMPLES = 2, 200, 16
 _LEAST_SHARE = 1 / 64
-FEWEST_SAMPLES = 2**18
+_FEWEST_SAMPLES = 2**18
 """Fewest samples in all frames of a sequence for which a pilot pays."""
 
 
-def adapt(
-    whole: LoadedScene,
-    split: SplitPaths | None,
-    camera: Camera,
-    settings: RenderSettings,
-    poses: Floats,
-    seed: int,
-) -> None:
-    """Adapt light paths to a sequence at poses (T, 4, 4): their guide, and their numbers."""
-    lighting, loaded = whole.scene.lighting, whole.loaded
+def _samples(camera: Camera, settings: RenderSettings, poses: Floats) -> int:
     passes = settings.max_passes if settings.target_error is not None else 1
-    samples = len(poses) * camera.width * camera.height * settings.samples_per_pixel * passes
-    if samples < FEWEST_SAMPLES:
-        return
-    sky, guide = sky_of(loaded), None
-    with step("finding where light comes from"):
-        if sky and lighting:
-            guide = open_sky(loaded, lighting, camera, poses, samples, seed)
-        if guide:
-            sky.directions = guide
-            weigh_sky(loaded, 1.0)
-        if split:
-            split.shares = fitted_shares(split, camera, settings, poses, seed)
+    pixels = len(poses) * camera.width * camera.height
+    return pixels * settings.samples_per_pixel * passes
+
+
+def pays(camera: Camera, settings: RenderSettings, poses: Floats) -> bool:
+    """True if light paths should adapt to a sequence at poses (T, 4, 4)."""
+    return _samples(camera, settings, poses) >= _FEWEST_SAMPLES
+
+
+def guided(
+    whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
+) -> LoadedScene:
+    """Scene with a guide for a sequence at poses (T, 4, 4), if one helps.
+
+    A scene at rest may be another's too, so it is copied, with the same shapes.
+    """
+    scene, loaded, sky = whole.scene, whole.loaded, sky_of(whole.loaded)
+    if not (sky and scene.lighting):
+        return whole
+    samples = _samples(camera, settings, poses)
+    with step("looking where the sky is seen"):
+        guide = open_sky(loaded, scene.lighting, camera, poses, samples, seed)
+    if guide is None:
+        return whole
+    if scene.is_moving:
+        parameters = mi.traverse(loaded)
+        parameters["sky.sampling_weight"] = 1.0
+        parameters.update()
+    else:
+        loaded = of_shapes(loaded.shapes(), scene.lighting)
+    sky_of(loaded).aim(guide)
+    return LoadedScene(scene, whole.meshes, loaded)
 
 
 def fitted_shares(

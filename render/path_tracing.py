@@ -18,7 +18,7 @@ from megalopta.render import Bands, shading
 from megalopta.render.film import Look, developed, lens_of, pixel_means
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import Air, Layers, LoadedScene, MeshIndex
-from megalopta.render.loading.sky import sky_of, weigh_sky
+from megalopta.render.loading.sky import sky_of
 from megalopta.render.mitsuba_loader import PlugIn, dr, is_scalar, mi, registered
 from megalopta.render.settings import RenderSettings, part_seed
 from megalopta.scenes.scene import Scene
@@ -64,6 +64,12 @@ class _KeyedSampler(PlugIn):
         pcg32: Any = mi.PCG32
         self.generator = pcg32(1, state, stream)
 
+    def clone(self) -> Any:
+        pcg32: Any = mi.PCG32
+        copy = keyed_sampler()
+        copy.generator = pcg32(self.generator)
+        return copy
+
     def schedule_state(self) -> None:
         dr.schedule(self.generator)
 
@@ -82,6 +88,8 @@ def keyed_sampler() -> Any:
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
 """Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in
 place of Mitsuba's 5 costs a third and adds a tenth of noise."""
+_MOST_RECORDINGS = 4
+"""Recordings of the loop that are kept, and number of them after which a failure ends recording."""
 
 
 class LightPaths:
@@ -94,6 +102,17 @@ class LightPaths:
     def __init__(self, max_depth: int, layers: Layers | None = None) -> None:
         self._max_depth = dr.opaque(mi.UInt32, max_depth)
         self._layers = layers
+        # Python traces the loop once; later frames launch its kernels. Only the kinds of objects
+        # among the arguments may be called.
+        kinds = [dr.zeros(kind) for kind in (mi.ShapePtr, mi.BSDFPtr, mi.EmitterPtr)]
+        self._trace: Any = dr.freeze(
+            _traced, state_fn=lambda *_: kinds, limit=_MOST_RECORDINGS, warn_after=10**6
+        )
+
+    def move_to(self, time_s: float) -> None:
+        """Trace the loop for every frame from here on: a recording has objects where they were."""
+        self._trace.clear()
+        self._trace.enabled = False
 
     def radiance(
         self, scene: Any, sampler: Any, rays: Any, active: Any | None = None
@@ -109,54 +128,70 @@ class LightPaths:
         dr.eval()
         first: Any = mi.Ray3f(origin, rays.d)
         first.wavelengths = rays.wavelengths
-        try:
-            light, valid = self._traced(scene, sampler, first, active)
-        except RuntimeError as problem:  # Dr.Jit's, also for Ctrl-C in the loop
-            if isinstance(problem.__cause__, KeyboardInterrupt):
-                raise KeyboardInterrupt from problem
-            raise
+        scenes = self._layers.scenes if self._layers else (scene,)
+        for trace, numbers in (self._trace, sampler), (_traced, sampler.clone()):
+            try:
+                light, valid = trace(scene, scenes, self._max_depth, numbers, first, active)
+                break
+            except RuntimeError as problem:
+                if _is_interrupt(problem):
+                    raise KeyboardInterrupt from problem
+                if trace is _traced:
+                    raise
+                # Mitsuba made tables while it was recorded, as it may not; next time, there are.
+                self._trace.enabled &= self._trace.n_recordings < _MOST_RECORDINGS
         dr.eval(light, valid)
         return light, valid
 
-    @dr.syntax
-    def _traced(self, scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any]:
-        context = mi.BSDFContext()
-        light, throughput = mi.Spectrum(0.0), mi.Spectrum(1.0)
-        eta, depth, valid = mi.Float(1.0), mi.UInt32(0), mi.Bool(False)
-        before, before_pdf = dr.zeros(mi.SurfaceInteraction3f), mi.Float(1.0)
-        before_delta = mi.Bool(True)
-        layers = self._layers or Layers(scene)
-        while active:
-            hit = layers.ray_intersect_preliminary(ray, active=active)
-            point = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
-            shining = _shining(scene, point, before, before_pdf, before_delta)
-            light = dr.fma(throughput, shining, light)
-            goes_on = (depth + 1 < self._max_depth) & point.is_valid() & active
-            surface = point.bsdf(ray)
-            smooth = goes_on & mi.has_flag(surface.flags(), mi.BSDFFlags.Smooth)
-            toward, weight = scene.sample_emitter_direction(point, sampler.next_2d(), False, smooth)
-            smooth &= toward.pdf != 0
-            smooth &= ~layers.ray_test(point.spawn_ray_to(toward.p), smooth)
-            value, pdf, drawn, drawn_weight = surface.eval_pdf_sample(
-                context, point, point.to_local(toward.d), sampler.next_1d(), sampler.next_2d(),
-                goes_on,
-            )  # fmt: skip
-            share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
-            light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
-            ray = point.spawn_ray(point.to_world(drawn.wo))
-            throughput *= drawn_weight
-            eta *= drawn.eta
-            valid |= active & point.is_valid()
-            before, before_pdf = point, drawn.pdf
-            before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
-            depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
-            most: Any = dr.max(throughput)
-            stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
-            roulette = depth >= ROULETTE_DEPTH
-            throughput = dr.select(roulette, throughput * dr.rcp(stays), throughput)
-            survives = sampler.next_1d() < stays
-            active = goes_on & (~roulette | survives) & (most != 0)
-        return light, valid
+
+def _is_interrupt(problem: BaseException | None) -> bool:
+    """True if Ctrl-C is at the root of a problem."""
+    while problem and not isinstance(problem, KeyboardInterrupt):
+        problem = problem.__cause__
+    return problem is not None
+
+
+@dr.syntax
+def _traced(
+    scene: Any, scenes: Any, max_depth: Any, sampler: Any, ray: Any, active: Any
+) -> tuple[Any, Any]:
+    context = mi.BSDFContext()
+    light, throughput = mi.Spectrum(0.0), mi.Spectrum(1.0)
+    eta, depth, valid = mi.Float(1.0), mi.UInt32(0), mi.Bool(False)
+    before, before_pdf = dr.zeros(mi.SurfaceInteraction3f), mi.Float(1.0)
+    before_delta = mi.Bool(True)
+    layers = Layers(*scenes)
+    while active:
+        hit = layers.ray_intersect_preliminary(ray, active=active)
+        point = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        shining = _shining(scene, point, before, before_pdf, before_delta)
+        light = dr.fma(throughput, shining, light)
+        goes_on = (depth + 1 < max_depth) & point.is_valid() & active
+        surface = point.bsdf(ray)
+        smooth = goes_on & mi.has_flag(surface.flags(), mi.BSDFFlags.Smooth)
+        toward, weight = scene.sample_emitter_direction(point, sampler.next_2d(), False, smooth)
+        smooth &= toward.pdf != 0
+        smooth &= ~layers.ray_test(point.spawn_ray_to(toward.p), smooth)
+        value, pdf, drawn, drawn_weight = surface.eval_pdf_sample(
+            context, point, point.to_local(toward.d), sampler.next_1d(), sampler.next_2d(),
+            goes_on,
+        )  # fmt: skip
+        share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
+        light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
+        ray = point.spawn_ray(point.to_world(drawn.wo))
+        throughput *= drawn_weight
+        eta *= drawn.eta
+        valid |= active & point.is_valid()
+        before, before_pdf = point, drawn.pdf
+        before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
+        depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
+        most: Any = dr.max(throughput)
+        stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
+        roulette = depth >= ROULETTE_DEPTH
+        throughput = dr.select(roulette, throughput * dr.rcp(stays), throughput)
+        survives = sampler.next_1d() < stays
+        active = goes_on & (~roulette | survives) & (most != 0)
+    return light, valid
 
 
 def _shining(scene: Any, point: Any, before: Any, pdf: Any, delta: Any) -> Any:
@@ -193,6 +228,10 @@ class BandPaths:
     def __init__(self, bands_nm: Bands, max_depth: int, layers: Layers | None = None) -> None:
         self._bands = bands_nm
         self._paths, self._sampler = LightPaths(max_depth, layers), keyed_sampler()
+
+    def move_to(self, time_s: float) -> None:
+        """Expect that objects are elsewhere from here on."""
+        self._paths.move_to(time_s)
 
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
         """Radiance of each band along those of N rays that are active and hit something; else 0.
@@ -250,7 +289,7 @@ class SplitPaths:
     def __init__(
         self, whole: LoadedScene, settings: RenderSettings, layers: Layers | None = None
     ) -> None:
-        scene, meshes, loaded = whole
+        scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         assert scene.lighting is not None
         self._loaded, self._depth = loaded, settings.max_depth
         self._layers = layers or Layers(loaded)
@@ -268,8 +307,6 @@ class SplitPaths:
         self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
         self.shares = (1, 1 / 4 if sun else 1, 1 / 16)
-        if sun and sky_of(loaded):
-            weigh_sky(loaded, 0.0)  # in forests chance finds it with less noise
 
     # Found anew: a scene in a cycle of references would be freed while paths are traced.
     @property
@@ -282,6 +319,7 @@ class SplitPaths:
     def move_to(self, time_s: float) -> None:
         """Move objects to a time, where a copy of theirs is traced."""
         self._layers.move_to(time_s)
+        self._paths.move_to(time_s)
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹."""
@@ -357,7 +395,9 @@ class PathIntegrator:
             self._trace = LightPaths(max_depth)
 
     def move_to(self, time_s: float) -> None:
-        """Do nothing: no state depends on the time."""
+        """Expect that objects are elsewhere from here on."""
+        if isinstance(self._trace, LightPaths):
+            self._trace.move_to(time_s)
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, W·m⁻²·sr⁻¹·nm⁻¹.

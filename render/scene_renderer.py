@@ -13,9 +13,9 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
-from megalopta.render.guiding import adapt
-from megalopta.render.loading.meshes import leaf_clusters, merge
-from megalopta.render.loading.scene import LoadedScene, MovingScene, fill, is_layered, load_scene
+from megalopta.render.guiding import fitted_shares, guided, pays
+from megalopta.render.loading.meshes import leaf_clusters
+from megalopta.render.loading.scene import MovingScene, fill, is_layered, whole_scene
 from megalopta.render.mitsuba_loader import activate, is_scalar
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator, SplitPaths, can_split
@@ -74,9 +74,9 @@ class SceneRenderer:
         activate(self.variant)
         scene.check_bands(settings.bands_nm)
         scene = under_panorama(scene)
-        meshes = merge(scene)
-        loaded = load_scene(scene, meshes)
-        loaded_scene = LoadedScene(scene, meshes, loaded)
+        is_plain = settings.integrator == "plain"
+        whole = self._whole = whole_scene(scene, is_plain)
+        meshes, loaded = whole.meshes, whole.loaded
         self._scene, self._loaded = scene, loaded
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
@@ -93,27 +93,29 @@ class SceneRenderer:
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
         else:
-            places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
+            local = np.zeros((0, 4, 4)) if poses is None else self._local(poses)
+            its_seed, places = bake_seed(seed), local[:, :3, 3]
+            adapts = pays(camera, settings, local) and not (is_plain or scene.haze or is_scalar())
+            if adapts:
+                whole = self._whole = guided(whole, camera, settings, local, its_seed)
+                self._loaded = whole.loaded
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
             exposing = split = None
-            is_plain = settings.integrator == "plain"
             if can_split(scene, meshes) and not is_plain:
-                integrator = split = SplitPaths(loaded_scene, settings)
+                integrator = split = SplitPaths(whole, settings)
+                if adapts:
+                    split.shares = fitted_shares(split, camera, settings, local, its_seed)
                 if is_layered(meshes):
-                    layers = MovingScene(meshes, loaded, geometry.still)
-                    exposing = SplitPaths(loaded_scene, settings, layers)
-            if poses is not None and not (air or is_plain or is_scalar()):
-                local, its_seed = self._local(poses), bake_seed(seed)
-                adapt(loaded_scene, split, camera, settings, local, its_seed)
-            if split and exposing:
-                exposing.shares = split.shares
+                    layers = MovingScene(meshes, whole.loaded, geometry.still)
+                    exposing = SplitPaths(whole, settings, layers)
+                    exposing.shares = split.shares
             if poses is not None and not reason:
-                baked = BakedLightIntegrator(loaded_scene, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:
                     integrator, exposing = baked, None
-            self._view = SurfaceView(loaded_scene, camera, settings, integrator, exposing, air)
+            self._view = SurfaceView(whole, camera, settings, integrator, exposing, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

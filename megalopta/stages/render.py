@@ -127,6 +127,7 @@ class FrameWriter:
             self._renderer = SceneRenderer(
                 scene, settings.camera, settings.render, poses, seed, seen_s
             )
+        self._work = "compiling and rendering radiance"  # of the first frame
         self._kinds, self._origin_m, self._notes = scene.kinds, scene.origin_m, scene.notes
         if "classes" in settings.labels and len(self._kinds) > labels.MOST_CLASSES:
             raise UserError(
@@ -188,12 +189,11 @@ class FrameWriter:
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
         settings, renderer, frame = self._settings, self._renderer, dataset.frame
         camera, seed = settings.camera, settings.seed
-        with step("rendering radiance"):
-            radiance, noise = self._until_good(
-                index,
-                lambda number: renderer.radiance(pose, frame_seed(seed, index, number), time),
-                lambda number: renderer.measured(pose, frame_seed(seed, index, number), time),
-            )
+        radiance, noise = self._until_good(
+            index,
+            lambda number: renderer.radiance(pose, frame_seed(seed, index, number), time),
+            lambda number: renderer.measured(pose, frame_seed(seed, index, number), time),
+        )
         with step("tracing truth"):
             truth = renderer.truth(self._poses, index, self._times_s)
         attributes = {
@@ -253,12 +253,11 @@ class FrameWriter:
         dataset, settings, renderer = self._dataset, self._settings, self._renderer
         path, shutter = settings.trajectory, settings.shutter
         frame = path, shutter, index, settings.seed
-        with step("rendering radiance"):
-            radiance, noise = self._until_good(
-                index,
-                lambda number: renderer.exposed(*frame, number),
-                lambda number: renderer.exposed_measured(*frame, number),
-            )
+        radiance, noise = self._until_good(
+            index,
+            lambda number: renderer.exposed(*frame, number),
+            lambda number: renderer.exposed_measured(*frame, number),
+        )
         times = {
             "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
         }  # fmt: skip
@@ -278,10 +277,12 @@ class FrameWriter:
         measure_pass: Callable[[int], MeasuredPass],
     ) -> tuple[NDArray[np.float32], RenderNoise | None]:
         """Render a frame in as many passes as its target needs; return it and its error."""
-        settings = self._settings.render
-        if settings.target_error is None:
-            return render_once(render_pass, None if index % MEASURED_EVERY else measure_pass)
-        return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
+        settings, work, self._work = self._settings.render, self._work, "rendering radiance"
+        with step(work):
+            if settings.target_error is None:
+                return render_once(render_pass, None if index % MEASURED_EVERY else measure_pass)
+            target, most = settings.target_error, settings.max_passes
+            return render_until(render_pass, measure_pass, target, most)
 
 
 def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:

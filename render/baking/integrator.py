@@ -47,7 +47,7 @@ class BakedLightIntegrator:
     def __init__(
         self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
     ) -> None:
-        scene, meshes, loaded = whole
+        scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         self._bands = settings.bands_nm
         self._paths = BandPaths(self._bands, settings.max_depth)
         self._moving = Neighborhood(meshes)
@@ -102,6 +102,7 @@ class BakedLightIntegrator:
     def move_to(self, time_s: float) -> None:
         """Update the positions of moving objects to a time."""
         self._moving.move_to(time_s)
+        self._paths.move_to(time_s)
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) at a sensor, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""

@@ -4,7 +4,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import repeat
-from typing import Any, NamedTuple
+from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.bounded import printable, quoted
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
-from megalopta.render.loading.meshes import MergedMesh, MovingMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh, merge
 from megalopta.render.loading.sky import sky_light
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.scenes.material import Material
@@ -30,7 +31,8 @@ _PLACE = re.compile(
 """Part of Mitsuba's messages that says where in a nested description."""
 
 
-class LoadedScene(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LoadedScene:
     """Scene with its loaded Mitsuba version."""
 
     scene: Scene
@@ -39,7 +41,26 @@ class LoadedScene(NamedTuple):
     """Mitsuba's scene of the meshes, in order."""
 
 
-def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
+_IN_USE: WeakValueDictionary[tuple[int, str, bool], LoadedScene] = WeakValueDictionary()
+
+
+def whole_scene(scene: Scene, is_plain: bool) -> LoadedScene:
+    """Load a scene, or return it as loaded for another renderer, plain or not, if nothing moves.
+
+    Kernels hold Dr.Jit's numbers of shapes: for a second copy they would be compiled again.
+    """
+    key = id(scene), str(mi.variant()), is_plain
+    whole = None if scene.is_moving else _IN_USE.get(key)
+    if whole is None:
+        meshes = merge(scene)
+        # Under a sun, paths find the sky by chance: in forests with half of the variance.
+        weight = float(is_plain or not (scene.lighting and scene.lighting.sun))
+        loaded = load_scene(scene, meshes, weight)
+        whole = _IN_USE[key] = LoadedScene(scene, meshes, loaded)
+    return whole
+
+
+def load_scene(scene: Scene, meshes: Sequence[MergedMesh], sky_weight: float = 1.0) -> Any:
     """Load scene data into Mitsuba; the active variant must be a spectral one."""
     shapes = []
     for mesh in meshes:
@@ -49,13 +70,15 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
             glow = {"type": "area", "radiance": emission(material.emission)}
             parts = {"mesh_emitter": mi.load_dict(glow), **parts}
         shapes.append(load_mesh(mesh, **parts))
-    return of_shapes(shapes, scene.lighting)
+    return of_shapes(shapes, scene.lighting, sky_weight)
 
 
-def of_shapes(shapes: Sequence[Any], lighting: Lighting | None = None) -> Any:
+def of_shapes(
+    shapes: Sequence[Any], lighting: Lighting | None = None, sky_weight: float = 1.0
+) -> Any:
     """Return a scene of loaded shapes, in order, under a light."""
     parts: dict[str, Any] = {"type": "scene"}
-    sky = sky_light(lighting) if lighting else None
+    sky = sky_light(lighting, sky_weight) if lighting else None
     if sky is not None:
         parts["sky"] = sky
     if lighting and lighting.sun:

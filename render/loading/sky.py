@@ -23,13 +23,13 @@ class SkyPatterns:
     """Patterns of a sky, evaluated along directions."""
 
     def __init__(self, patterns: Sequence[SkyPattern]) -> None:
-        self._textures = [mi.load_dict(bitmap(sky.pattern)) for sky in patterns]
+        self.textures = [mi.load_dict(bitmap(sky.pattern)) for sky in patterns]
         self._rows = [len(sky.pattern) for sky in patterns]
 
     def toward(self, direction: Any, active: Any) -> list[Any]:
         """Value of each pattern in directions; constant beyond its first and last row."""
         place, values = place_of(direction), []
-        for texture, rows in zip(self._textures, self._rows, strict=True):
+        for texture, rows in zip(self.textures, self._rows, strict=True):
             half, at = 0.5 / rows, _zeros(mi.SurfaceInteraction3f)
             at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
             values.append(texture.eval_1(at, active))
@@ -48,6 +48,8 @@ def _zeros(kind: Any) -> Any:
 
 class EvenDirections:
     """Random directions all around."""
+
+    tables: tuple[Any, ...] = ()
 
     def sample(self, point: Any, sample: Any, active: Any) -> tuple[Any, Any]:
         """Return a direction for two random numbers, and its density per solid angle."""
@@ -71,6 +73,7 @@ class BrightDirections:
         sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
         chances = np.asarray(chance * sine[:, None] / chance.max(), np.float32)
         self._texels = mi.DiscreteDistribution2D(chances)
+        self.tables = [self._texels]
         self._rows, self._columns = chances.shape
 
     def sample(self, point: Any, sample: Any, active: Any) -> tuple[Any, Any]:
@@ -94,25 +97,22 @@ class BrightDirections:
         return self._rows * self._columns / (2 * dr.pi**2 * sine)
 
 
-def sky_light(lighting: Lighting) -> Any:
-    """Mitsuba emitter of a sky, in the active variant; None if it is dark."""
+def sky_light(lighting: Lighting, weight: float) -> Any:
+    """Mitsuba emitter of a sky, in the active variant; None if it is dark.
+
+    `weight` says how often light paths look for it, over how often for the sun.
+    """
     if not (lighting.patterns or max(lighting.sky.values)):
         return None
     if is_scalar() and not lighting.patterns:  # Python is called for each ray
-        return mi.load_dict({"type": "constant", "radiance": spectrum(lighting.sky)})
-    return plug_in(_Sky)(lighting)
+        even = {"type": "constant", "radiance": spectrum(lighting.sky)}
+        return mi.load_dict({**even, "sampling_weight": weight})
+    return plug_in(_Sky)(lighting, weight)
 
 
 def sky_of(scene: Any) -> Any:
-    """Sky of a loaded scene, whose `directions` may be set; None without one."""
+    """Sky of a loaded scene, to be aimed; None without one."""
     return next((light for light in scene.emitters() if hasattr(light, "directions")), None)
-
-
-def weigh_sky(scene: Any, weight: float) -> None:
-    """Set how often light paths in a loaded scene look for the sky, over how often for the sun."""
-    parameters = mi.traverse(scene)
-    parameters["sky.sampling_weight"] = weight
-    parameters.update()
 
 
 class _Sky(PlugIn):
@@ -120,14 +120,21 @@ class _Sky(PlugIn):
 
     base = "Emitter"
 
-    def __init__(self, lighting: Lighting) -> None:
-        self.above.__init__(self, mi.Properties())
+    def __init__(self, lighting: Lighting, weight: float) -> None:
+        properties: Any = mi.Properties()
+        properties["sampling_weight"] = weight
+        self.above.__init__(self, properties)
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
-        uneven = bool(lighting.patterns)
-        self.directions: Any = BrightDirections(lighting) if uneven else EvenDirections()
         self.even = mi.load_dict(spectrum(lighting.sky))
         self.spectra = [mi.load_dict(spectrum(part.radiance)) for part in lighting.patterns]
         self.patterns = SkyPatterns(lighting.patterns)
+        self.aim(BrightDirections(lighting) if lighting.patterns else EvenDirections())
+
+    def aim(self, directions: Any) -> None:
+        """Set the random directions in which light paths look for the sky."""
+        self.directions = directions
+        # Dr.Jit looks only here for what a recorded function reads.
+        self.held = [*directions.tables, *self.patterns.textures]
 
     def toward(self, at: Any, direction: Any, active: Any) -> Any:
         """Radiance from a direction, at the wavelengths of a point."""
