@@ -15,6 +15,7 @@ from megalopta.camera.sources import Beam, Source, read_recorded
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.progress import step
 from megalopta.report.sections import Section
 from megalopta.report.text import number
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
@@ -59,14 +60,13 @@ def calibrate_recordings(
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
     calibration_of = _of_recorded_codes if True in kinds else _of_recorded_counts
-    with refused_as("calibrate"):
+    with refused_as("calibrate"), step(f"estimating pixels from {len(sources)} recordings"):
         calibration, shape, steps = calibration_of(sources, beam, preset(base))
     write_device(out, calibration, base)
-    standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
-    sections = [*calibration.sections, standard]
-    pages.write_page(
-        out.with_suffix(".html"), calibration.summary, calibration.quantities, sections
-    )
+    with step("figures of EMVA 1288"):
+        standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
+    sections, page = [*calibration.sections, standard], out.with_suffix(".html")
+    pages.write_page(page, calibration.summary, calibration.quantities, sections)
     return calibration.summary
 
 

@@ -23,7 +23,7 @@ from megalopta.cli.command import (
     within,
 )
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.progress import say
+from megalopta.core.progress import say, step
 
 if TYPE_CHECKING:
     from megalopta.camera.emulator import Film
@@ -198,7 +198,7 @@ def _tags(options: Namespace) -> list[Path]:
     from megalopta.camera.measurements import write_measurements
     from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
-    with refused_as("spadcam tags"):
+    with refused_as("spadcam tags"), step("measuring rates, afterpulses and crosstalk"):
         if options.linospad2:
             tags = read_linospad2(options.tags, options.linospad2, options.per_cycle)
         else:

@@ -1,11 +1,14 @@
-"""Progress of long work: share done, time left, current step.
+"""Progress of long work: stage, share done, time left.
 
-A terminal shows it on its last line, with a bar; elsewhere it is a line every ten seconds.
+A terminal shows it on its last line, with a bar; elsewhere it is a line every ten seconds, the
+first after two. Time left never grows: it says "over 4:00" where steps turn out to be slower.
 """
 
+import math
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -13,16 +16,66 @@ from typing import Any
 
 from megalopta.core.bounded import sentence
 
-INTERVAL_S = 10.0
-"""Interval of lines without a terminal (s)."""
-STATUS_S = 1.0
+INTERVAL_S, FIRST_S = 10.0, 2.0
+"""Interval of lines without a terminal, and time of the first; shorter work prints none (s)."""
+STATUS_S = 0.5
 """Interval of updates on a terminal (s)."""
+_SLOWER = 1.2
+"""Growth of an estimate that is told"""
+clock = time.monotonic
 
 # What this process works on, the outermost first; the innermost is shown.
 _speakers: list[object] = []
 _silences: list[object] = []
 _steps: list[str] = []
 _shares: list[Callable[[], str]] = []
+_told_s = -math.inf  # when the last line was printed
+
+
+class Pace:
+    """Share and time left of counted steps, such as "34 % of 300 frames · 1:24 left"."""
+
+    def __init__(self, total: int, unit: str) -> None:
+        self.done, self._total, self._unit = 0, total, unit
+        self._start_s = clock()
+        self._counted = deque([(self._start_s, 0)])  # times, and steps done by then
+        self._least_s = math.inf
+
+    def count(self, steps: int = 1) -> None:
+        """Count steps as done."""
+        self.done += steps
+        self._counted.append((clock(), self.done))
+        middle_s = (self._start_s + clock()) / 2
+        while len(self._counted) > 2 and self._counted[1][0] <= middle_s:
+            self._counted.popleft()
+
+    @property
+    def share(self) -> float:
+        """Share that is done."""
+        return self.done / max(self._total, 1)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the first step began."""
+        return clock() - self._start_s
+
+    def __str__(self) -> str:
+        """Return share and time left, at the pace of the last half of the time.
+
+        Steps that were kept from an earlier run take no time, and say nothing of those to come. A
+        step that takes longer than the others does not lengthen the time left.
+        """
+        text = f"{math.floor(100 * self.share)} % of {self._total} {self._unit}s · "
+        (before_s, before), (last_s, done) = self._counted[0], self._counted[-1]
+        since_s = clock() - last_s
+        if done == before or last_s - self._start_s <= since_s / 2:
+            return f"{text}{clock_time(self.elapsed_s)} so far"
+        step_s = (last_s - before_s) / (done - before)
+        left_s = max(step_s * (self._total - done) - min(since_s, step_s), 0.0)
+        self._least_s = min(self._least_s, left_s)
+        if left_s <= _SLOWER * self._least_s + 1:
+            return f"{text}{clock_time(self._least_s)} left"
+        return f"{text}{clock_time(self.elapsed_s)} so far, over {clock_time(self._least_s)} left"
 
 
 def say(text: str) -> None:
@@ -54,27 +107,18 @@ def step(name: str) -> Iterator[None]:
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Callable[..., None]]:
     """Show the share of `total` steps that the yielded function counted; at the end, the time."""
-    done, start = 0, time.monotonic()
-    last = start
-
-    def count(steps: int = 1) -> None:
-        nonlocal done, last
-        done, last = done + steps, time.monotonic()
-
-    def share() -> str:
-        now = time.monotonic()
-        return progress_line(done, total, unit, last - start, now - last)
-
+    pace = Pace(total, unit)
     if _silences:
-        _shares.append(share)
+        _shares.append(pace.__str__)
         try:
-            yield count
+            yield pace.count
         finally:
-            _shares.remove(share)
+            _shares.remove(pace.__str__)
         return
-    with working(description, share, lambda: done / max(total, 1)):
-        yield count
-    say(f"{description}: {total} {unit}s in {time.monotonic() - start:.1f} s")
+    with working(description, pace.__str__, lambda: pace.share):
+        yield pace.count
+    if pace.elapsed_s >= FIRST_S:
+        say(f"{description}: {total} {unit}s in {pace.elapsed_s:.1f} s")
 
 
 @contextmanager
@@ -88,20 +132,25 @@ def working(
     Its state is by default the time since it began. Without a `share` of it that is done, a
     terminal shows it only during a step.
     """
+    global _told_s
     if _silences:
         yield
         return
-    is_terminal, over, start = sys.stderr.isatty(), threading.Event(), time.monotonic()
+    _told_s = _told_s if _speakers else -math.inf
+    is_terminal, over, start_s = sys.stderr.isatty(), threading.Event(), clock()
 
     def speak() -> None:
-        while not over.wait(STATUS_S if is_terminal else INTERVAL_S):
-            if _speakers[-1] is not over:
+        global _told_s
+        while not over.wait(STATUS_S):
+            is_early = clock() < max(start_s + FIRST_S, _told_s + INTERVAL_S)
+            if _speakers[-1] is not over or (is_early and not is_terminal):
                 continue
             # another thread may remove the last of these
             now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
-            done = state() if state else f"at work for {duration(time.monotonic() - start)}"
+            done = state() if state else f"at work for {duration(clock() - start_s)}"
             line = f"{description}: {done}; {now}".removesuffix("; ")
             if not is_terminal:
+                _told_s = clock()
                 print(line, file=sys.stderr, flush=True)
             elif now or share() is not None:
                 bar, task = _bar()
@@ -121,20 +170,10 @@ def working(
         _speakers.remove(over)
 
 
-def progress_line(done: int, total: int, unit: str, elapsed_s: float, since_s: float = 0.0) -> str:
-    """Return share done and time left, such as "34 % of 300 frames · 1:24 left".
-
-    The last steps were done after `elapsed_s`, and `since_s` ago. A step that takes longer than the
-    others does not lengthen the time left.
-    """
-    text = f"{100 * done // max(total, 1)} % of {total} {unit}s"
-    seconds, meaning = elapsed_s + since_s, "so far"
-    if done and elapsed_s:
-        step_s = elapsed_s / done
-        seconds, meaning = step_s * (total - done) - min(since_s, step_s), "left"
-    minutes, seconds_left = divmod(max(round(seconds), 0), 60)
-    clock = f"{minutes}:{seconds_left:02}" if minutes < 120 else duration(seconds)
-    return f"{text} · {clock} {meaning}"
+def clock_time(seconds: float) -> str:
+    """Format a time as minutes and seconds, such as "9:36"; long ones as `duration`."""
+    minutes, rest_s = divmod(round(seconds), 60)
+    return f"{minutes}:{rest_s:02}" if minutes < 120 else duration(seconds)
 
 
 def duration(seconds: float) -> str:

@@ -204,13 +204,13 @@ def run(dataset: Dataset, work: Work, more: More | None = None) -> Dataset:
         marked = former.model_copy(update={**described, "stages": dict(work.todo)})
         files.write_text(dataset.begun_path, marked.to_json())
         try:
-            for name in work.todo:
+            for place, name in enumerate(work.todo, 1):
                 broken = damaged(replace(dataset, record=kept), name) if name in kept.stages else []
                 for path in sorted({whole_of(path, root) for path in broken}):
                     say(f"{name}: {path} is missing or damaged; recomputing")
                     files.remove(path)
                 start = time.perf_counter()
-                with step(name):
+                with step(f"stage {place} of {len(work.todo)}: {name}"):
                     STAGES[name].work(growing)
                 spent[name] = round(time.perf_counter() - start, 3)
             files.write_json(dataset.result("timings.json"), spent)

@@ -3,19 +3,37 @@
 import re
 import sys
 import time
+from functools import partial
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from megalopta.core import progress
-from megalopta.core.progress import progress_line, working
+from megalopta.core.progress import working
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
+def at(monkeypatch):
+    """Sets the time, s."""
+    now = [0.0]
+    monkeypatch.setattr(progress, "clock", lambda: now[0])
+    return partial(now.__setitem__, 0)
+
+
+@pytest.fixture
 def impatient(monkeypatch):
     monkeypatch.setattr(progress, "INTERVAL_S", 0.05)
+    monkeypatch.setattr(progress, "FIRST_S", 0.05)
+    monkeypatch.setattr(progress, "STATUS_S", 0.02)
 
 
-def test_a_single_long_step_is_told_at_intervals(capsys):
+def seconds_left(text):
+    minutes, _, seconds = re.search(r"(\d+(:\d\d)?) left", text)[1].partition(":")
+    return 60 * int(minutes) + int(seconds)
+
+
+def test_a_single_long_step_is_told_at_intervals(capsys, impatient):
     with progress.progress("Rendering", 3, "frame") as advance:
         time.sleep(0.2)
         advance()
@@ -27,19 +45,75 @@ def test_a_single_long_step_is_told_at_intervals(capsys):
     assert re.fullmatch(r"Rendering: 3 frames in [\d.]+ s", lines[-1])
 
 
-def test_a_line_shows_share_and_time_left():
-    assert progress_line(12, 300, "frame", 24) == "4 % of 300 frames · 9:36 left"
-    assert progress_line(1, 1001, "pair", 10) == "0 % of 1001 pairs · 3 hours left"
-    assert progress_line(0, 60, "pair", 130) == "0 % of 60 pairs · 2:10 so far"
+def test_a_line_is_told_after_two_seconds_and_then_every_ten(at, capsys, monkeypatch):
+    monkeypatch.setattr(progress, "STATUS_S", 0.02)
+    with working("calibrate"), progress.step("estimating pixels"):
+        for now_s in (1.9, 2.0, 11.9, 12.0):
+            at(now_s)
+            time.sleep(0.1)
+    assert capsys.readouterr().err == "".join(
+        f"calibrate: at work for {now_s} s; estimating pixels\n" for now_s in (2, 12)
+    )
 
 
-@pytest.mark.parametrize("since_s", [0, 5, 10, 60, 1e4])
-def test_a_long_step_does_not_lengthen_the_time_left(since_s):
-    left = progress_line(3, 10, "figure", 30, since_s).partition("· ")[2]
-    assert left == {0: "1:10 left", 5: "1:05 left"}.get(since_s, "1:00 left")
+def test_short_work_is_silent(at, capsys):
+    with working("sense"), progress.progress("Exposing sensors", 2, "frame") as advance:
+        advance(2)
+        at(1.9)
+    assert capsys.readouterr().err == ""
 
 
-def test_progress_of_silent_work_is_shown_with_its_step(capsys):
+@pytest.mark.parametrize(
+    ("total", "unit", "done", "seconds", "text"),
+    [
+        (300, "frame", 12, 24, "4 % of 300 frames · 9:36 left"),
+        (1001, "pair", 1, 10, "0 % of 1001 pairs · 3 hours left"),
+        (60, "pair", 0, 130, "0 % of 60 pairs · 2:10 so far"),
+    ],
+)
+def test_a_line_shows_share_and_time_left(at, total, unit, done, seconds, text):
+    pace = progress.Pace(total, unit)
+    at(seconds)
+    pace.count(done)
+    assert str(pace) == text
+
+
+def test_a_long_step_does_not_lengthen_the_time_left(at):
+    pace, told = progress.Pace(10, "figure"), []
+    at(30)
+    pace.count(3)
+    for since_s in (0, 5, 10, 50, 61):
+        at(30 + since_s)
+        told.append(str(pace).partition("· ")[2])
+    assert told == ["1:10 left", "1:05 left", "1:00 left", "1:00 left", "1:31 so far"]
+
+
+def test_time_left_never_grows_whatever_steps_take(at):
+    steps_s = np.random.default_rng(1).lognormal(0, 1.5, 400)
+    steps_s[:100] = 0  # kept from an earlier run
+    steps_s[200:] *= 20  # slower methods
+    pace, told = progress.Pace(steps_s.size, "case"), []
+    for end_s in np.cumsum(steps_s):
+        at(end_s)
+        pace.count()
+        if "left" in (text := str(pace)):
+            told.append(text)
+    left_s = [seconds_left(text) for text in told]
+    assert all(after <= before for before, after in pairwise(left_s))
+    assert any("so far, over" in text for text in told)
+    assert left_s[-1] == 0
+
+
+def test_steps_kept_from_an_earlier_run_shorten_no_estimate(at):
+    pace = progress.Pace(100, "case")
+    pace.count(50)
+    for done in range(1, 11):
+        at(60 * done)
+        pace.count()
+    assert str(pace) == "60 % of 100 cases · 40:00 left"
+
+
+def test_progress_of_silent_work_is_shown_with_its_step(capsys, impatient):
     with progress.progress("Making", 1, "sequence"), progress.silent(), progress.step("baking"):
         with progress.progress("Computing light", 4, "part") as advance:
             advance()
