@@ -38,13 +38,15 @@ IMAGE_SENSORS = _OURS | plug_ins("megalopta.sensors", _plugged_in, _OURS)
 """Presets of both kinds by name, including entry points of other packages."""
 
 
-def sensor_named(sensor: ImageSensor | str) -> ImageSensor:
-    """Return a sensor, or the one with a name. Raises ValueError for an unknown name."""
-    if not isinstance(sensor, str):
+def sensor_named(sensor: ImageSensor | str | Path) -> ImageSensor:
+    """Return a sensor, or the one with a name or of a YAML file. Raises ValueError if unknown."""
+    if not isinstance(sensor, str | Path):
         return sensor
-    if sensor not in IMAGE_SENSORS:
-        raise ValueError(f"sensor {sensor!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
-    return IMAGE_SENSORS[sensor]
+    if str(sensor).endswith((".yaml", ".yml")):
+        return load_sensor(sensor)
+    if str(sensor) not in IMAGE_SENSORS:
+        raise ValueError(f"sensor {str(sensor)!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+    return IMAGE_SENSORS[str(sensor)]
 
 
 def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int]) -> None:

@@ -20,7 +20,7 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.freshness import code_digest, digest
-from megalopta.core.progress import progress
+from megalopta.core.progress import progress, step
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
@@ -42,6 +42,7 @@ Rows: TypeAlias = Iterator[tuple[Any, ...]]
 """Rows of `table.samples`"""
 
 
+@step("ranking")
 def run_ranking(
     root: str | Path,
     out: str | Path,

@@ -117,10 +117,8 @@ def _demo(options: Namespace) -> Path:
     dataset = run_all(options.out, settings, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        with step("ranking"):
-            run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    with step("writing the report"):
-        return write_report(dataset)
+        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
+    return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:
@@ -282,6 +280,7 @@ VERBS["scene"] = Verb("export a scene")
     often=("scene.kind", "light.level", "camera.width", "camera.height", "render.bands_nm"),
     example="megalopta scene export demo --out out/scene.glb --frame 3",
 )
+@step("building the scene")
 def _export(options: Namespace) -> Path:
     from megalopta.config.model import load
     from megalopta.core import files

@@ -29,6 +29,7 @@ _speakers: list[object] = []
 _silences: list[object] = []
 _steps: list[str] = []
 _shares: list[Callable[[], str]] = []
+_between = "loading"  # what is said outside every step
 _told_s = -math.inf  # when the last line was printed
 
 
@@ -97,11 +98,13 @@ def silent() -> Iterator[None]:
 @contextmanager
 def step(name: str) -> Iterator[None]:
     """Name the work inside, for lines of progress."""
+    global _between
     _steps.append(name)
     try:
         yield
     finally:
         _steps.remove(name)
+        _between = f"after {name}"
 
 
 @contextmanager
@@ -129,8 +132,7 @@ def working(
 ) -> Iterator[None]:
     """Show at intervals that work continues, and its step, while nothing inside shows progress.
 
-    Its state is by default the time since it began. Without a `share` of it that is done, a
-    terminal shows it only during a step.
+    Its state is by default the time since it began. Outside every step, the last one is named.
     """
     global _told_s
     if _silences:
@@ -146,13 +148,14 @@ def working(
             if _speakers[-1] is not over or (is_early and not is_terminal):
                 continue
             # another thread may remove the last of these
-            now = ", ".join((*_steps[-1:], *(inner() for inner in _shares[-1:])))
             done = state() if state else f"at work for {duration(clock() - start_s)}"
+            steps = _steps[-1:] or ([] if state else [_between])
+            now = ", ".join((*steps, *(inner() for inner in _shares[-1:])))
             line = f"{description}: {done}; {now}".removesuffix("; ")
             if not is_terminal:
                 _told_s = clock()
                 print(line, file=sys.stderr, flush=True)
-            elif now or share() is not None:
+            else:
                 bar, task = _bar()
                 bar.start()
                 bar.update(task, description=line, completed=share() or 0, refresh=True)

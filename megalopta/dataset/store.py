@@ -19,6 +19,7 @@ from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import UserError, shell_command
 from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
 from megalopta.core.format_numbers import FORMATS, check_format
+from megalopta.core.progress import step
 from megalopta.dataset.record import SequenceRecord, read_record, stored_settings
 from megalopta.sensor import ImageSensor
 
@@ -313,6 +314,7 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
     return f"{sensor.name}-{level_text(level)}"
 
 
+@step("hashing files")
 def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
     """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
     hashes = {}

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from megalopta import __version__
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
-from megalopta.core.progress import duration
+from megalopta.core.progress import duration, step
 from megalopta.dataset.store import Dataset
 from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
@@ -46,6 +46,7 @@ _COLUMNS = Markup(
 )
 
 
+@step("drawing the report")
 def write_report(dataset: Dataset) -> Path:
     """Write DATASET/report.html from the finished stages; return its path.
 

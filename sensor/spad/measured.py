@@ -90,6 +90,17 @@ class MeasuredMaps(Effect, frozen=True):
         """True if there is a map."""
         return any(getattr(self, name) for name in type(self).model_fields if name != "fit")
 
+    @property
+    def shape(self) -> tuple[int, int] | None:
+        """Rows and columns that every map has; None without maps. Raises ValueError as `load`."""
+        files = {name: getattr(self, name) for name in type(self).model_fields if name != "fit"}
+        shapes = [
+            _map_of(file_content(file.path, f"measured.{name}"), file.path, name).shape
+            for name, file in files.items()
+            if file
+        ]
+        return (min(rows for rows, _ in shapes), min(x for _, x in shapes)) if shapes else None
+
     def load(self, shape: tuple[int, int]) -> dict[str, Floats]:
         """Read the maps that there are, for an image of (rows, columns) pixels.
 
