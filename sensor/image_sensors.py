@@ -42,11 +42,12 @@ def sensor_named(sensor: ImageSensor | str | Path) -> ImageSensor:
     """Return a sensor, or the one with a name or of a YAML file. Raises ValueError if unknown."""
     if not isinstance(sensor, str | Path):
         return sensor
-    if str(sensor).endswith((".yaml", ".yml")):
-        return load_sensor(sensor)
-    if str(sensor) not in IMAGE_SENSORS:
-        raise ValueError(f"sensor {str(sensor)!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
-    return IMAGE_SENSORS[str(sensor)]
+    name = str(sensor)
+    if name.endswith((".yaml", ".yml")):
+        return load_sensor(name)
+    if name not in IMAGE_SENSORS:
+        raise ValueError(f"sensor {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+    return IMAGE_SENSORS[name]
 
 
 def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int]) -> None:

@@ -104,7 +104,7 @@ def _sensor(options: Namespace) -> Path | str | None:
         Path,
     ),
     option("--out", "folder (default: out/view/NAME)", Path),
-    option("--sum K", "frames to sum", at_least(1), 1, dest="summed"),
+    option("--sum K", "frames to sum; of bursts binary frames", at_least(1), 1, dest="summed"),
     switch(
         "--invert",
         "show mean detections per frame, by inverting the sensor's response: −ln(1 − p) of binary "
@@ -120,6 +120,9 @@ def _sensor(options: Namespace) -> Path | str | None:
         "--fps HZ",
         "frames per second of the film (default: real time, if that can be followed)",
         positive,
+    ),
+    option(
+        "--rate HZ", "frames per second of a file that does not state it", positive, dest="rate_hz"
     ),
     option(
         "--format KIND",

@@ -149,14 +149,21 @@ def evenly_spaced(items: Sequence[Item], most: int) -> tuple[Item, ...]:
     return tuple(items[round(index * last / max(count - 1, 1))] for index in range(count))
 
 
+def every_nth(items: Sequence[Item], most: int) -> tuple[tuple[Item, ...], int]:
+    """Return every n-th of some items, at most `most` of them, and n."""
+    step = math.ceil(len(items) / most)
+    return tuple(items[::step]), step
+
+
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
     """Return the label of a frame, or of a sum of frames, with its time if known."""
     name = f"frame {frame + 1}" if summed == 1 else f"frames {frame + 1} to {frame + summed}"
     if times_s is None:
         return name
     period = float(times_s[-1] - times_s[0]) / max(len(times_s) - 1, 1)
-    decimals = max(2, math.ceil(-math.log10(period))) if period > 0 else 2
-    return f"{name} · {times_s[frame]:.{decimals}f} s"
+    unit, scale = ("ms", 1e3) if 0 < period < 1e-3 else ("s", 1.0)
+    decimals = max(2, math.ceil(-math.log10(period * scale))) if period > 0 else 2
+    return f"{name} · {scale * times_s[frame]:.{decimals}f} {unit}"
 
 
 Row = Sequence[tuple[str, Image.Image]]

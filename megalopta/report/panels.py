@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from megalopta.config.model import LightLevel
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import shell_command
+from megalopta.core.errors import UserError, shell_command
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
@@ -28,15 +28,17 @@ from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
-from megalopta.report.text import level_name, number, short, title
+from megalopta.report.text import every, level_name, number, short, title, with_error
 from megalopta.scenes import Pictures, ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
 from megalopta.sensor import ImageSensor, StoredFrames
+from megalopta.sensor.formats.products import product_path
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.stages.flow import responses_path
 from megalopta.stages.registry import STAGES
 from megalopta.stages.run import finished, has_output, require
+from megalopta.stages.sense import burst_frames
 
 MOST_FRAMES = 80
 """Of a page"""
@@ -91,11 +93,18 @@ class View:
     """By kind: light, readings, flow, motion; the darkest light of a sensor first"""
     rim: float | None = None
     """Speed of the full color, px per frame, if there is flow"""
+    burst: int = 1
+    """Frames to each rendered one: binary frames, if there are bursts"""
     sequence: Sequence | None = None
 
     def of(self, *kinds: str) -> list[Panel]:
         """Return the panels of these kinds."""
         return [panel for panel in self.panels if panel.kind in kinds]
+
+    def sampling(self, step: int) -> str:
+        """Say which frames are shown: "every 16th of 4096 frames"."""
+        text = f"{every(step * self.frames.step)} of {len(self.frames) * self.frames.step} frames"
+        return text if step * self.frames.step > 1 else "all frames"
 
     def player(self, frames: Listed[int], fps: float | None = None) -> sections.Player:
         """Return the slider of some of the frames, in real time where that can be followed."""
@@ -107,19 +116,37 @@ class View:
         return sections.Player(labels, self.shape, real_hz, fps)
 
 
-def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -> View:
+def rate_of(times_s: Floats | None) -> str:
+    """Return the rate of frames, such as " at 97.7 kHz"; "" if it is not known."""
+    if times_s is None or len(times_s) < 2 or times_s[-1] <= times_s[0]:
+        return ""
+    return f" at {with_error((len(times_s) - 1) / (times_s[-1] - times_s[0]), math.nan, 'Hz')}"
+
+
+def file_view(
+    path: Path,
+    treatment: Treatment,
+    kind: FrameKind | None = None,
+    rate_hz: float | None = None,
+) -> View:
     """Return the view of a recording, or of a file or folder of frames or events.
 
-    Raises UserError if it is none of these, is damaged, or does not allow the treatment.
+    `rate_hz`: frames per second of files that do not state it. Raises UserError if it is none of
+    these, is damaged, or does not allow the treatment.
     """
     readings = readings_of(path, kind).treated(treatment)
+    if rate_hz and readings.times_s is not None:
+        raise UserError(f"--rate {rate_hz:g}: {path} states its times; omit it")
+    if rate_hz:
+        readings = replace(readings, times_s=np.arange(readings.shape[0]) / rate_hz)
     total, rows, columns = readings.shape[:3]
     frames = range(0, total - treatment.summed + 1, treatment.summed)
     step = math.ceil(max(rows, columns) / LONGEST_SIDE_PX)
     frame_kind = "binary frames" if readings.is_binary else "frames"
+    rate = rate_of(readings.times_s)
     return View(
         title=path.resolve().name,
-        summary=f"{total} {frame_kind} of {columns} × {rows} pixels.",
+        summary=f"{total} {frame_kind} of {columns} × {rows} pixels{rate or ', at unknown times'}.",
         shape=(rows, columns),
         frames=frames,
         step=step,
@@ -139,30 +166,50 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
     has_truth = settings.scene.has_truth
     if has_truth:
         require(sequence.dataset, "render")
-    # the last frame has no next frame, and so no motion
-    end = min(len(sequence) - 1, len(sequence) - treatment.summed + 1)
-    frames = range(0, max(end, 1), treatment.summed)
     step = math.ceil(max(sequence.shape) / LONGEST_SIDE_PX)
-    shown = SequencePanels(sequence, frames, step, treatment)
-    exposures = settings.exposures if "sense" in shown.finished else ()
+    is_sensed, burst = "sense" in finished(sequence.dataset), 1
+    if is_sensed and "burst_npy" in settings.products:
+        burst = burst_frames(settings)
+    # the last frame has no next frame, and so no motion; of bursts, binary frames are summed
+    summed = 1 if burst > 1 else treatment.summed
+    end = max(min(len(sequence) - 1, len(sequence) - summed + 1), 1)
+    rendered = range(0, end, summed)
+    frames = (
+        range(0, burst * end - treatment.summed + 1, treatment.summed) if burst > 1 else rendered
+    )
+    shown = SequencePanels(sequence, rendered, step, replace(treatment, summed=summed))
+    exposures = settings.exposures if is_sensed else ()
     darkest_first = sorted(exposures, key=lambda exposure: illuminance_of(exposure[1]))
     panels = [shown.light, *(shown.readings(*exposure) for exposure in darkest_first)]
     panels += filter(None, (shown.found_flow(*exposure) for exposure in darkest_first))
     if shown.rim:
         panels.append(shown.motion("true flow" if has_truth else "flow of the clean pictures"))
-    caveat = "" if has_truth else _CAVEAT
+    caveat, times_s = "" if has_truth else _CAVEAT, sequence.times_s
+    summary = f"{len(sequence)} frames of {width} × {height} pixels{rate_of(times_s)}"
+    if burst > 1:
+        panels = [_held(panel, burst) for panel in panels]
+        of_bursts = [shown.burst(*exposure, treatment, frames) for exposure in darkest_first]
+        panels[1 + len(darkest_first) : 1 + len(darkest_first)] = of_bursts
+        times_s = np.add.outer(times_s, np.arange(burst) * times_s[1] / burst).ravel()
+        summary += f", {burst} binary frames in each{rate_of(times_s)}"
     return View(
         title=title(settings),
-        summary=f"{len(sequence)} frames of {width} × {height} pixels.{caveat}",
+        summary=f"{summary}.{caveat}",
         shape=sequence.shape,
         frames=frames,
         step=step,
-        times_s=sequence.times_s,
+        times_s=times_s,
         treatment=treatment,
         panels=tuple(panels),
         rim=shown.rim,
+        burst=burst,
         sequence=sequence,
     )
+
+
+def _held(panel: Panel, frames: int) -> Panel:
+    """Return a panel whose pictures stay for so many frames."""
+    return replace(panel, picture=lambda frame: panel.picture(frame // frames))
 
 
 class SequencePanels:
@@ -238,6 +285,14 @@ class SequencePanels:
         raw = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
         panel = readings_panel(raw.treated(self._treatment), self.frames, self.step)
         return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def burst(
+        self, sensor: ImageSensor, level: LightLevel, treatment: Treatment, frames: Listed[int]
+    ) -> Panel:
+        """Return the binary frames of a sensor. Raises UserError as `readings`."""
+        path = product_path(self.sequence.dataset.counts(sensor, level), "burst_npy")
+        panel = readings_panel(readings_of(path).treated(treatment), frames, self.step)
+        return replace(panel, name="burst", sensor=sensor.name, level=self._level(level))
 
     def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
         """Return the flow by the best method on an exposure; None if no velocity method ran."""

@@ -14,6 +14,7 @@ from megalopta.camera.recording import is_recording, open_recording
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.bounded import check_decoded, file_content, plain_array
 from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.dataset.opened import open_dataset
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
@@ -21,9 +22,12 @@ from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
 from megalopta.sensor.quantities import histogram
+from megalopta.stages.sense import burst_frames
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Suffixes of files that hold readings, or pictures"""
+_OF_DATASET = ".burst.npy", ".binary.npy"
+"""Ends of names of binary frames in a dataset, which states their size and rate"""
 _AT_ONCE = 2**23
 """Readings in memory"""
 
@@ -149,6 +153,12 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
             (HDF5_SIGNATURE, NPZ_SIGNATURE)
         ):
             return _of_events(path)
+        root = path.absolute().parent.parent.parent
+        if path.name.endswith(_OF_DATASET) and (root / "dataset.yaml").exists():
+            settings = open_dataset(root)[path.parent.name].configuration
+            in_frame = burst_frames(settings) if path.name.endswith(_OF_DATASET[0]) else 1
+            rate_hz = in_frame * settings.trajectory.frame_rate_hz
+            return _of_frames(path, kind, settings.camera.shape, rate_hz)
         return _of_frames(path, kind)
 
 
@@ -163,8 +173,14 @@ def read_mask(path: Path) -> Mask:
     return mask
 
 
-def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
-    first = read_frames(path, kind, frames=slice(0, 1))
+def _of_frames(
+    path: Path,
+    kind: FrameKind | None,
+    size: tuple[int, int] | None = None,
+    rate_hz: float | None = None,
+) -> ShownReadings:
+    """Return frames of this size and rate, which a file may state itself."""
+    first = read_frames(path, kind, shape=size, frames=slice(0, 1))
     shape = first.counts.shape[1:]
     if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
@@ -173,12 +189,15 @@ def _of_frames(path: Path, kind: FrameKind | None) -> ShownReadings:
     stack = read_frames(path, stated).counts if first.source == "tiff" else None
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        counts = read_frames(path, stated, frames=part).counts if stack is None else stack[part]
+        if stack is not None:
+            counts = stack[part]
+        else:
+            counts = read_frames(path, stated, shape=size, frames=part).counts
         return counts, np.zeros(counts.shape, np.bool_)
 
     times_s = None
-    if first.exposure_s is not None:
-        times_s = first.exposure_s * np.arange(first.total, dtype=np.float64)
+    if period_s := 1 / rate_hz if rate_hz else first.exposure_s:
+        times_s = period_s * np.arange(first.total, dtype=np.float64)
     is_binary = first.bit_depth == 1
     unit = "detections" if is_binary else "counts"
     return ShownReadings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)

@@ -55,6 +55,12 @@ def short(value: float) -> str:
     return shortened + text[len(digits) :]
 
 
+def every(step: int) -> str:
+    """Name a sampling: "every", "every 2nd", "every 16th"."""
+    suffix = {1: "st", 2: "nd", 3: "rd"}.get(step % 10 * (step // 10 % 10 != 1), "th")
+    return f"every {step}{suffix}" if step > 1 else "every"
+
+
 def percent(fraction: float | None) -> str:
     """Format a fraction as a percentage with two digits; 0 only if it is exactly zero."""
     if fraction is None or not math.isfinite(fraction):

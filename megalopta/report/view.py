@@ -53,6 +53,8 @@ class ViewOptions:
     """Frames per second; by default real time, where that can be followed"""
     kind: FrameKind | None = None
     """Format of a file that does not say it"""
+    rate_hz: float | None = None
+    """Frames per second of a file that does not state it"""
     with_rerun: bool = False
     """True to write view.rrd for the Rerun viewer"""
 
@@ -76,14 +78,15 @@ def view(
                 f"{thing}: many sequences have only a contact sheet; omit --sum and similar options"
             )
         return [write_contact_sheet(thing, SHOWN, folder)]
-    if is_dataset and options.kind:
-        raise UserError(f"{thing}: a dataset states its own format; omit --format {options.kind}")
+    if is_dataset and (options.kind or options.rate_hz):
+        name = "format" if options.kind else "rate"
+        raise UserError(f"{thing}: a dataset states its own {name}; omit --{name}")
     bad = read_mask(options.bad_pixels) if options.bad_pixels else None
     treatment = Treatment(options.summed, options.is_inverted, bad)
     if is_dataset:
         shown = sequence_view(thing, treatment)
     else:
-        shown = file_view(thing, treatment, options.kind)
+        shown = file_view(thing, treatment, options.kind, options.rate_hz)
     written = [write_rrd(folder / "view.rrd", shown)] if options.with_rerun else []
     page = _write_page(shown, folder / "view.html", options.fps)
     return [*_write_film(shown, folder, options.fps), page, *written]
@@ -110,7 +113,7 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     titles = [f"{panel.name}, {getattr(panel, varied)}".rstrip(", ") for panel in panels]
     notes = filter(None, dict.fromkeys([*constant[:1], *(panel.note for panel in panels)]))
     remarks = "".join(f" · {note}" for note in notes)
-    frames = images.evenly_spaced(shown.frames, _FILM_FRAMES)
+    frames, _ = images.every_nth(shown.frames, _FILM_FRAMES)
     player = shown.player(frames, fps)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
@@ -127,7 +130,9 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     """Write the page: one film of light and motion, and of the chosen sensor and level."""
     films = len(shown.of("readings")) + 2 * len(shown.of("light", "motion"))
     most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0])
-    frames, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
+    fitting, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
+    frames, apart = images.every_nth(shown.frames, len(fitting))
+    _, film_apart = images.every_nth(shown.frames, _FILM_FRAMES)
     sensors, levels = _exposures(shown)
     player = replace(shown.player(frames, fps), sensors=sensors, levels=levels)
     chosen = Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>')
@@ -143,7 +148,9 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
                 parts.append(block("", film))
             advance()
     body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
-    summary = [shown.summary]
+    summary = [shown.summary, f"The page shows {shown.sampling(apart)}."]
+    if film_apart < apart:
+        summary[1] = f"{summary[1][:-1]}, the film {shown.sampling(film_apart)}."
     if shown.of("readings"):
         summary.append(shown.treatment.description())
     if player.real_hz is not None:
@@ -151,17 +158,13 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
         ratio = f"{number(max(slower, 1 / slower))} times {'slower' if slower > 1 else 'faster'}"
         is_real = abs(slower - 1) < 0.02
         summary.append(f"It plays {'in real time' if is_real else f'{ratio} than in reality'}.")
-    total, filmed = len(shown.frames), min(len(shown.frames), _FILM_FRAMES)
     pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
-    extent = f"all {total}" if len(frames) == total else f"{len(frames)} of {total}"
-    film_has = f"; the film has {filmed}" if filmed > len(frames) else ""
     return write_sections(
         path,
         shown.title,
         " ".join(filter(None, summary)),
         [Section("Side by side" if len(parts) > 1 else "What was read", body=body)],
-        footer=f"Written by megalopta {__version__}. The page shows {pixels} and {extent} frames"
-        f"{film_has}.",
+        footer=f"Written by megalopta {__version__}. The page shows {pixels}.",
         player=player,
     )
 
@@ -201,6 +204,7 @@ def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str
     sequence, step = shown.sequence, shown.step
     if sequence is None:
         return
+    frame //= shown.burst
     pose, camera = sequence.poses[frame], ["world", "camera"]
     yield camera, rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
     if sequence.intrinsics is not None:  # a panorama has none
@@ -211,7 +215,7 @@ def _rerun_scene(rerun: Any, shown: View, frame: int) -> Iterator[tuple[list[str
         yield camera, rerun.Pinhole(image_from_camera=matrix, resolution=size, camera_xyz=axes)
     if sequence.configuration.scene.has_truth:
         (light,) = shown.of("light")
-        colors = np.asarray(light.picture(frame).convert("RGB")).reshape(-1, 3)
+        colors = np.asarray(light.picture(frame * shown.burst).convert("RGB")).reshape(-1, 3)
         position = read_truth_frame(sequence.dataset, frame).position[::step, ::step].reshape(-1, 3)
         known = np.flatnonzero(np.isfinite(position).all(axis=-1))
         known = known[:: max(1, math.ceil(known.size / _RERUN_POINTS))]

@@ -13,7 +13,7 @@ from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.scenes import Light, Pictures
-from megalopta.sensor import IMAGE_SENSORS, changed, ctia_preset, expose_rate, preset
+from megalopta.sensor import changed, ctia_preset, expose_rate, preset
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 PDE, DARK, CAPACITY = 0.25, 9.0, 1023
@@ -44,7 +44,7 @@ def test_a_counter_of_poisson_events_has_its_closed_forms():
 
 
 def test_readings_are_those_of_drawn_frames():
-    """Means and deviations of 4000 frames, at dead time 1/10 of the time between photons."""
+    """Means and deviations of 1000 frames, at dead time 1/10 of the time between photons."""
     device = changed(
         COUNTER,
         dark_counts={"bulk_sigma_hz_um2": 1.0},
@@ -54,12 +54,12 @@ def test_readings_are_those_of_drawn_frames():
     place = int(np.argmin(np.abs(sheet.curve.photons - 200)))
     shape, photons = (16, 16), sheet.curve.photons[place]
     rate_hz = PDE * photons / 1e-3 * draw_fixed_pattern(device, shape).efficiency_factor
-    light_hz = np.broadcast_to(rate_hz, (4000, *shape))
+    light_hz = np.broadcast_to(rate_hz, (1000, *shape))
     counts = expose_rate(light_hz, device, seed=0, stream="sheet").counts
     mean, sigma = np.median(counts.mean(axis=0)), np.median(counts.std(axis=0))
     # standard errors of medians over 256 pixels, five of them
-    assert sheet.curve.mean[place] == pytest.approx(mean, abs=5 * sigma / math.sqrt(4000 * 256 / 2))
-    assert sheet.curve.sigma[place] == pytest.approx(sigma, rel=5 / math.sqrt(2 * 4000 * 256 / 2))
+    assert sheet.curve.mean[place] == pytest.approx(mean, abs=5 * sigma / math.sqrt(1000 * 256 / 2))
+    assert sheet.curve.sigma[place] == pytest.approx(sigma, rel=5 / math.sqrt(2 * 1000 * 256 / 2))
 
 
 def test_light_levels_are_those_of_pictures():
@@ -82,8 +82,8 @@ def test_a_ctia_pixel_ends_at_its_swing():
     assert sheet.saturation_photons * sheet.pde == pytest.approx(0.9 * electrons, rel=0.1)
 
 
-def test_every_preset_has_a_sheet_of_text():
-    for name in set(IMAGE_SENSORS) - {"array-12x4"}:  # slower, and below
+def test_presets_have_a_sheet_of_text():
+    for name in ("ideal", "ctia_si", "webster-130nm"):
         sheet = data_sheet(name)
         assert all(map(all, (*figures(sheet), *at_levels(sheet))))
     assert math.isnan(data_sheet("ideal").saturation_photons)
@@ -118,7 +118,7 @@ def test_json_and_pictures(tmp_path, capsys):
     [
         ("nothing", None, "is unknown: use one of"),
         ("missing.yaml", None, "give the path of a device's YAML file"),
-        ("spadcam", 1500.0, "outside the curves of spadcam, 200 to 1100 nm"),
+        ("spadcam", 1500.0, "outside the efficiency curve"),
         ("spadcam", 200.5, "detects nothing"),
     ],
 )

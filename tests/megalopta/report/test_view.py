@@ -13,6 +13,7 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.report.view import ViewOptions, view
+from megalopta.sensor import changed
 
 from ..accessibility import needs_axe, violations
 from ..small import made, small
@@ -110,6 +111,49 @@ def test_sliders_choose_light_sensor_and_time(page, tmp_path):
     done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=True)
     told = re.search(r'<pre id="seen">(.*?)</pre>', done.stdout)[1].replace("&nbsp;", " ")
     assert json.loads(told) == [[["1", "0"]], "2", "frame 3 · 0.20 s", "starlight"]
+
+
+@pytest.fixture(scope="module")
+def burst(tmp_path_factory):
+    """Four frames of 30 × 24 px at 10 Hz, with 100 binary frames to each."""
+    wanted = {"camera.width": "30", "products": "[counts, burst_npy]", "sub_frames": "2"}
+    settings = load("grating", SMALL | wanted | {"burst_hz": "1000", "sensors": "[ideal]"})
+    settings = settings.model_copy(
+        update={"sensors": (changed(settings.sensors[0], exposure_s=0.1),)}
+    )
+    return made(tmp_path_factory.mktemp("burst") / "data", settings).root
+
+
+def test_a_dataset_shows_its_bursts_by_a_sampling_that_is_told(burst, tmp_path):
+    view(burst, tmp_path / "out")
+    path = tmp_path / "out" / "view.html"
+    labels = [label for label, _ in panels(path)]
+    assert labels == ["light", "counts", "counts", "burst", "burst", "true flow"]
+    text = path.read_text("utf-8")
+    assert "4 frames of 30 × 24 pixels at 10.0 Hz, 100 binary frames in each at 1.00 kHz." in text
+    assert "The page shows every 4th of 300 frames, the film every frame." in text
+    assert '"frame 5 · 0.004 s"' in text
+
+
+def test_a_file_of_a_burst_has_the_size_and_rate_of_its_dataset(burst, tmp_path):
+    (path, *_) = sorted(burst.glob("counts/*/*.burst.npy"))
+    view(path, tmp_path / "out", ViewOptions(summed=2))
+    text = (tmp_path / "out" / "view.html").read_text("utf-8")
+    assert "400 binary frames of 30 × 24 pixels at 1.00 kHz." in text
+    assert "every 6th of 400 frames" in text
+    away = tmp_path / path.name
+    shutil.copy(path, away)
+    view(away, tmp_path / "away", ViewOptions(rate_hz=5e4))
+    text = (tmp_path / "away" / "view.html").read_text("utf-8")
+    assert "400 binary frames of 32 × 24 pixels at 50.0 kHz." in text
+    assert '"frame 6 · 0.10 ms"' in text
+
+
+def test_a_burst_is_inverted_where_frames_are_summed(burst, tmp_path):
+    view(burst, tmp_path / "out", ViewOptions(summed=50, is_inverted=True))
+    assert "50 frames are taken together" in (tmp_path / "out" / "view.html").read_text("utf-8")
+    with pytest.raises(UserError, match="one binary frame does not determine the flux"):
+        view(burst, tmp_path / "out", ViewOptions(is_inverted=True))
 
 
 def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_path):
