@@ -161,8 +161,8 @@ def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1
     if times_s is None:
         return name
     period = float(times_s[-1] - times_s[0]) / max(len(times_s) - 1, 1)
-    unit, scale = ("ms", 1e3) if 0 < period < 1e-3 else ("s", 1.0)
-    decimals = max(2, math.ceil(-math.log10(period * scale))) if period > 0 else 2
+    unit, scale = ("ms", 1e3) if 0 < period < 0.9e-3 else ("s", 1.0)
+    decimals = max(2, math.ceil(-math.log10(period * scale) - 1e-9)) if period > 0 else 2
     return f"{name} · {scale * times_s[frame]:.{decimals}f} {unit}"
 
 

@@ -103,8 +103,8 @@ class View:
 
     def sampling(self, step: int) -> str:
         """Say which frames are shown: "every 16th of 4096 frames"."""
-        text = f"{every(step * self.frames.step)} of {len(self.frames) * self.frames.step} frames"
-        return text if step * self.frames.step > 1 else "all frames"
+        shown = "sums" if self.treatment.summed > 1 else "frames"
+        return f"{every(step)} of {len(self.frames)} {shown}" if step > 1 else f"all {shown}"
 
     def player(self, frames: Listed[int], fps: float | None = None) -> sections.Player:
         """Return the slider of some of the frames, in real time where that can be followed."""
@@ -167,8 +167,8 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
     if has_truth:
         require(sequence.dataset, "render")
     step = math.ceil(max(sequence.shape) / LONGEST_SIDE_PX)
-    is_sensed, burst = "sense" in finished(sequence.dataset), 1
-    if is_sensed and "burst_npy" in settings.products:
+    stages, burst = SequencePanels(sequence, range(1), step).finished, 1
+    if "sense" in stages and "burst_npy" in settings.products:
         burst = burst_frames(settings)
     # the last frame has no next frame, and so no motion; of bursts, binary frames are summed
     summed = 1 if burst > 1 else treatment.summed
@@ -178,7 +178,8 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         range(0, burst * end - treatment.summed + 1, treatment.summed) if burst > 1 else rendered
     )
     shown = SequencePanels(sequence, rendered, step, replace(treatment, summed=summed))
-    exposures = settings.exposures if is_sensed else ()
+    shown.finished = stages  # told once
+    exposures = settings.exposures if "sense" in stages else ()
     darkest_first = sorted(exposures, key=lambda exposure: illuminance_of(exposure[1]))
     panels = [shown.light, *(shown.readings(*exposure) for exposure in darkest_first)]
     panels += filter(None, (shown.found_flow(*exposure) for exposure in darkest_first))
@@ -190,7 +191,8 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         panels = [_held(panel, burst) for panel in panels]
         of_bursts = [shown.burst(*exposure, treatment, frames) for exposure in darkest_first]
         panels[1 + len(darkest_first) : 1 + len(darkest_first)] = of_bursts
-        times_s = np.add.outer(times_s, np.arange(burst) * times_s[1] / burst).ravel()
+        bit_s = 1 / (burst * settings.trajectory.frame_rate_hz)
+        times_s = np.add.outer(times_s, bit_s * np.arange(burst)).ravel()
         summary += f", {burst} binary frames in each{rate_of(times_s)}"
     return View(
         title=title(settings),

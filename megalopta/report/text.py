@@ -57,7 +57,8 @@ def short(value: float) -> str:
 
 def every(step: int) -> str:
     """Name a sampling: "every", "every 2nd", "every 16th"."""
-    suffix = {1: "st", 2: "nd", 3: "rd"}.get(step % 10 * (step // 10 % 10 != 1), "th")
+    digit = step % 10 * (step // 10 % 10 != 1)
+    suffix = "stndrd"[2 * digit - 2 : 2 * digit] if 0 < digit < 4 else "th"
     return f"every {step}{suffix}" if step > 1 else "every"
 
 
