@@ -14,7 +14,7 @@ through the sensor's lens, on its axis. A pixel of a mosaic is one without its c
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,35 +98,30 @@ class DataSheet:
         return float(np.mean(self.dark_hz > HOT_TIMES * np.median(self.dark_hz)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return figures and curves as plain data; what is never reached is None."""
-        figures = {
-            **{"wavelength_nm": self.wavelength_nm, "pde": self.pde, "reflectance": REFLECTANCE},
-            "lux_per_photon": self.lux_per_photon,
-            "threshold_photons": self.threshold_photons,
-            "saturation_photons": self.saturation_photons,
-            "dynamic_range_db": self.dynamic_range_db,
-            "dark_median_hz": float(np.median(self.dark_hz)),
-            "dark_mean_hz": float(self.dark_hz.mean()),
-            "hot_share": self.hot_share,
-        }
-        curves = {"curve": self.curve, **self.levels}
-        plain = {
-            name: {
-                quantity: [value if math.isfinite(value) else None for value in values.tolist()]
-                for quantity, values in curve._asdict().items()
+        """Return all figures as plain data; what is never reached is None."""
+        figures = {field.name: getattr(self, field.name) for field in fields(self)}
+        plain: dict[str, Any] = _plain(
+            {
+                **figures,
+                "sensor": self.sensor.model_dump(mode="json"),
+                "dark_hz": {"median": np.median(self.dark_hz), "mean": self.dark_hz.mean()},
+                **{"dynamic_range_db": self.dynamic_range_db, "hot_share": self.hot_share},
             }
-            for name, curve in curves.items()
-        }
-        return {
-            **{name: value if math.isfinite(value) else None for name, value in figures.items()},
-            "curve": plain.pop("curve"),
-            "levels": {
-                name: {"lux": LEVELS[name].illuminance_lux}
-                | {quantity: value for quantity, (value,) in at.items()}
-                for name, at in plain.items()
-            },
-            "sensor": self.sensor.model_dump(mode="json"),
-        }
+        )
+        return plain
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays and records as lists and mappings, NaN as None."""
+    if isinstance(value, Readings):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {name: _plain(inner) for name, inner in value.items()}
+    if isinstance(value, np.ndarray | tuple | frozenset):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
 
 
 @step("reading over light")
@@ -140,14 +135,13 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
     with refused_as("sensor"):
         given, sensor = sensor, sensor_named(sensor)
         if isinstance(given, str | Path) and str(given).endswith((".yaml", ".yml")):
-            fields = strict_yaml.load(read_text(Path(given)))
-            preset, stated = str(fields.get("preset", "")), frozenset(fields)
+            written = strict_yaml.load(read_text(Path(given)))
+            preset, stated = str(written.get("preset", "")), frozenset(written)
         # a clear pixel on the axis
         filters = dict.fromkeys(("red", "green", "blue", "white")) | {"mosaic": ()}
         lens = {"falloff_fov_deg": None, "blur_m": 0.0}
         pixel = changed(sensor, lens=lens, filters=filters)
-        shape = _SIDE, _SIDE
-        dark_shape = _DARK_SIDE, _DARK_SIDE
+        shape, dark_shape = (_SIDE, _SIDE), (_DARK_SIDE, _DARK_SIDE)
         if isinstance(pixel, Sensor) and (size := pixel.measured.shape):
             pixel = changed(pixel, measured={"fit": "center"})
             shape, dark_shape = (min(size[0], _SIDE), min(size[1], _SIDE)), size
@@ -162,11 +156,6 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             raise ValueError(f"{sensor.name} detects nothing at {nm:g} nm; give --wavelength-nm")
 
         light_nm = max(low_nm, _LIGHT_NM[0]), min(high_nm, _LIGHT_NM[1])
-        if light_nm[0] >= light_nm[1]:
-            raise ValueError(
-                f"{sensor.name}: its curves cover no light from {_LIGHT_NM[0]:g} to "
-                f"{_LIGHT_NM[1]:g} nm; extend them"
-            )
         edges = np.linspace(*light_nm, 1 + math.ceil((light_nm[1] - light_nm[0]) / _BAND_NM))
         bands = np.column_stack((edges[:-1], edges[1:]))
         by_day = REFLECTANCE * white_radiance("daylight", bands)

@@ -57,7 +57,7 @@ def figures(sheet: DataSheet) -> tuple[Row, ...]:
             for name in ("temperature", "bias", "telegraph", "gate", "jitter", "tcspc", "filters")
             if getattr(sensor, name).is_on
         ]
-        rows += [("also simulated", ", ".join(others), "")] if others else []
+        rows += [("also simulated", ", ".join(others), others[0])] if others else []
     else:
         swing = f"{_of(sensor.swing_v, 'V')} on {_of(sensor.capacitance_f, 'F')}"
         rows.append(("well", f"{swing}, {number(curve.mean.max())} electrons", "swing_v"))
@@ -65,16 +65,12 @@ def figures(sheet: DataSheet) -> tuple[Row, ...]:
     best = int(np.argmax(np.where(is_within, curve.snr, 0)))
     ratio = sheet.saturation_photons / sheet.threshold_photons
     of_range = f"{sheet.dynamic_range_db:.0f} dB, a factor of {number(ratio)}"
-    ideal = f"an ideal detector has {number(math.sqrt(curve.photons[best]))}"
+    ideal = f" at {_light(sheet, curve.photons[best])}; ideal: {number(curve.photons[best] ** 0.5)}"
     rows += [
         ("SNR = 1 at", _light(sheet, sheet.threshold_photons), ""),
         (f"{percent(FULL)} saturated at", _light(sheet, sheet.saturation_photons), ""),
         ("dynamic range", of_range if math.isfinite(ratio) else UNDEFINED, ""),
-        (
-            "largest SNR",
-            f"{number(curve.snr[best])} at {_light(sheet, curve.photons[best])}; {ideal}",
-            "",
-        ),
+        ("largest SNR", f"{number(curve.snr[best])}{ideal}", ""),
     ]
     if not sheet.stated:
         return tuple((name, text) for name, text, _ in rows)
@@ -105,11 +101,10 @@ def _dark(sheet: DataSheet) -> str:
 
 def _origin(sheet: DataSheet, field: str) -> str:
     """Return where a field is from: measured maps, the device file, or the preset."""
-    measured = getattr(sheet.sensor, "measured", None)
-    if field and getattr(measured, field, None):
-        return "measured map"
     if not field:
         return "computed"
+    if getattr(getattr(sheet.sensor, "measured", None), field, None):
+        return "measured map"
     if field in sheet.stated:
         return "device file"
     return f"preset {sheet.preset}" if sheet.preset else "not stated"
@@ -122,18 +117,9 @@ def at_levels(sheet: DataSheet) -> tuple[Row, ...]:
         photons, mean, sigma, snr = (values.item() for values in at)
         is_full = snr <= 0 or mean >= FULL * most
         reading = number(mean) + (f" ± {number(sigma)}" if sigma else "")
-        lux = short(LEVELS[name].illuminance_lux)
         shown = "saturated" if is_full else number(snr)
-        rows.append(
-            (
-                name.replace("_", " "),
-                lux,
-                number(photons),
-                reading,
-                shown,
-                number(math.sqrt(photons)),
-            )
-        )
+        ends = name.replace("_", " "), short(LEVELS[name].illuminance_lux), number(photons)
+        rows.append((*ends, reading, shown, number(math.sqrt(photons))))
     return tuple(rows)
 
 
@@ -159,9 +145,7 @@ def write_data_sheet(path: Path, sheet: DataSheet) -> Path:
         return path
     if path.suffix.lower() != ".html":
         raise UserError(f"--out {path}: neither a page nor a picture; name it .html or .png")
-    charts = []
-    for place, (draw, description) in enumerate(_charts(sheet)):
-        charts.append(_svg(sheet, draw, f"sheet-{place}", description))
+    charts = [_svg(sheet, *chart) for chart in _charts(sheet)]
     low, high = (_light(sheet, x) for x in (sheet.threshold_photons, sheet.saturation_photons))
     of_range = (
         f", {sheet.dynamic_range_db:.0f} dB" if math.isfinite(sheet.saturation_photons) else ""
@@ -192,10 +176,10 @@ def _charts(sheet: DataSheet) -> list[tuple[Draw, str]]:
 
 
 @style.in_style
-def _svg(sheet: DataSheet, draw: Draw, name: str, description: str) -> Markup:
+def _svg(sheet: DataSheet, draw: Draw, description: str) -> Markup:
     figure, axes = style.new_axes(*style.CHART_PT)
     draw(axes, sheet)
-    return style.to_svg(figure, name, description)
+    return style.to_svg(figure, description, description)
 
 
 @style.house_style({"axes.grid": False})

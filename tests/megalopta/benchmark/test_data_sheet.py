@@ -108,7 +108,9 @@ def test_json_and_pictures(tmp_path, capsys):
     cli.main(["sensor", "ideal", "--json", "--wavelength-nm", "700"])
     told = json.loads(capsys.readouterr().out)
     assert (told["wavelength_nm"], told["saturation_photons"]) == (700, None)
-    assert told["levels"]["starlight"]["lux"] == 1e-3
+    assert told["levels"]["starlight"]["snr"] == pytest.approx(
+        [told["levels"]["starlight"]["photons"][0] ** 0.5]
+    )
     picture = write_data_sheet(tmp_path / "sheet.png", data_sheet("spadcam"))
     assert picture.read_bytes().startswith(b"\x89PNG")
 
