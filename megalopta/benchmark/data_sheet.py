@@ -233,7 +233,7 @@ def _readings(
 def _dark_hz(pixel: ImageSensor, shape: tuple[int, int], bands_nm: ArrayLike) -> Floats:
     if isinstance(pixel, Sensor):
         levels = draw_fixed_pattern(pixel, shape).dark_levels()
-        return np.sum([chance * level_hz for chance, level_hz in levels], axis=0)
+        return np.asarray(np.sum([chance * level_hz for chance, level_hz in levels], axis=0))
     dark = expectation(np.zeros((1, *shape, 1)), bands_nm, pixel, frame_period_s=_AT_REST_S)
     return np.asarray(dark.mean_events[0] / pixel.exposure_s)
 

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -210,19 +211,21 @@ def _draw_efficiency(axes: Axes, sheet: DataSheet) -> None:
 
 def _over_light(axes: Axes, sheet: DataSheet, label: str) -> None:
     """Make both axes logarithmic, with photons below and lux above, and mark both ends."""
-    for axis in ("x", "y"):
-        style.logarithmic(axes, axis, style.NUMBERS)  # type: ignore[arg-type]
+    style.logarithmic(axes, "x", style.NUMBERS)
+    style.logarithmic(axes, "y", style.NUMBERS)
     photons, ends = sheet.curve.photons, (sheet.threshold_photons, sheet.saturation_photons)
-    low, high = np.nan_to_num(ends, nan=photons[[0, -1]]) * (1 / _AROUND, _AROUND)
-    axes.set_xlim(max(low, photons[0]), min(high, photons[-1]))
+    axes.set_xlim(
+        np.nanmax([ends[0] / _AROUND, photons[0]]), np.nanmin([ends[1] * _AROUND, photons[-1]])
+    )
     for photons_at, text in zip(ends, ("SNR = 1", f"{percent(FULL)} full"), strict=True):
         if math.isfinite(photons_at):
             axes.axvline(photons_at, color=style.GRAY, linewidth=1, linestyle=":")
             axes.text(photons_at, 0.02, f" {text}", color=style.GRAY, fontsize=9,
                       transform=axes.get_xaxis_transform())  # fmt: skip
     axes.set(xlabel=f"photons on a pixel, {sheet.wavelength_nm:g} nm", ylabel=label)
-    scale = sheet.lux_per_photon
-    above = axes.secondary_xaxis("top", functions=(lambda x: x * scale, lambda x: x / scale))
+    lux = sheet.lux_per_photon
+    scales = partial(np.multiply, lux), partial(np.multiply, 1 / lux)
+    above = axes.secondary_xaxis("top", functions=scales)
     above.xaxis.set_major_formatter(style.NUMBERS)
     above.set_xlabel("lux (daylight)")
 

@@ -190,9 +190,10 @@ def design(
     """
     chosen = validated(DesignSettings, settings, "design")
     with refused_as("design"):
-        sensor = sensor_named(sensor)
-        if not isinstance(sensor, Sensor):
-            raise ValueError(f"sensor {sensor.name!r} counts no photons; give a SPAD array")
+        named = sensor_named(sensor)
+        if not isinstance(named, Sensor):
+            raise ValueError(f"sensor {named.name!r} counts no photons; give a SPAD array")
+        sensor = named
         if sensor.filters.is_on:  # whose mosaic would count as texture that moves
             raise ValueError(f"sensor {sensor.name!r} has color filters; give one without a mosaic")
         if dataset is None:
@@ -352,7 +353,8 @@ def white_radiance(level: LightLevel, bands_nm: ArrayLike) -> Floats:
     """Return the radiance (B,) of a white surface at a light level, W·m⁻²·sr⁻¹·nm⁻¹."""
     name = level if isinstance(level, str) else "daylight"
     scale = illuminance_of(level) / LEVELS[name].illuminance_lux / math.pi
-    inside = np.linspace(*np.array(bands_nm).T, 101)
+    low_nm, high_nm = np.array(bands_nm).T
+    inside = np.linspace(low_nm, high_nm, 101)
     return np.asarray(scale * LEVELS[name].spectrum()(inside).mean(axis=0))
 
 
