@@ -244,4 +244,5 @@ def _reached(photons: Floats, values: Floats, level: float) -> float:
     if not above.size or above[0] == 0:
         return math.nan
     around = slice(above[0] - 1, above[0] + 1)
-    return math.exp(np.interp(level, values[around], np.log(photons[around])))
+    ends = np.log(np.maximum(values[around], 1e-9))
+    return math.exp(np.interp(math.log(level), ends, np.log(photons[around])))

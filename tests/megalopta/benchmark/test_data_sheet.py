@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from megalopta import data_sheet
 from megalopta.benchmark.data_sheet import REFLECTANCE
@@ -62,12 +63,13 @@ def test_readings_are_those_of_drawn_frames():
     assert sheet.curve.sigma[place] == pytest.approx(sigma, rel=5 / math.sqrt(2 * 1000 * 256 / 2))
 
 
-def test_light_levels_are_those_of_pictures():
+def test_light_levels_are_those_of_pictures(tmp_path):
     """Photons of daylight on the pixel, by the light of pictures of the same reflectance."""
-    sheet = data_sheet(COUNTER)
+    sheet, file = data_sheet(COUNTER), tmp_path / "gray.png"
+    Image.new("L", (8, 8), 128).save(file)
     bands = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
     light, gray = Light(level="daylight"), np.full(3, REFLECTANCE)
-    of_unit = Pictures(file="gray.png", spectrum="light").radiance_of_unit(light, bands, gray)
+    of_unit = Pictures(file=str(file), spectrum="light").radiance_of_unit(light, bands, gray)
     photons = photons_per_lux(of_unit, light, bands, COUNTER, gray) * 1e5
     assert sheet.levels["daylight"].photons.item() == pytest.approx(photons, rel=0.01)
     # of a flat efficiency, every photon is detected as often
@@ -97,7 +99,9 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     page = tmp_path / "mine.html"
     cli.main(["sensor", str(tmp_path / "mine.yaml"), "--out", str(page)])
     text = capsys.readouterr().out
-    lines = {line.split("  ")[0]: line.split("  ")[-1].strip() for line in text.splitlines()}
+    lines = {
+        line.split("  ")[0]: line.rstrip().split("  ")[-1].strip() for line in text.splitlines()
+    }
     assert lines["exposure"] == "device file"
     assert lines["dark counts"] == "measured map"
     assert lines["dead time"] == "preset array-12x4"
