@@ -35,11 +35,11 @@ def test_a_counter_of_poisson_events_has_its_closed_forms():
     np.testing.assert_allclose(curve.mean[far], (signal + DARK)[far], rtol=1e-9)
     np.testing.assert_allclose(curve.sigma[far], np.sqrt(signal + DARK)[far], rtol=1e-9)
     np.testing.assert_allclose(curve.snr[far], (signal / np.sqrt(signal + DARK))[far], rtol=1e-6)
-    # x²/(x + DARK) = 1; between points of a curve that is almost straight
+    # x²/(x + DARK) = 1; between points of curves, ten per decade, that are not quite straight
     least = (1 + math.sqrt(1 + 4 * DARK)) / 2 / PDE
     assert sheet.threshold_photons == pytest.approx(least, rel=2e-3)
     full = (DARK + 0.9 * (CAPACITY - DARK) - DARK) / PDE
-    assert sheet.saturation_photons == pytest.approx(full, rel=2e-3)
+    assert sheet.saturation_photons == pytest.approx(full, rel=6e-3)
     assert sheet.pde == pytest.approx(PDE)
     np.testing.assert_allclose(sheet.dark_hz, DARK / 1e-3)
 
@@ -94,7 +94,7 @@ def test_presets_have_a_sheet_of_text():
 def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     np.save(tmp_path / "dark.npy", np.full((4, 12), 160.0))
     (tmp_path / "mine.yaml").write_text(
-        "preset: array-12x4\nname: mine\nexposure_s: 0.01\nmeasured: {dark_counts: dark.npy}\n"
+        "preset: webster-130nm\nname: mine\nexposure_s: 0.01\nmeasured: {dark_counts: dark.npy}\n"
     )
     page = tmp_path / "mine.html"
     cli.main(["sensor", str(tmp_path / "mine.yaml"), "--out", str(page)])
@@ -104,7 +104,7 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     }
     assert lines["exposure"] == "device file"
     assert lines["dark counts"] == "measured map"
-    assert lines["dead time"] == "preset array-12x4"
+    assert lines["dead time"] == "preset webster-130nm"
     assert "160 per second in every pixel" in page.read_text("utf-8")
 
 
@@ -115,7 +115,7 @@ def test_json_and_pictures(tmp_path, capsys):
     assert told["levels"]["starlight"]["snr"] == pytest.approx(
         [told["levels"]["starlight"]["photons"][0] ** 0.5]
     )
-    picture = write_data_sheet(tmp_path / "sheet.png", data_sheet("spadcam"))
+    picture = write_data_sheet(tmp_path / "sheet.png", data_sheet("webster-130nm"))
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
