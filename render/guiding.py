@@ -136,7 +136,7 @@ def open_sky(
     density, square = OpenSky(learnt).densities(kept.points, kept.bins), kept.light**2
     if (square * kept.usual / density).sum() > _NOISE * square.sum():
         return None
-    rays = min(max(samples // 4, _FEWEST), _MOST)
+    rays = min(max(samples // 2, _FEWEST), _MOST)
     return OpenSky(_looks(scene, lighting, camera, poses, rays, seed))
 
 
