@@ -1,7 +1,7 @@
 """Radiance of clusters of cells, gathered by two independent sets of rays.
 
 Most light comes directly from the sky and needs only visibility rays, which are five times as fast
-as paths. Every eighth ray is followed as a path over other surfaces. Direct light from the disc of
+as paths. Every 16th ray is followed as a path over other surfaces. Direct light from the disc of
 sun or moon is left to the frame. Cell, position, direction and wavelength follow additive
 recurrences with a random shift for each half, drawn from the seed and the cluster's first cell
 alone: a cluster's light is the same, to the last bit, in any order and with any other clusters.
@@ -16,6 +16,7 @@ import numpy as np
 from megalopta.core.arrays import Floats, Ints
 from megalopta.render import RenderSettings, dr, mi, path_tracing
 from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
+from megalopta.render.loading.materials import mean
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
 from megalopta.render.shading import WAVELENGTHS, Scattering, leaving
@@ -73,8 +74,31 @@ class Lanes:
         return np.asarray(totals / self._samples[:, None])
 
 
-STRIDE = 8
+STRIDE = 16
 """Number of rays for each that is followed as a path."""
+
+
+_SIDES = 16
+"""Parts of each coordinate of directions by which rays are sorted."""
+_HEIGHTS, _LEAST_CHANCE = 32, 0.25
+"""Parts of the height of directions that see the sky more or less often, and the least share of
+rays that are traced."""
+
+
+def _height(direction: Any) -> Any:
+    return mi.UInt(dr.clip((direction.z + 1) * (_HEIGHTS / 2), 0, _HEIGHTS - 1))
+
+
+def by_direction(rays: Any, active: Any) -> Any:
+    """Order (N,) in which rays of similar direction are neighbors, and are traced faster.
+
+    Those not active come last.
+    """
+    number = dr.select(active, mi.UInt(0), mi.UInt(1))
+    for x in rays.d:
+        number = number * _SIDES + mi.UInt(dr.clip((x + 1) * (_SIDES / 2), 0, _SIDES - 1))
+    dr.eval(rays, number, active)
+    return mi.UInt(np.argsort(np.array(number, np.uint16), kind="stable").astype(np.uint32))
 
 
 class Gatherer:
@@ -108,6 +132,8 @@ class Gatherer:
         self._patterns = SkyPatterns(patterns)
         skies = [lit.sky if lit else flat(0.0), *(pattern.radiance for pattern in patterns)]
         self._under_sky = scattering.under(skies)
+        self._sky_means = [mean(sky) for sky in skies]
+        self._chances = mi.Float([1.0] * _HEIGHTS)
         self._bright = scattering.brightness(lit.mean_sky() if lit else flat(0.0))
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
@@ -138,13 +164,41 @@ class Gatherer:
         skies = self._under_sky.shape[2]
         if not self._under_sky.any():
             return np.zeros((2 * len(leader), 2, skies))
-        key, _ = self._keys(leader, lanes)
+        key, draw = self._keys(leader, lanes)
         rays, through = self._rays(places, lanes, lanes.sample, key)
-        seen = ~self._scene.ray_test(rays)
-        sides = seen & ~through, seen & through
-        bright = [mi.Float(1.0), *self._patterns.toward(rays.d, seen)]
-        parts = [dr.select(side, value, 0.0) for side in sides for value in bright]
+        chance = dr.gather(mi.Float, self._chances, _height(rays.d))
+        luck, _ = path_tracing.hashed(lanes.sample, key ^ draw)
+        free = self._free(rays, mi.Float(luck) < chance * 2.0**32)
+        sides = free & ~through, free & through
+        bright = [mi.Float(1.0), *self._patterns.toward(rays.d, free)]
+        parts = [dr.select(side, value / chance, 0.0) for side in sides for value in bright]
         return lanes.means(parts).reshape(-1, 2, skies)
+
+    def learn(self, leader: UInt32, cell: UInt32, seen: UInt32) -> None:
+        """Learn from rays of some clusters in which directions rarely any sees the sky.
+
+        Arguments are those of `leaving`. There only some rays are traced, and count for all.
+        """
+        lanes = Lanes(np.ones(len(leader), np.int64), STRIDE)
+        places = Places(self._cells.patches(cell.ravel()), seen.ravel(), cell.shape[1])
+        rays, _ = self._rays(places, lanes, lanes.sample, self._keys(leader, lanes)[0])
+        free = self._free(rays, dr.full(mi.Bool, True, dr.width(rays.d)))
+        values = [mi.Float(1.0), *self._patterns.toward(rays.d, free)]
+        light = sum(x * y for x, y in zip(values, self._sky_means, strict=True))
+        height = np.array(_height(rays.d))
+        squares = np.array(dr.select(free, dr.square(light), 0.0), np.float64)
+        total, count = (np.bincount(height, x, _HEIGHTS) for x in (squares, np.ones(len(height))))
+        share = (total + squares.mean()) / (count + 1) / max(squares.mean(), 1e-300)
+        self._chances = mi.Float(np.sqrt(share).clip(_LEAST_CHANCE, 1).astype(np.float32))
+
+    def _free(self, rays: Any, active: Any) -> Any:
+        """True for active rays that hit nothing."""
+        order = by_direction(rays, active)
+        active = dr.gather(mi.Bool, active, order)
+        blocked = self._scene.ray_test(dr.gather(mi.Ray3f, mi.Ray3f(rays), order), active)
+        free = dr.zeros(mi.Bool, dr.width(order))
+        dr.scatter(free, active & ~blocked, order)
+        return free
 
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, spectra·bands) that leaves meshes (C,) due to light from surfaces."""
@@ -152,19 +206,25 @@ class Gatherer:
         key, draw = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
         rays, through = self._rays(places, lanes, sample, key)
-        blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
         step = (lanes.sample * WAVELENGTHS + draw % WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / WAVELENGTHS
         of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
         leaving: list[Any] = [None] * columns
+        order = by_direction(rays, mi.Bool(True))
+        rays, place, sample, key = (
+            dr.gather(type(values), values, order) for values in (mi.Ray3f(rays), place, sample, key)
+        )
+        blocked = self._scene.ray_test(rays)
+        dr.eval(rays, place, sample, key, blocked)
         for first, size, wavelengths in path_tracing.wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             self._sampler.start(key, sample)
             arriving, _ = self._paths.radiance(self._scene, self._sampler, rays, blocked)
             for band in range(size):
-                light = dr.select(blocked, arriving[band], 0.0)
+                light = dr.zeros(mi.Float, dr.width(order))
+                dr.scatter(light, dr.select(blocked, arriving[band], 0.0), order)
                 for column in range(first + band, columns, bands):
                     entry = (of_side * columns + column) * WAVELENGTHS + step
                     leaving[column] = light * dr.gather(mi.Float, self._scattered, entry)
