@@ -66,6 +66,7 @@ class BakedLightIntegrator:
             rays = views(camera, poses, VIEWS, seed)
             met = survey(loaded, self._finder, cells.count, rays)
             self._light = BakedLight(gatherer, cells, len(self._bands), met)
+            self._light.prepare()
             # The pilot: light of the clusters that some views of a few frames meet.
             frames = choice.pilot_views(camera, poses, seed)
             seen = [survey(loaded, self._finder, cells.count, frame)[0] for frame in frames]

@@ -117,6 +117,8 @@ _EXPONENT = 0.5 / 0.42
 
 _LEARNED = 2**15
 """Clusters whose rays show in which directions the sky is seen."""
+_KEPT = 2**17
+"""Clusters at once whose paths' light is kept."""
 # Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
 # for them.
 RAYS_AT_ONCE = 2**21
@@ -174,12 +176,25 @@ class BakedLight:
             density *= 1.1
         return density
 
+    def prepare(self) -> None:
+        """Learn where the sky is seen, and keep light of surfaces that clusters see."""
+        clusters = self._clusters
+        if not len(clusters):
+            return
+        some = np.arange(0, len(clusters), max(len(clusters) // _LEARNED, 1))
+        self._gatherer.learn(clusters.leaders[some], *clusters.draws(some))
+        parts = np.split(np.arange(len(clusters)), np.arange(_KEPT, len(clusters), _KEPT))
+        kept = [
+            self._gatherer.remember(
+                clusters.leaders[part], *(x[:, :: DRAWS // 4] for x in clusters.draws(part))
+            )
+            for part in parts
+        ]
+        self._gatherer.keep(*(np.concatenate(values) for values in zip(*kept, strict=True)))
+
     def compute_all(self, density: float) -> None:
         """Compute the light of all clusters, and link their cells to them."""
         clusters = self._clusters
-        some = np.arange(0, len(clusters), max(len(clusters) // _LEARNED, 1))
-        if len(some):
-            self._gatherer.learn(clusters.leaders[some], *clusters.draws(some))
         self.compute(np.arange(len(clusters)), density)
         numbers = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
         self._link(clusters.members, numbers)
@@ -211,7 +226,10 @@ class BakedLight:
         """Clusters of cells (N,), by number, or near ones; `NOT_SURVEYED` if there is none."""
         numbers = np.arange(len(self._keys))
         found = np.full(len(cell), NOT_SURVEYED)
-        for octaves, keys, of in ((0, self._keys, numbers), (OCTAVES, self._near, self._standing_in)):
+        for octaves, keys, of in (
+            (0, self._keys, numbers),
+            (OCTAVES, self._near, self._standing_in),
+        ):
             left = np.flatnonzero(found == NOT_SURVEYED)
             if len(keys) and len(left):
                 key = self._cells.voxels(cell[left], octaves)
