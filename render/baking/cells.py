@@ -280,31 +280,28 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
         yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
-def survey(
-    loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
-) -> tuple[UInt32, UInt32, UInt32]:
-    """Cells (N,) of `cells` that the rays of some views see, in ascending order.
+def survey(loaded: Any, finder: CellFinder, rays: Iterable[Any]) -> tuple[UInt32, UInt32, UInt32]:
+    """Cells (N,) that the rays of some views see, in ascending order.
 
     Also the number of times (N,) that each is seen, and a place (N,) where, as read by `unpacked`.
     """
-    pages = Pages(cells)
-    seen, places = dr.zeros(mi.UInt, 0), dr.zeros(mi.UInt, 0)
+    views_met = [np.zeros(0, np.uint64)]
     for number, view_rays in enumerate(rays):
         sight = finder.look(loaded, view_rays, coherent=False)
-        dr.eval(sight.cell, sight.shaded, sight.place)
-        at = pages.of(sight.cell, sight.shaded)
-        seen, places = pages.grown(seen, 0), pages.grown(places, 0)
-        dr.scatter_add(seen, mi.UInt(1), at, sight.shaded)
-        # Randomly the first, independent of the order of threads.
+        # One of the places at random, independent of the order of threads.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
         i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in sight.place)
         packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | (i * _PLACES + j)
-        dr.scatter_reduce(dr.ReduceOp.Max, places, packed, at, sight.shaded)
-        dr.eval(seen, places)
-    met = np.flatnonzero(np.array(seen))
-    cell = pages.cells(met)
-    met, cell = met[np.argsort(cell)], np.sort(cell)
-    return cell, np.array(seen)[met], np.array(places)[met]
+        dr.eval(sight.cell, packed, sight.shaded)
+        met = np.array(sight.cell, np.uint64) << np.uint64(32) | np.array(packed, np.uint64)
+        views_met.append(met[np.array(sight.shaded)])
+    met = np.concatenate(views_met)
+    del views_met
+    met.sort()
+    cell = (met >> np.uint64(32)).astype(np.uint32)
+    last = np.flatnonzero(np.diff(cell, append=np.uint32(2**32 - 1)))
+    seen = np.diff(last, prepend=-1).astype(np.uint32)
+    return cell[last], seen, met[last].astype(np.uint32)
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:
@@ -327,12 +324,7 @@ class Pages:
 
     def __init__(self, cells: int) -> None:
         self._page: Any = dr.full(mi.UInt, _NONE, cells // SIZE + 1)
-        self._number = np.zeros(0, np.uint32)
-
-    @property
-    def places(self) -> int:
-        """Number of places given so far."""
-        return len(self._number) * SIZE
+        self._count = 0
 
     def of(self, cell: Any, active: Any) -> Any:
         """Return the places of active cells (N,), with new ones for pages that had none."""
@@ -342,21 +334,17 @@ class Pages:
         if dr.width(lanes):
             new = np.unique(np.array(dr.gather(mi.UInt, number, lanes)))
             # From an array: a literal would be compiled anew each time.
-            pages = np.arange(len(new), dtype=np.uint32) + np.uint32(len(self._number))
-            self._number = np.concatenate([self._number, new])
+            pages = np.arange(len(new), dtype=np.uint32) + np.uint32(self._count)
+            self._count += len(new)
             dr.scatter(self._page, mi.UInt(pages), mi.UInt(new))
             dr.eval(self._page)
             page = dr.gather(mi.UInt, self._page, number, active)
         return page * SIZE + cell % SIZE
 
-    def cells(self, place: NDArray[np.integer]) -> NDArray[np.uint32]:
-        """Return the cells at places (N,)."""
-        return np.asarray(self._number[place // SIZE] * SIZE + place % SIZE, np.uint32)
-
     def grown(self, values: Any, filler: int) -> Any:
         """Return values of places (P,), extended to all places given so far by a filler."""
-        width = dr.width(values)
-        if width >= max(self.places, 1):  # nothing is scattered to or gathered from no place
+        width, places = dr.width(values), self._count * SIZE
+        if width >= max(places, 1):  # nothing is scattered to or gathered from no place
             return values
-        new = np.full(max(width, self.places - width, 1), filler, np.uint32)
+        new = np.full(max(width, places - width, 1), filler, np.uint32)
         return mi.UInt(np.concatenate([np.array(values, np.uint32), new]))

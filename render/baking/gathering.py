@@ -9,12 +9,11 @@ for each half, drawn from the seed and the cluster's first cell alone: in one su
 light is the same, to the last bit, in any order and with any others.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.render import RenderSettings, dr, mi, path_tracing
@@ -226,33 +225,32 @@ class Gatherer:
                 leaving[column] = light * dr.gather(mi.Float, self._scattered, entry)
         return lanes.means(leaving)
 
-    def remember(self, leader: UInt32, cell: UInt32, seen: UInt32) -> tuple[Any, Floats]:
-        """Follow a path of each half of clusters: numbers (N,) of what is hit, and light (N, B).
+    def keep(self, parts: Iterable[tuple[UInt32, UInt32, UInt32]]) -> None:
+        """Keep the mean light of what a path of each half of clusters hits, for rays to come.
 
-        Arguments are those of `leaving`.
+        Parts are arguments of `leaving`.
         """
-        lanes = Lanes(np.ones(len(leader), np.int64), 1)
-        places = Places(self._cells.patches(cell.ravel()), seen.ravel(), cell.shape[1])
-        _, _, _, (a, b), arriving = self._arriving(leader, places, lanes, _AHEAD)
-        dr.eval(a, b, arriving)
-        numbers = np.array(a, np.uint64) << np.uint64(32) | np.array(b, np.uint64)
-        return numbers, np.stack([np.array(values) for values in arriving], axis=1)
-
-    def keep(self, numbers: NDArray[np.uint64], light: Floats) -> None:
-        """Keep the mean light of equal numbers (N,), for rays to come."""
-        order = np.argsort(numbers, kind="stable")
-        numbers, first = np.unique(numbers[order], return_index=True)
-        count = np.diff([*first, len(order)])
-        sums = np.add.reduceat(light[order], first, axis=0)
-        means = np.concatenate([np.zeros((1, sums.shape[1])), sums / count[:, None]])
-        size = 1 << int(4 * len(numbers)).bit_length()
-        table = np.zeros(size, np.uint32)
-        table[(numbers >> np.uint64(32)).astype(np.uint32) & (size - 1)] = 1 + np.arange(len(first))
-        self._table = mi.UInt(table)
-        self._tags = mi.UInt(
-            np.concatenate([[0], numbers & np.uint64(2**32 - 1)]).astype(np.uint32)
+        hits, lights = [], []
+        for leader, cell, seen in parts:
+            lanes = Lanes(np.ones(len(leader), np.int64), 1)
+            places = Places(self._cells.patches(cell.ravel()), seen.ravel(), cell.shape[1])
+            _, _, _, (a, b), arriving = self._arriving(leader, places, lanes, _AHEAD)
+            dr.eval(a, b, arriving)
+            hits.append(np.array(a, np.uint64) << np.uint64(32) | np.array(b, np.uint64))
+            lights.append(np.stack([np.array(values) for values in arriving], axis=1))
+        numbers, group, count = np.unique(
+            np.concatenate(hits), return_inverse=True, return_counts=True
         )
-        self._kept = mi.Float(means.astype(np.float32).ravel())
+        light = np.concatenate(lights)
+        sums = np.stack([np.bincount(group, column) for column in light.T], axis=1)
+        table = np.zeros(1 << int(4 * len(numbers)).bit_length(), np.uint32)
+        slots = (numbers >> np.uint64(32)).astype(np.uint32) & (len(table) - 1)
+        table[slots] = 1 + np.arange(len(numbers))
+        self._table = mi.UInt(table)
+        self._tags = mi.UInt(np.insert(numbers.astype(np.uint32), 0, 0))
+        self._kept = mi.Float(
+            np.insert((sums / count[:, None]).astype(np.float32), 0, 0, 0).ravel()
+        )
 
     def _arriving(
         self, leader: UInt32, places: Places, lanes: Lanes, first: int

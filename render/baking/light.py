@@ -117,11 +117,11 @@ _EXPONENT = 0.5 / 0.42
 
 _LEARNED = 2**15
 """Clusters whose rays show in which directions the sky is seen."""
-_KEPT = 2**17
+_KEPT = 2**16
 """Clusters at once whose paths' light is kept."""
 # Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
 # for them.
-RAYS_AT_ONCE = 2**21
+RAYS_AT_ONCE = 2**20
 # Voxel size for smoothing clusters, over that of clusters: 2² times as wide.
 OCTAVES = 2
 
@@ -184,13 +184,11 @@ class BakedLight:
         some = np.arange(0, len(clusters), max(len(clusters) // _LEARNED, 1))
         self._gatherer.learn(clusters.leaders[some], *clusters.draws(some))
         parts = np.split(np.arange(len(clusters)), np.arange(_KEPT, len(clusters), _KEPT))
-        kept = [
-            self._gatherer.remember(
-                clusters.leaders[part], *(x[:, :: DRAWS // 4] for x in clusters.draws(part))
-            )
-            for part in parts
-        ]
-        self._gatherer.keep(*(np.concatenate(values) for values in zip(*kept, strict=True)))
+        draws = ((x[:, :: DRAWS // 4] for x in clusters.draws(part)) for part in parts)
+        leaders = (clusters.leaders[part] for part in parts)
+        self._gatherer.keep(
+            (leader, *places) for leader, places in zip(leaders, draws, strict=True)
+        )
 
     def compute_all(self, density: float) -> None:
         """Compute the light of all clusters, and link their cells to them."""
@@ -224,12 +222,9 @@ class BakedLight:
 
     def clusters_of(self, cell: UInt32) -> Ints:
         """Clusters of cells (N,), by number, or near ones; `NOT_SURVEYED` if there is none."""
-        numbers = np.arange(len(self._keys))
+        exact = 0, self._keys, np.arange(len(self._keys))
         found = np.full(len(cell), NOT_SURVEYED)
-        for octaves, keys, of in (
-            (0, self._keys, numbers),
-            (OCTAVES, self._near, self._standing_in),
-        ):
+        for octaves, keys, of in (exact, (OCTAVES, self._near, self._standing_in)):
             left = np.flatnonzero(found == NOT_SURVEYED)
             if len(keys) and len(left):
                 key = self._cells.voxels(cell[left], octaves)
