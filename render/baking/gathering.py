@@ -225,7 +225,7 @@ class Gatherer:
                 leaving[column] = light * dr.gather(mi.Float, self._scattered, entry)
         return lanes.means(leaving)
 
-    def keep(self, parts: Iterable[tuple[UInt32, UInt32, UInt32]]) -> None:
+    def keep(self, parts: Iterable[Sequence[UInt32]]) -> None:
         """Keep the mean light of what a path of each half of clusters hits, for rays to come.
 
         Parts are arguments of `leaving`.
@@ -267,10 +267,8 @@ class Gatherer:
         samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
         step = (lanes.sample * WAVELENGTHS + draw % WAVELENGTHS) // samples
         order = by_direction(rays, dr.full(mi.Bool, True, dr.width(sample)))
-        ray, steps, sample, key, half = (
-            dr.gather(type(values), values, order)
-            for values in (mi.Ray3f(rays), step, sample, key, lanes.half)
-        )
+        lane: list[Any] = [mi.Ray3f(rays), step, sample, key, lanes.half]
+        ray, steps, sample, key, half = (dr.gather(type(x), x, order) for x in lane)
         hit = self._scene.ray_intersect_preliminary(ray)
         kind = 2 * (steps * _PARTS // WAVELENGTHS) + half
         # Without a hit all else is left over from other work.
@@ -283,9 +281,8 @@ class Gatherer:
         dr.eval(ray, steps, sample, key, spot, light, followed)
         some: Any = dr.compress(followed)
         if dr.width(some):
-            ray, steps, sample, key = (
-                dr.gather(type(values), values, some) for values in (ray, steps, sample, key)
-            )
+            lane = [ray, steps, sample, key]
+            ray, steps, sample, key = (dr.gather(type(x), x, some) for x in lane)
             place = (mi.Float(steps) + 0.5) / WAVELENGTHS
             for band, size, wavelengths in path_tracing.wavelength_groups(self._bands, place):
                 ray.wavelengths = wavelengths
