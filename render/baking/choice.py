@@ -28,7 +28,7 @@ frame."""
 FEWEST_IN_ALL = 10_000_000
 """Fewest samples in all pixels. A survey takes as long as some millions of samples, for any size:
 it compiles, divides the scene into cells and looks from 512 places."""
-PATH, WHOLE_PATH, BAKE, SAMPLE = 1.5, 4.0, 1.7, 0.7
+PATH, WHOLE_PATH, BAKE, SAMPLE = 1.5, 4.0, 0.6, 0.6
 """Work in CPU-µs: of a sample of split paths, of a path that is not split, of a ray of the bake,
 and of a sample of a baked frame, in a dense forest (`benchmarks/bench_light.py`)."""
 

@@ -1,6 +1,6 @@
 """Frames from baked light: primary rays, and a visibility ray to the sun.
 
-Paths are traced for cells that the survey of the sequence did not meet, for moving objects, and
+Paths are traced where the survey of the sequence met no cell near, for moving objects, and
 near these. An object inside a sphere of radius r at a distance d contributes at most (r/d)² to the
 irradiance of a point at rest. Where this exceeds 0.01, paths are traced.
 """
@@ -64,11 +64,12 @@ class BakedLightIntegrator:
         pixels = camera.width * camera.height
         with step("counting the rays that baked light takes"):
             rays = views(camera, poses, VIEWS, seed)
-            met = survey(loaded, self._finder, cells.count, rays)
+            met = survey(loaded, self._finder, rays)
             self._light = BakedLight(gatherer, cells, len(self._bands), met)
+            self._light.prepare()
             # The pilot: light of the clusters that some views of a few frames meet.
             frames = choice.pilot_views(camera, poses, seed)
-            seen = [survey(loaded, self._finder, cells.count, frame)[0] for frame in frames]
+            seen = [survey(loaded, self._finder, frame)[0] for frame in frames]
             clusters = np.unique(self._light.clusters_of(np.unique(np.concatenate(seen))))
             with silent():
                 self._light.compute(clusters[clusters < NOT_SURVEYED], _PILOT_DENSITY)

@@ -115,6 +115,10 @@ _MOST_RAYS = 2**14
 # more rays clusters share less. 20 trees, 32 px: from 7.5 to 2.5 % where −0.5 would give 1.9 %.
 _EXPONENT = 0.5 / 0.42
 
+_LEARNED = 2**15
+"""Clusters whose rays show in which directions the sky is seen."""
+_KEPT = 2**16
+"""Clusters at once whose paths' light is kept."""
 # Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
 # for them.
 RAYS_AT_ONCE = 2**20
@@ -145,6 +149,10 @@ class BakedLight:
         keys = cells.voxels(cell)
         self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
         self._neighbors = cells.voxels(self._clusters.leaders, OCTAVES)
+        # Of each voxel the cluster that is seen most often stands for cells that were not met.
+        most = np.lexsort((-self._clusters.seen, self._neighbors))
+        self._near, first = np.unique(self._neighbors[most], return_index=True)
+        self._standing_in = most[first]
         self._weight = gatherer.brightness(self._clusters.leaders) * self._clusters.seen
         self._pages, self._cluster_of = Pages(cells.count), dr.zeros(mi.UInt, 0)
 
@@ -167,6 +175,20 @@ class BakedLight:
         while error(density) > now * share**_EXPONENT and density < _MOST_RAYS:
             density *= 1.1
         return density
+
+    def prepare(self) -> None:
+        """Learn where the sky is seen, and keep light of surfaces that clusters see."""
+        clusters = self._clusters
+        if not len(clusters):
+            return
+        some = np.arange(0, len(clusters), max(len(clusters) // _LEARNED, 1))
+        self._gatherer.learn(clusters.leaders[some], *clusters.draws(some))
+        parts = np.split(np.arange(len(clusters)), np.arange(_KEPT, len(clusters), _KEPT))
+        draws = ((x[:, :: DRAWS // 4] for x in clusters.draws(part)) for part in parts)
+        leaders = (clusters.leaders[part] for part in parts)
+        self._gatherer.keep(
+            (leader, *places) for leader, places in zip(leaders, draws, strict=True)
+        )
 
     def compute_all(self, density: float) -> None:
         """Compute the light of all clusters, and link their cells to them."""
@@ -199,12 +221,16 @@ class BakedLight:
         self._values = mi.Float(table.ravel())
 
     def clusters_of(self, cell: UInt32) -> Ints:
-        """Clusters of cells (N,), by number; `NOT_SURVEYED` for cells of none."""
-        if not len(self._keys):
-            return np.full(len(cell), NOT_SURVEYED)
-        keys = self._cells.voxels(cell)
-        place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
-        return np.where(self._keys[place] == keys, place, NOT_SURVEYED)
+        """Clusters of cells (N,), by number, or near ones; `NOT_SURVEYED` if there is none."""
+        exact = 0, self._keys, np.arange(len(self._keys))
+        found = np.full(len(cell), NOT_SURVEYED)
+        for octaves, keys, of in (exact, (OCTAVES, self._near, self._standing_in)):
+            left = np.flatnonzero(found == NOT_SURVEYED)
+            if len(keys) and len(left):
+                key = self._cells.voxels(cell[left], octaves)
+                place = np.searchsorted(keys, key).clip(max=len(keys) - 1)
+                found[left] = np.where(keys[place] == key, of[place], NOT_SURVEYED)
+        return found
 
     def look_up(self, cell: Any, active: Any) -> tuple[Any, Any]:
         """Clusters of active cells (N,), already evaluated, and True for those with light."""
