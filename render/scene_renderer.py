@@ -111,7 +111,7 @@ class SceneRenderer:
                     exposing = SplitPaths(whole, settings, layers)
                     exposing.shares = split.shares
             if poses is not None and not reason:
-                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(whole, split, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:
                     integrator, exposing = baked, None

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-RENDER_MODEL = 3
+RENDER_MODEL = 4
 """Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
 BAKE_MODEL = 13
 """Version of baked light and its places, of blurred frames, of stated errors, and of the seeds of

@@ -24,7 +24,8 @@ from megalopta.render.baking.light import NOT_SURVEYED, BakedLight
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
-from megalopta.render.path_tracing import BandPaths, SplitPaths, can_split, wavelength_groups
+from megalopta.render.loading.sky import sky_of
+from megalopta.render.path_tracing import BandPaths, SplitPaths, wavelength_groups
 from megalopta.render.settings import part_seed
 from megalopta.render.shading import SunLight, Textures, Weights
 from megalopta.scenes.cameras.base import Camera
@@ -39,13 +40,19 @@ class BakedLightIntegrator:
     """Scene with baked light, as seen by cameras.
 
     The poses (T, 4, 4) of the sequence are relative to the scene's origin; the seed has 32 bits.
-    `reason` says why nothing was baked, if baking would not pay.
+    `reason` says why nothing was baked, if tracing split paths pays more.
     """
 
     reason = ""
 
     def __init__(
-        self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
+        self,
+        whole: LoadedScene,
+        split: SplitPaths | None,
+        camera: Camera,
+        settings: RenderSettings,
+        poses: Floats,
+        seed: int,
     ) -> None:
         scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         self._bands = settings.bands_nm
@@ -54,6 +61,8 @@ class BakedLightIntegrator:
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
             loaded = of_shapes(loaded.shapes()[: len(meshes)], scene.lighting)
+            if sky_of(loaded):
+                sky_of(loaded).aim(sky_of(whole.loaded).directions)
         positions = poses[:, :3, 3]
         cells = Cells.of(meshes, camera, positions)
         self._finder = CellFinder(cells, whole.loaded)
@@ -82,8 +91,8 @@ class BakedLightIntegrator:
             density, error = _PILOT_DENSITY, math.sqrt(pilot.standing) / mean
             if error:
                 density = self._light.density_for(settings.standing_error / error, density)
-            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
-            traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
+            parts = split.parts if split else []
+            traced = choice.work_of_paths(parts, frames, sampler) if parts else math.nan
         rays_in_all = self._light.rays(density)
         if settings.integrator == "auto":
             baked = math.sqrt(pilot.variance) / mean
