@@ -53,8 +53,8 @@ UNSEEN = (
     ("trail", "daylight"),
     ("trail", "overcast_night"),
     ("trail", "quarter_moon"),
-    ("clearing", "twilight"),
-    ("rainforest", "full_moon"),
+    ("room", "daylight"),
+    ("room", "full_moon"),
     ("rainforest", "moonless_forest_floor"),
 )
 """Presets and lights that nothing was set on."""
