@@ -17,6 +17,7 @@ from megalopta.render.loading.materials import mean
 from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.loading.sky import SkyPatterns, sky_of
 from megalopta.render.path_tracing import SplitPaths
+from megalopta.render.settings import part_seed
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Lighting
 
@@ -59,19 +60,20 @@ class OpenSky:
         dr.make_opaque(self._low, self._side, self._size)
         voxel = np.array(self._voxel(mi.Point3f(looks.points)), np.int64)
         entry = voxel * _BINS + looks.bins
-        counts = np.stack(
+        counts = np.concatenate(
             [
                 np.bincount(entry, weights, size.prod() * _BINS).reshape(-1, _BINS)
                 for weights in (None, looks.light)
-            ]
+            ],
+            axis=1,
         )
         light: Any = looks.light.mean(dtype=np.float64)
         place = np.indices(size).reshape(3, -1)
         for octave in range(_OCTAVES, -1, -1):
             _, voxel = np.unique(place >> octave, axis=1, return_inverse=True)
-            total = np.zeros((2, voxel.max() + 1, _BINS))
-            np.add.at(total, np.s_[:, voxel.ravel()], counts)
-            rays, of_rays = total[:, voxel.ravel()]
+            total = np.zeros((voxel.max() + 1, 2 * _BINS))
+            np.add.at(total, voxel.ravel(), counts)
+            rays, of_rays = np.split(total[voxel.ravel()], 2, axis=1)
             light = (of_rays + _PRIOR * light) / (rays + _PRIOR)
         chance = (1 - _EVEN) * light / light.sum(axis=1, keepdims=True) + _EVEN / _BINS
         cumulated = np.cumsum(chance, axis=1)
@@ -86,7 +88,8 @@ class OpenSky:
         def below(index: Any) -> Any:
             return dr.gather(mi.Float, self._cumulated, first + index + 1, active) <= sample.x
 
-        index = dr.minimum(dr.binary_search(0, _BINS, below), _BINS - 1)
+        search: Any = dr.binary_search
+        index = dr.minimum(search(0, _BINS, below), _BINS - 1)
         start, chance = self._chance(first + index, active)
         within = dr.clip((sample.x - start) / chance, 0, 1 - 2**-20)
         z = 1 - (mi.Float(index // _SECTORS) + within) * (2 / _RINGS)
@@ -129,15 +132,15 @@ def open_sky(
 
     It is for a camera at poses (T, 4, 4), and for so many samples of light paths.
     """
-    looks = _looks(scene, lighting, camera, poses, _FEWEST, seed)
-    learnt, kept = (Looks(*(values[..., part::2] for values in looks)) for part in (0, 1))
+    of_view = scene, lighting, camera, poses
+    learnt, kept = (_looks(*of_view, _FEWEST // 2, part_seed(seed, "sky", k)) for k in (0, 1))
     if not (learnt.light.any() and kept.light.any()):
         return None
     density, square = OpenSky(learnt).densities(kept.points, kept.bins), kept.light**2
     if (square * kept.usual / density).sum() > _NOISE * square.sum():
         return None
     rays = min(max(samples // 2, _FEWEST), _MOST)
-    return OpenSky(_looks(scene, lighting, camera, poses, rays, seed))
+    return OpenSky(_looks(*of_view, rays, seed))
 
 
 def _looks(
@@ -172,10 +175,8 @@ def _looks(
         dr.eval(of_hit, ray, is_met)
         kept = np.array(is_met)
         looks.append([np.array(values)[..., kept] for values in of_hit])
-    points, bins, light, density = (
-        np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True)
-    )
-    return Looks(points, bins.astype(np.int64), light, density)
+    points, bins, *rest = (np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True))
+    return Looks(points, bins.astype(np.int64), *rest)
 
 
 _POSES, _PIXELS, _SAMPLES = 2, 200, 16
@@ -232,7 +233,7 @@ def fitted_shares(
     film, parts = Film(camera, whole_frame, _SAMPLES), paths.parts
     variances = np.zeros(len(parts))
 
-    def trace(_: Any, sensor: Any, seed: int, spp: int) -> Floats:
+    def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
         pixels = np.random.default_rng(seed).permutation(camera.width * camera.height)[:_PIXELS]
         shows_surfaces = True
         for number, part in enumerate(parts):
