@@ -176,7 +176,7 @@ def mitsubas(
 ) -> Sample:
     """Sample of Mitsuba's own path tracer in a variant."""
     configuration = flight(preset, level, width, 2, **{"render.backend": backend})
-    rendering = renderer(configuration, "path")
+    rendering = renderer(configuration, "plain")
     pose, settings = rendering._local(configuration.trajectory.poses()[0]), configuration.render
     path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
     film = Film(rendering.camera, settings, samples)
