@@ -12,13 +12,12 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.bodies import ball, box
 from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 from megalopta.core.record import Record
-from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.meshes.model import PlacedMesh, pose_of
 from megalopta.scenes.meshes.pieces import check_pictures, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
-from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion, Vector
+from megalopta.scenes.motion import Drift, RigidMotion, Vector
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
@@ -52,7 +51,7 @@ class MovingObject(Record, frozen=True):
     reflectances: tuple[Share, Share] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
 
-    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
+    motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 
 
@@ -68,7 +67,7 @@ class MovingModel(PlacedMesh, frozen=True):
         "meshes.",
     )
 
-    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
+    motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 
 
