@@ -239,18 +239,13 @@ def read_headers(path: Path) -> list[dict[str, Any]]:
         channels = sum(len(header["channels"]) for header in headers)
         check_count(path, "channels", channels, _MOST_CHANNELS)
         for header in headers:  # all parts are decoded
-            check_decoded(path, (*size_in(header), channels), VALUE_BYTES)
+            low, high = np.asarray(header["dataWindow"], np.int64)
+            check_decoded(path, (*(high - low + 1).tolist(), channels), VALUE_BYTES)
         return headers
     except TooLargeError:
         raise
     except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others
         raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem
-
-
-def size_in(header: Mapping[str, Any]) -> tuple[int, int]:
-    """Return rows and columns of the pixels that a header states."""
-    (left, top), (right, bottom) = np.asarray(header["dataWindow"]).tolist()
-    return bottom - top + 1, right - left + 1
 
 
 def read_channels(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.pictures import checked_png, opened_picture, png_parts
+from megalopta.core.pictures import checked_png, png_parts
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage import frames
 from megalopta.scenes.spectra.color import Bands
@@ -32,7 +32,7 @@ _SILENT = (
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
-_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d+,?\d*)nm")
+_SPECTRAL = re.compile(r"(\d+,?\d*)nm")
 _UNITS = (RADIANCE_UNIT, "W.m^-2.sr^-1")
 
 
@@ -111,34 +111,31 @@ def exr_light(path: Path) -> tuple[NDArray[Any], bool]:
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     """Return the picture to read: spectra, else the main layer's colors, else another layer's."""
-    flat = {
-        part: header
-        for part, header in enumerate(headers)
-        if not str(header["type"]).rpartition(".")[2].startswith("deep")
-    }
+    kinds = [str(header["type"]).rpartition(".")[2] for header in headers]
     channels = [
-        (part, str(channel.name)) for part, header in flat.items() for channel in header["channels"]
+        (part, str(channel.name))
+        for part, header in enumerate(headers)
+        if not kinds[part].startswith("deep")
+        for channel in header["channels"]
     ]
     candidates: list[tuple[Any, ...]] = []
-    for part in flat:
+    for part, layer in dict.fromkeys((part, name.rpartition(".")[0]) for part, name in channels):
+        prefix = f"{layer}." if layer else ""
         names = [name for number, name in channels if number == part]
-        matches = [match for match in map(_SPECTRAL.fullmatch, names) if match]
-        if matches:
-            first = min(match[1] or "" for match in matches)
-            of_first = [match for match in matches if (match[1] or "") == first]
-            known = sorted((float(match[2].replace(",", ".")), match[0]) for match in of_first)
-            wavelengths_nm, spectral = zip(*known, strict=True)
-            candidates.append((0, part, spectral, None, wavelengths_nm))
-        for layer in dict.fromkeys(name.rpartition(".")[0] for name in names):
-            prefix = f"{layer}." if layer else ""
-            alpha = f"{prefix}A" if f"{prefix}A" in names else None
-            for rank, colors in enumerate(("RGB", "Y"), 1 + 2 * bool(layer)):
-                used = tuple(prefix + color for color in colors)
-                if set(used) <= set(names):
-                    candidates.append((rank, part, used, alpha, ()))
-                    break
+        if layer.rpartition(".")[2] == "S0":
+            ends = {name: _SPECTRAL.fullmatch(name.removeprefix(prefix)) for name in names}
+            known = [(float(end[1].replace(",", ".")), name) for name, end in ends.items() if end]
+            if known:
+                wavelengths_nm, spectral = zip(*sorted(known), strict=True)
+                candidates.append((0, part, spectral, None, wavelengths_nm))
+        alpha = f"{prefix}A" if f"{prefix}A" in names else None
+        for rank, colors in enumerate(("RGB", "Y"), 1 + 2 * bool(layer)):
+            used = tuple(prefix + color for color in colors)
+            if set(used) <= set(names):
+                candidates.append((rank, part, used, alpha, ()))
+                break
     if not candidates:
-        if not flat:
+        if not channels:
             raise DamagedFileError(f"{path} holds deep data; flatten it, and save it again")
         listed = ", ".join(name for _, name in channels)
         raise DamagedFileError(
@@ -148,7 +145,7 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
     known_names = *used, alpha, *("RGB" if wavelengths_nm else "")  # the picture of the spectra
     others = [name for number, name in channels if number != part or name not in known_names]
-    others += ["deep data"] * (len(headers) > len(flat))
+    others += ["deep data"] * any(kind.startswith("deep") for kind in kinds)
     return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(others))
 
 
@@ -230,42 +227,24 @@ def radiance_light(path: Path) -> tuple[NDArray[Any], bool]:
     return numbers[..., ::-1] / divisor, False
 
 
-_ORIENTATION = 274
-_TURNS = {
-    2: (False, True, False),
-    3: (False, True, True),
-    4: (False, False, True),
-    5: (True, False, False),
-    6: (True, True, False),
-    7: (True, True, True),
-    8: (True, False, True),
-}
-"""Arguments of `turned` for an orientation of Exif."""
 _PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_SRGB = bytes([1, 13, 0, 1])
 _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
 """Chunks on place and light without effect."""
 
 
 def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
-    """Return a header with the colors that a PNG states, cICP first, and what has no effect."""
+    """Return a header with the colors that a PNG states, and what has no effect."""
     chunks: dict[bytes, bytes] = {}
     for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
     statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
-    if b"cICP" in chunks:
-        primaries, number, matrix, is_full = chunks[b"cICP"]
-        is_known = number in frames.TRANSFERS and primaries in frames.PRIMARIES
-        if not is_known or matrix or not is_full:
-            raise DamagedFileError(
-                f"{path} has primaries {primaries}, transfer function {number}, color matrix "
-                f"{matrix} of H.273 and {'full' if is_full else 'narrow'} range, which are not "
-                "supported; save it in sRGB"
-            )
-        xy, notes = frames.converted(path, frames.PRIMARIES[primaries][1])
-        header = header._replace(transfer=frames.TRANSFERS[number], chromaticities=xy, notes=notes)
-        return header, statements
-    if b"iCCP" in chunks or b"sRGB" in chunks:
+    if chunks.get(b"cICP", _SRGB) != _SRGB:
+        raise DamagedFileError(
+            f"{path} states colors of ITU-T H.273 other than sRGB; save it in sRGB"
+        )
+    if chunks.keys() & {b"cICP", b"iCCP", b"sRGB"}:
         return header, statements
     if b"gAMA" in chunks:
         (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
@@ -283,16 +262,13 @@ def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[s
 
 
 def png_numbers(path: Path) -> tuple[NDArray[Any], bool]:
-    """Return codes (H, W) or (H, W, 3) of a 16-bit PNG, upright, and True if any is transparent."""
+    """Return codes (H, W) or (H, W, 3) of a 16-bit PNG, and True if any is transparent."""
     # libpng may complain about other parts
     plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
     with frames.without_log():
         numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
-    with opened_picture(path) as image:
-        turn = _TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
-    numbers = frames.turned(numbers, *turn)
     if numbers.ndim == 2:
         return numbers, False
     colors = numbers[..., 2::-1]

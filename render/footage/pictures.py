@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -71,7 +70,7 @@ class PictureFiles(frames.Footage):
             shape=header.shape,
             coding=coding,
             times_s=None if header.times_s is None else np.array(header.times_s),
-            notes=(*header.notes, *filter(None, [frames.HDR_NOTES.get(coding.name)])),
+            notes=header.notes,
             bands_nm=header.bands_nm,
             last_s=header.last_s,
         )
@@ -163,23 +162,6 @@ class ArrayFrames(frames.Footage):
                 "unit linear"
             )
         return self._as_light(frames.light_of("sRGB", numbers.astype(np.float64)), self.path)
-
-
-def open_array(path: Path, unit: frames.Unit | None) -> ArrayFrames:
-    """Return the array of a file as frames. Raises UserError."""
-    if unit is None:
-        raise UserError(
-            f"{path}: an array does not state its unit; give the unit srgb (coded as in "
-            "pictures), linear (proportional to light) or cd/m2 (luminance)"
-        )
-    check_file(path, sys.maxsize)  # read frame by frame
-    try:
-        values = mapped_array(path)
-    except Exception:  # a damaged header can raise anything
-        raise DamagedFileError(
-            f"{path} is not a complete array of numbers; write it with numpy.save"
-        ) from None
-    return ArrayFrames(values, unit, path)
 
 
 def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
@@ -316,6 +298,8 @@ def pillow_header(path: Path) -> frames.Header:
             raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG")
         exif, info = image.getexif(), image.info
         orientation = exif.get(_ORIENTATION, 1)
+        if is_deep and orientation != 1:
+            raise DamagedFileError(f"{path} is turned by Exif; save it upright")
         columns, rows = image.size[:: -1 if orientation in (5, 6, 7, 8) else 1]
         depth: frames.Depth = "16 bits" if is_deep else "8 bits"
         profile, notes = info.get("icc_profile") or b"", list[str]()
@@ -394,7 +378,18 @@ def open_footage(path: Path, unit: frames.Unit | None = None) -> frames.Footage:
         if not path.stat().st_size:
             raise UserError(f"{path} is empty; copy it again")
         if suffix == ".npy":
-            return open_array(path, unit)
+            if unit is None:
+                raise UserError(
+                    f"{path}: an array does not state its unit; give the unit srgb (coded as in "
+                    "pictures), linear (proportional to light) or cd/m2 (luminance)"
+                )
+            try:
+                values = mapped_array(path)  # read frame by frame
+            except Exception:  # a damaged header can raise anything
+                raise DamagedFileError(
+                    f"{path} is not a complete array of numbers; write it with numpy.save"
+                ) from None
+            return ArrayFrames(values, unit, path)
         if suffix in KINDS:
             return open_picture(path, unit)
         if unit not in (None, "srgb"):

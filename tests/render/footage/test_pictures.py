@@ -47,10 +47,7 @@ def test_orientation_of_exif(tmp_path, orientation):
     exif = Image.Exif()
     exif[0x0112] = orientation
     Image.fromarray(np.ascontiguousarray(stored)).save(tmp_path / "a.png", exif=exif)
-    deep = np.ascontiguousarray(stored).astype(np.uint16) * 257
-    Image.fromarray(deep).save(tmp_path / "deep.png", exif=exif)
-    for name in ("a.png", "deep.png"):
-        np.testing.assert_array_equal(light_of(tmp_path / name)[..., 0] == 1, upright == 255, name)
+    np.testing.assert_array_equal(light_of(tmp_path / "a.png")[..., 0] == 1, upright == 255)
 
 
 def test_all_16_bits_are_kept(tmp_path):
