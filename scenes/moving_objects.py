@@ -104,7 +104,15 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
             notes += unused
         else:
             kind, name = thing.name, f"object {index} {thing.name}"
-            materials[name] = _material(thing, index)
+            dark, bright = map(flat, thing.reflectances)
+            half = np.arange(64) < 32
+            weight = (half[:, None] ^ half).astype(np.float32)
+            if thing.pattern == "noise":
+                noise = generator(index, "object")
+                tile = tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, noise)
+                weight = to_weight(2 * tile)
+            painted = Material(dark, Texture(weight, bright))
+            materials[name] = Material(bright) if thing.pattern == "plain" else painted
             body = (box if thing.shape == "box" else ball)(thing.size_m, thing.tile_m)
             assets[name] = Asset({name: body.to_mesh()})
         is_at_rest = thing.motion == Drift(spin_axis=thing.motion.spin_axis)
@@ -114,16 +122,3 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
     return replace(
         scene, materials=materials, assets=assets, placements=tuple(placements), notes=tuple(notes)
     )
-
-
-def _material(thing: MovingObject, index: int) -> Material:
-    dark, bright = map(flat, thing.reflectances)
-    if thing.pattern == "plain":
-        return Material(bright)
-    if thing.pattern == "checker":
-        half = np.arange(64) < 32
-        weight = (half[:, None] ^ half).astype(np.float32)
-    else:
-        rng = generator(index, "object")
-        weight = to_weight(2 * tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, rng))
-    return Material(dark, Texture(weight, bright))

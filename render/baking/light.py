@@ -117,8 +117,6 @@ _MOST_RAYS = 2**14
 # more rays clusters share less. 20 trees, 32 px: from 7.5 to 2.5 % where −0.5 would give 1.9 %.
 _EXPONENT = 0.5 / 0.42
 
-_LEARNED = 2**15
-"""Clusters whose rays show in which directions the sky is seen."""
 _KEPT = 2**16
 """Clusters at once whose paths' light is kept."""
 # Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
@@ -181,12 +179,10 @@ class BakedLight:
         return density
 
     def prepare(self) -> None:
-        """Learn where the sky is seen, and keep light of surfaces that clusters see."""
+        """Keep light of surfaces that clusters see."""
         clusters = self._clusters
         if not len(clusters):
             return
-        some = np.arange(0, len(clusters), max(len(clusters) // _LEARNED, 1))
-        self._gatherer.learn(clusters.leaders[some], *clusters.draws(some))
         parts = np.split(np.arange(len(clusters)), np.arange(_KEPT, len(clusters), _KEPT))
         draws = ((x[:, :: DRAWS // 4] for x in clusters.draws(part)) for part in parts)
         leaders = (clusters.leaders[part] for part in parts)

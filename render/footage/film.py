@@ -118,7 +118,9 @@ class Film(frames.Footage):
                 f"{self.path}: frame {index} differs from the first in size or format; cut it there"
             )
         codes = self._reformatter.reformat(frame, **self._conversion).to_ndarray()
-        return frames.turned(codes, *self._turn)
+        transposed, mirrored_x, mirrored_y = self._turn
+        codes = codes.swapaxes(0, 1) if transposed else codes
+        return np.ascontiguousarray(codes[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
 
     def _coding(self, first: Any) -> frames.Coding:
         """Find how frames like the first become RGB, and that light."""
@@ -300,7 +302,7 @@ def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
 
 
 def _turn(frame: Any) -> tuple[bool, bool, bool]:
-    """Return the arguments of `turned` that follow a frame's display matrix."""
+    """True if a frame's display matrix transposes it, then mirrors x, and y."""
     from av.sidedata.sidedata import Type
 
     matrix = frame.side_data.get(Type.DISPLAYMATRIX)

@@ -353,14 +353,6 @@ def unused(path: Path, stated: Mapping[str, object]) -> Iterator[str]:
         yield f"{path} states what is not used: {quoted(' '.join(listed.split()), 600)}"
 
 
-def turned(
-    numbers: NDArray[Any], transposed: bool, mirrored_x: bool, mirrored_y: bool
-) -> NDArray[Any]:
-    """Return a picture, transposed, then mirrored horizontally and vertically."""
-    numbers = numbers.swapaxes(0, 1) if transposed else numbers
-    return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
-
-
 @contextmanager
 def without_log() -> Iterator[None]:
     """Keep OpenCV from printing what it thinks of a file."""

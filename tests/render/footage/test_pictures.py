@@ -66,18 +66,13 @@ def test_all_16_bits_are_kept(tmp_path):
 def test_transparency_stands_before_black(tmp_path, codes):
     alpha = np.full((12, 20), 255, np.uint8)
     alpha[:, :10] = 0
-    Image.fromarray(np.dstack([codes, alpha])).save(tmp_path / "a.png")
-    cv2.imwrite(
-        str(tmp_path / "deep.png"), np.dstack([codes[..., ::-1], alpha]).astype(np.uint16) * 257
-    )
-    for name in ("a.png", "deep.png"):
-        with open_footage(tmp_path / name) as footage:
-            light = footage.frame(0)
-            assert not light[:, :10].any()
-            np.testing.assert_allclose(
-                light[:, 10:], linear_of_srgb(codes[:, 10:] / 255), rtol=1e-6
-            )
-            assert footage.notes == ("transparent parts are shown over black",)
+    deep = np.dstack([codes[..., ::-1], alpha]).astype(np.uint16) * 257
+    cv2.imwrite(str(tmp_path / "a.png"), deep)
+    with open_footage(tmp_path / "a.png") as footage:
+        light = footage.frame(0)
+        assert not light[:, :10].any()
+        np.testing.assert_allclose(light[:, 10:], linear_of_srgb(codes[:, 10:] / 255), rtol=1e-6)
+        assert footage.notes == ("transparent parts are shown over black",)
 
 
 def test_light_of_exr_and_radiance(tmp_path):
