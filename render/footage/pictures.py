@@ -276,10 +276,7 @@ def header_of(path: Path) -> frames.Header:
         check_file(path)
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
-        readers = {
-            "EXR": formats.exr_header,
-            "Radiance": formats.radiance_header,
-        }
+        readers = {"EXR": formats.exr_header, "Radiance": formats.radiance_header}
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
     frames.check_size(path, header.shape)
     return header
