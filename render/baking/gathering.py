@@ -18,7 +18,6 @@ import numpy as np
 from megalopta.core.arrays import Floats, Ints
 from megalopta.render import RenderSettings, dr, mi, path_tracing
 from megalopta.render.baking.cells import Cells, Patches, UInt32, unpacked
-from megalopta.render.loading.materials import mean
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import MeshIndex
 from megalopta.render.loading.sky import SkyPatterns
@@ -88,24 +87,14 @@ STRIDE = 16
 """Number of rays for each that finds light of other surfaces."""
 _SIDES = 16
 """Parts of each coordinate of directions by which rays are sorted."""
-_HEIGHTS, _LEAST_CHANCE = 32, 0.25
-"""Parts of the height of directions that see the sky more or less often, and the least share of
-rays that are traced."""
 
 
-def _height(direction: Any) -> Any:
-    return mi.UInt(dr.clip((direction.z + 1) * (_HEIGHTS / 2), 0, _HEIGHTS - 1))
-
-
-def by_direction(rays: Any, active: Any) -> Any:
-    """Order (N,) in which rays of similar direction are neighbors, and are traced faster.
-
-    Those not active come last.
-    """
-    number = dr.select(active, mi.UInt(0), mi.UInt(1))
+def by_direction(rays: Any) -> Any:
+    """Order (N,) in which rays of similar direction are neighbors, and are traced faster."""
+    number = mi.UInt(0)
     for x in rays.d:
         number = number * _SIDES + mi.UInt(dr.clip((x + 1) * (_SIDES / 2), 0, _SIDES - 1))
-    dr.eval(rays, number, active)
+    dr.eval(rays, number)
     return mi.UInt(np.argsort(np.array(number, np.uint16), kind="stable").astype(np.uint32))
 
 
@@ -140,11 +129,9 @@ class Gatherer:
         self._patterns = SkyPatterns(patterns)
         skies = [lit.sky if lit else flat(0.0), *(pattern.radiance for pattern in patterns)]
         self._under_sky = scattering.under(skies)
-        self._sky_means = [mean(sky) for sky in skies]
         self._index = MeshIndex(loaded)
         self._table = self._tags = dr.zeros(mi.UInt, 1)
         self._kept = mi.Float(0.0)
-        self._chances = mi.Float([1.0] * _HEIGHTS)
         self._bright = scattering.brightness(lit.mean_sky() if lit else flat(0.0))
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
@@ -162,10 +149,9 @@ class Gatherer:
         where these are visible from the points at which they were seen (C, n). Each half takes
         `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
-        patches = self._cells.patches(cell.ravel())
-        places = Places(patches, seen.ravel(), cell.shape[1])
+        places = Places(self._cells.patches(cell.ravel()), seen.ravel(), cell.shape[1])
         in_view = self._in_view(leader, places, Lanes(shares, least))
-        mesh = patches.mesh[:: cell.shape[1]]
+        mesh = places.patches.mesh[:: places.draws]
         sky = np.einsum("cst,cstk->ck", in_view, self._under_sky[np.repeat(mesh, 2)])
         followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
@@ -175,41 +161,15 @@ class Gatherer:
         skies = self._under_sky.shape[2]
         if not self._under_sky.any():
             return np.zeros((2 * len(leader), 2, skies))
-        key, draw = self._keys(leader, lanes)
-        rays, through = self._rays(places, lanes, lanes.sample, key)
-        chance = dr.gather(mi.Float, self._chances, _height(rays.d))
-        luck, _ = path_tracing.hashed(lanes.sample, key ^ draw)
-        free = self._free(rays, mi.Float(luck) < chance * 2.0**32)
+        rays, through = self._rays(places, lanes, lanes.sample, self._keys(leader, lanes)[0])
+        order = by_direction(rays)
+        blocked = self._scene.ray_test(dr.gather(mi.Ray3f, mi.Ray3f(rays), order))
+        free = dr.zeros(mi.Bool, dr.width(order))
+        dr.scatter(free, ~blocked, order)
         sides = free & ~through, free & through
         bright = [mi.Float(1.0), *self._patterns.toward(rays.d, free)]
-        parts = [dr.select(side, value / chance, 0.0) for side in sides for value in bright]
+        parts = [dr.select(side, value, 0.0) for side in sides for value in bright]
         return lanes.means(parts).reshape(-1, 2, skies)
-
-    def learn(self, leader: UInt32, cell: UInt32, seen: UInt32) -> None:
-        """Learn from rays of some clusters in which directions rarely any sees the sky.
-
-        Arguments are those of `leaving`. There only some rays are traced, and count for all.
-        """
-        lanes = Lanes(np.ones(len(leader), np.int64), STRIDE)
-        places = Places(self._cells.patches(cell.ravel()), seen.ravel(), cell.shape[1])
-        rays, _ = self._rays(places, lanes, lanes.sample, self._keys(leader, lanes)[0])
-        free = self._free(rays, dr.full(mi.Bool, True, dr.width(rays.d)))
-        values = [mi.Float(1.0), *self._patterns.toward(rays.d, free)]
-        light = sum(x * y for x, y in zip(values, self._sky_means, strict=True))
-        height = np.array(_height(rays.d))
-        squares = np.array(dr.select(free, dr.square(light), 0.0), np.float64)
-        total, count = (np.bincount(height, x, _HEIGHTS) for x in (squares, np.ones(len(height))))
-        share = (total + squares.mean()) / (count + 1) / max(squares.mean(), 1e-300)
-        self._chances = mi.Float(np.sqrt(share).clip(_LEAST_CHANCE, 1).astype(np.float32))
-
-    def _free(self, rays: Any, active: Any) -> Any:
-        """True for active rays that hit nothing."""
-        order = by_direction(rays, active)
-        active = dr.gather(mi.Bool, active, order)
-        blocked = self._scene.ray_test(dr.gather(mi.Ray3f, mi.Ray3f(rays), order), active)
-        free = dr.zeros(mi.Bool, dr.width(order))
-        dr.scatter(free, active & ~blocked, order)
-        return free
 
     def _followed(self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes) -> Floats:
         """Radiance (2C, spectra·bands) that leaves meshes (C,) due to light from surfaces."""
@@ -266,7 +226,7 @@ class Gatherer:
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in padding of LLVM's vectors
         step = (lanes.sample * WAVELENGTHS + draw % WAVELENGTHS) // samples
-        order = by_direction(rays, dr.full(mi.Bool, True, dr.width(sample)))
+        order = by_direction(rays)
         lane: list[Any] = [mi.Ray3f(rays), step, sample, key, lanes.half]
         ray, steps, sample, key, half = (dr.gather(type(x), x, order) for x in lane)
         hit = self._scene.ray_intersect_preliminary(ray)
