@@ -125,22 +125,34 @@ def _bin_of(direction: Any) -> Any:
     return ring * _SECTORS + dr.minimum(mi.UInt(turn * _SECTORS), _SECTORS - 1)
 
 
-def open_sky(
-    scene: Any, lighting: Lighting, camera: Camera, poses: Floats, samples: int, seed: int
-) -> OpenSky | None:
-    """Guide for a loaded scene, if its rays have less noise than the usual ones.
+def guided(
+    whole: LoadedScene, camera: Camera, poses: Floats, samples: int, seed: int
+) -> LoadedScene:
+    """Scene with a guide, if its rays have less noise than the usual ones.
 
-    It is for a camera at poses (T, 4, 4), and for so many samples of light paths.
+    It is for a camera at poses (T, 4, 4), and for so many samples of light paths. A scene at rest
+    may be another's too, so it is copied, with the same shapes.
     """
-    of_view = scene, lighting, camera, poses
+    scene, loaded = whole.scene, whole.loaded
+    if not (sky_of(loaded) and scene.lighting):
+        return whole
+    of_view = loaded, scene.lighting, camera, poses
     learnt, kept = (_looks(*of_view, _FEWEST // 2, part_seed(seed, "sky", k)) for k in (0, 1))
     if not (learnt.light.any() and kept.light.any()):
-        return None
+        return whole
     density, square = OpenSky(learnt).densities(kept.points, kept.bins), kept.light**2
     if (square * kept.usual / density).sum() > _NOISE * square.sum():
-        return None
-    rays = min(max(samples // 2, _FEWEST), _MOST)
-    return OpenSky(_looks(*of_view, rays, seed))
+        return whole
+    with step("looking where the sky is seen"):
+        guide = OpenSky(_looks(*of_view, min(max(samples // 2, _FEWEST), _MOST), seed))
+    if scene.is_moving:
+        parameters = mi.traverse(loaded)
+        parameters["sky.sampling_weight"] = 1.0
+        parameters.update()
+    else:
+        loaded = of_shapes(loaded.shapes(), scene.lighting)
+    sky_of(loaded).aim(guide)
+    return LoadedScene(scene, whole.meshes, loaded)
 
 
 def _looks(
@@ -181,44 +193,8 @@ def _looks(
 
 _POSES, _PIXELS, _SAMPLES = 2, 200, 16
 _LEAST_SHARE = 1 / 64
-_FEWEST_SAMPLES = 2**18
+FEWEST_SAMPLES = 2**18
 """Fewest samples in all frames of a sequence for which a pilot pays."""
-
-
-def _samples(camera: Camera, settings: RenderSettings, poses: Floats) -> int:
-    passes = settings.max_passes if settings.target_error is not None else 1
-    pixels = len(poses) * camera.width * camera.height
-    return pixels * settings.samples_per_pixel * passes
-
-
-def pays(camera: Camera, settings: RenderSettings, poses: Floats) -> bool:
-    """True if light paths should adapt to a sequence at poses (T, 4, 4)."""
-    return _samples(camera, settings, poses) >= _FEWEST_SAMPLES
-
-
-def guided(
-    whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
-) -> LoadedScene:
-    """Scene with a guide for a sequence at poses (T, 4, 4), if one helps.
-
-    A scene at rest may be another's too, so it is copied, with the same shapes.
-    """
-    scene, loaded, sky = whole.scene, whole.loaded, sky_of(whole.loaded)
-    if not (sky and scene.lighting):
-        return whole
-    samples = _samples(camera, settings, poses)
-    with step("looking where the sky is seen"):
-        guide = open_sky(loaded, scene.lighting, camera, poses, samples, seed)
-    if guide is None:
-        return whole
-    if scene.is_moving:
-        parameters = mi.traverse(loaded)
-        parameters["sky.sampling_weight"] = 1.0
-        parameters.update()
-    else:
-        loaded = of_shapes(loaded.shapes(), scene.lighting)
-    sky_of(loaded).aim(guide)
-    return LoadedScene(scene, whole.meshes, loaded)
 
 
 def fitted_shares(
