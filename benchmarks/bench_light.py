@@ -19,8 +19,7 @@ import os
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import get_context
@@ -33,7 +32,6 @@ import trimesh
 
 from megalopta.config.model import Configuration, load
 from megalopta.render import MeasuredPass, RunningMean, SceneRenderer, frame_seed, mi
-from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import BakedLight
 from megalopta.render.film import Film
 from megalopta.render.noise import RegionNoise
@@ -53,8 +51,8 @@ UNSEEN = (
     ("trail", "daylight"),
     ("trail", "overcast_night"),
     ("trail", "quarter_moon"),
-    ("clearing", "twilight"),
-    ("rainforest", "full_moon"),
+    ("room", "daylight"),
+    ("room", "full_moon"),
     ("rainforest", "moonless_forest_floor"),
 )
 """Presets and lights that nothing was set on."""
@@ -176,7 +174,7 @@ def mitsubas(
 ) -> Sample:
     """Sample of Mitsuba's own path tracer in a variant."""
     configuration = flight(preset, level, width, 2, **{"render.backend": backend})
-    rendering = renderer(configuration, "path")
+    rendering = renderer(configuration, "plain")
     pose, settings = rendering._local(configuration.trajectory.poses()[0]), configuration.render
     path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
     film = Film(rendering.camera, settings, samples)
@@ -280,32 +278,37 @@ class Baked:
     standing: float
     """Median error that all frames share."""
     survey_s: float
+    bake_s: float
     frames: int
-    bake: "Bake"
+    light: BakedLight
+    density: float
 
     def cpu_s(self, error: float, pixels: int) -> float:
         """CPU-seconds of a frame, with the split between bake and samples that costs least."""
+        ray_s = self.bake_s / self.light.rays(self.density)
 
         def cost(share: float) -> float:
-            ray = self.bake.cpu_s / self.bake.rays
-            rays = self.bake.rays_for(error * share / self.standing)
+            wanted = self.light.density_for(error * share / self.standing, self.density)
             samples = pixels * self.sample.work(error * math.sqrt(1 - share**2))
-            return (self.survey_s + ray * rays) / self.frames + samples
+            return (self.survey_s + ray_s * self.light.rays(wanted)) / self.frames + samples
 
         return min(cost(share) for share in (0.3, 0.45, 0.6, 0.75, 0.9))
 
 
 def baked(configuration: Configuration, pose: Any, frames: int, sky: np.ndarray) -> Baked:
-    with counted_bakes() as bakes:
-        begun = time.process_time()
-        rendering = renderer(configuration, "baked", frames)
-        survey_s = time.process_time() - begun
-        spent = bakes[-1].cpu_s
-        seen = replace(rendering.measured(pose, 1), sky=sky)
-        sample = sampled(lambda seed: rendering.radiance(pose, seed), seen, SAMPLES)
+    bakes, compute_all = [], BakedLight.compute_all
+
+    def timed(light: BakedLight, density: float) -> None:
+        bakes.append((light, density, cpu_seconds(lambda: compute_all(light, density))[0]))
+
+    with patch.object(BakedLight, "compute_all", timed):
+        whole_s, rendering = cpu_seconds(lambda: renderer(configuration, "baked", frames))
+    ((light, density, bake_s),) = bakes
+    seen = replace(rendering.measured(pose, 1), sky=sky)
+    sample = sampled(lambda seed: rendering.radiance(pose, seed), seen, SAMPLES)
     noise = passes_of(rendering, pose, seen)
-    left = noise.median**2 - sample.median**2 / SAMPLES
-    return Baked(sample, math.sqrt(max(left, 1e-6)), survey_s - spent, frames, bakes[-1])
+    left = max(noise.median**2 - sample.median**2 / SAMPLES, 1e-6)
+    return Baked(sample, math.sqrt(left), whole_s - bake_s, bake_s, frames, light, density)
 
 
 def passes_of(rendering: SceneRenderer, pose: Any, seen: MeasuredPass) -> RegionNoise:
@@ -315,42 +318,6 @@ def passes_of(rendering: SceneRenderer, pose: Any, seen: MeasuredPass) -> Region
     surface = passes.noise(1, seen).surface
     assert surface is not None
     return surface
-
-
-class Bake:
-    """Rays of a sequence's baked light, and their cost."""
-
-    def __init__(self, light: BakedLight, density: float) -> None:
-        self._light, self._density = light, density
-        self.rays, self.cpu_s = 0, 0.0
-
-    def rays_for(self, share: float) -> int:
-        """Rays of the whole bake for a share of its fixed error."""
-        return self._light.rays(self._light.density_for(share, self._density))
-
-
-@contextmanager
-def counted_bakes() -> Iterator[list[Bake]]:
-    """Bakes, with their rays and cost."""
-    bakes: list[Bake] = []
-    leaving, compute_all = Gatherer.leaving, BakedLight.compute_all
-
-    def baking(light: BakedLight, density: float) -> None:
-        bakes.append(Bake(light, density))
-        compute_all(light, density)
-
-    def counted(gatherer: Gatherer, *cells: Any, shares: Any, least: int) -> Any:
-        spent, found = cpu_seconds(lambda: leaving(gatherer, *cells, shares=shares, least=least))
-        if bakes:
-            bakes[-1].cpu_s += spent
-            bakes[-1].rays += 2 * least * int(shares.sum())
-        return found
-
-    with (
-        patch.object(BakedLight, "compute_all", baking),
-        patch.object(Gatherer, "leaving", counted),
-    ):
-        yield bakes
 
 
 def accuracy(preset: str, level: str) -> None:

@@ -29,7 +29,6 @@ from megalopta.scenes.spectra.spectrum import luminous, total
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 POINTS_AT_ONCE = 2**18
-_METER_RAYS = 2**18
 
 _SEEN_BYTES, _LIGHT_BYTES = 55, 150
 """Memory of a pixel of a panorama that a camera sees, and of one that lights a scene (measured)."""
@@ -56,7 +55,19 @@ class EnvironmentView:
     def radiance(self, exposure: FrameExposure) -> Image:
         """Mean spectral radiance (H, W, B) over all poses of an exposure; it has no noise."""
         poses = np.concatenate([part.poses.reshape(-1, 4, 4) for part in exposure.parts])
-        return np.asarray(np.mean([self._seen_from(pose) for pose in poses], axis=0), np.float32)
+        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
+        images = []
+        for pose in poses:
+            rotation = pose[:3, :3].T.astype(np.float32)
+            strips = []
+            for first in range(0, len(self._axes), step):
+                directions = self._axes[first : first + step] @ rotation
+                colors = look_up(self._rgb, directions, self._turn)
+                height, width = (size // self._grid for size in directions.shape[:2])
+                points = colors.reshape(height, self._grid, width, self._grid, 3)
+                strips.append(points.mean(axis=(1, 3)))
+            images.append(np.concatenate(strips) @ self._band_means)
+        return np.asarray(np.mean(images, axis=0), np.float32)
 
     def measured(self, exposure: FrameExposure) -> MeasuredPass:
         """The same, without error; no pixel is marked as sky."""
@@ -67,27 +78,9 @@ class EnvironmentView:
         """None: there are no surface hits."""
 
     def light_survey(self, positions: Floats) -> LightSurvey:
-        """Illuminance, measured along rays like those of the pixels; equal everywhere."""
-        # Cosine-distributed about the zenith, along a Fibonacci spiral.
-        number = np.arange(_METER_RAYS)
-        radius, turn = np.sqrt((number + 0.5) / _METER_RAYS), number * np.pi * (3 - np.sqrt(5))
-        upward = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)
-        colors = look_up(self._rgb, np.stack(upward, -1).astype(np.float32), self._turn)
-        lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
+        """Illuminance by the picture's upper half; equal everywhere."""
+        lux = float(horizontal(self._rgb) @ self._efficacy)
         return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
-
-    def _seen_from(self, pose: Floats) -> Image:
-        """Radiance (H, W, B) from a pose (4, 4), in strips of rows."""
-        rotation = pose[:3, :3].T.astype(np.float32)
-        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
-        strips = []
-        for first in range(0, len(self._axes), step):
-            directions = self._axes[first : first + step] @ rotation
-            colors = look_up(self._rgb, directions, self._turn)
-            height, width = (size // self._grid for size in directions.shape[:2])
-            points = colors.reshape(height, self._grid, width, self._grid, 3)
-            strips.append(points.mean(axis=(1, 3)))
-        return np.concatenate(strips) @ self._band_means
 
 
 def look_up(rgb: Image, directions: Image, turn_rad: float = 0.0) -> Image:
@@ -165,7 +158,12 @@ def under_panorama(scene: Scene) -> Scene:
         return scene
     loaded = load_panorama(panorama)
     check_decoded(panorama.file.path, loaded.shape[:2], _LIGHT_BYTES)
-    picture = turned_panorama(loaded, panorama.turn_deg)
+    # Turned counterclockwise seen from above.
+    columns = panorama.turn_deg / 360 * loaded.shape[1]
+    part = np.float32(columns - math.floor(columns))
+    picture = np.roll(loaded, -math.floor(columns), axis=1)
+    if part:
+        picture = (1 - part) * picture + part * np.roll(picture, -1, axis=1)
     weights = np.array([luminous(spectrum) for spectrum in panorama.spectra])
     picture, direction, irradiance = without_disc(picture, weights)
     colors = zip(panorama.spectra, np.moveaxis(picture, -1, 0), strict=True)
@@ -176,15 +174,6 @@ def under_panorama(scene: Scene) -> Scene:
         sun = Sun(direction, total([spectrum.scaled(factor) for spectrum, factor in parts]))
     skies = *lighting.patterns, *patterns
     return replace(scene, lighting=replace(lighting, sun=sun, patterns=skies, panorama=None))
-
-
-def turned_panorama(picture: Image, turn_deg: float) -> Image:
-    """Return the picture (H, 2·H, 3) turned counterclockwise seen from above."""
-    columns = turn_deg / 360 * picture.shape[1]
-    shift = int(np.floor(columns))
-    part = np.float32(columns - shift)
-    near = np.roll(picture, -shift, axis=1)
-    return near if not part else (1 - part) * near + part * np.roll(near, -1, axis=1)
 
 
 def without_disc(

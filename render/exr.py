@@ -100,7 +100,7 @@ def write_radiance(
     picture = np.minimum(colors * 2.0**stops, np.finfo(np.float16).max).astype(np.float16)
     channels |= {name: np.ascontiguousarray(picture[..., k]) for k, name in enumerate("RGB")}
     edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())
-    header = {
+    header: dict[str, str | float] = {
         "spectralLayoutVersion": "1.0",
         "emissiveUnits": RADIANCE_UNIT,
         "bandEdgesNm": edges,
@@ -197,7 +197,8 @@ def read_truth(path: Path) -> "Truth":
 
     purity, sky = (values.pop(f"footprint.{name}") for name in ("purity", "sky"))
     footprint = Footprint(purity, sky, spread("forward"), spread("backward"))
-    return Truth(**values, footprint=footprint, blur=channels.get(_BLUR_CHANNEL))
+    blur: Any = channels.get(_BLUR_CHANNEL)
+    return Truth(**values, footprint=footprint, blur=blur)
 
 
 def read_leaf_clusters(path: Path) -> NDArray[np.uint32]:

@@ -17,6 +17,7 @@ from megalopta.render.loading.materials import mean
 from megalopta.render.loading.scene import LoadedScene, of_shapes
 from megalopta.render.loading.sky import SkyPatterns, sky_of
 from megalopta.render.path_tracing import SplitPaths
+from megalopta.render.settings import part_seed
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.scene import Lighting
 
@@ -59,19 +60,20 @@ class OpenSky:
         dr.make_opaque(self._low, self._side, self._size)
         voxel = np.array(self._voxel(mi.Point3f(looks.points)), np.int64)
         entry = voxel * _BINS + looks.bins
-        counts = np.stack(
+        counts = np.concatenate(
             [
                 np.bincount(entry, weights, size.prod() * _BINS).reshape(-1, _BINS)
                 for weights in (None, looks.light)
-            ]
+            ],
+            axis=1,
         )
         light: Any = looks.light.mean(dtype=np.float64)
         place = np.indices(size).reshape(3, -1)
         for octave in range(_OCTAVES, -1, -1):
             _, voxel = np.unique(place >> octave, axis=1, return_inverse=True)
-            total = np.zeros((2, voxel.max() + 1, _BINS))
-            np.add.at(total, np.s_[:, voxel.ravel()], counts)
-            rays, of_rays = total[:, voxel.ravel()]
+            total = np.zeros((voxel.max() + 1, 2 * _BINS))
+            np.add.at(total, voxel.ravel(), counts)
+            rays, of_rays = np.split(total[voxel.ravel()], 2, axis=1)
             light = (of_rays + _PRIOR * light) / (rays + _PRIOR)
         chance = (1 - _EVEN) * light / light.sum(axis=1, keepdims=True) + _EVEN / _BINS
         cumulated = np.cumsum(chance, axis=1)
@@ -86,7 +88,8 @@ class OpenSky:
         def below(index: Any) -> Any:
             return dr.gather(mi.Float, self._cumulated, first + index + 1, active) <= sample.x
 
-        index = dr.minimum(dr.binary_search(0, _BINS, below), _BINS - 1)
+        search: Any = dr.binary_search
+        index = dr.minimum(search(0, _BINS, below), _BINS - 1)
         start, chance = self._chance(first + index, active)
         within = dr.clip((sample.x - start) / chance, 0, 1 - 2**-20)
         z = 1 - (mi.Float(index // _SECTORS) + within) * (2 / _RINGS)
@@ -122,22 +125,34 @@ def _bin_of(direction: Any) -> Any:
     return ring * _SECTORS + dr.minimum(mi.UInt(turn * _SECTORS), _SECTORS - 1)
 
 
-def open_sky(
-    scene: Any, lighting: Lighting, camera: Camera, poses: Floats, samples: int, seed: int
-) -> OpenSky | None:
-    """Guide for a loaded scene, if its rays have less noise than the usual ones.
+def guided(
+    whole: LoadedScene, camera: Camera, poses: Floats, samples: int, seed: int
+) -> LoadedScene:
+    """Scene with a guide, if its rays have less noise than the usual ones.
 
-    It is for a camera at poses (T, 4, 4), and for so many samples of light paths.
+    It is for a camera at poses (T, 4, 4), and for so many samples of light paths. A scene at rest
+    may be another's too, so it is copied, with the same shapes.
     """
-    looks = _looks(scene, lighting, camera, poses, _FEWEST, seed)
-    learnt, kept = (Looks(*(values[..., part::2] for values in looks)) for part in (0, 1))
+    scene, loaded = whole.scene, whole.loaded
+    if not (sky_of(loaded) and scene.lighting):
+        return whole
+    of_view = loaded, scene.lighting, camera, poses
+    learnt, kept = (_looks(*of_view, _FEWEST // 2, part_seed(seed, "sky", k)) for k in (0, 1))
     if not (learnt.light.any() and kept.light.any()):
-        return None
+        return whole
     density, square = OpenSky(learnt).densities(kept.points, kept.bins), kept.light**2
     if (square * kept.usual / density).sum() > _NOISE * square.sum():
-        return None
-    rays = min(max(samples // 4, _FEWEST), _MOST)
-    return OpenSky(_looks(scene, lighting, camera, poses, rays, seed))
+        return whole
+    with step("looking where the sky is seen"):
+        guide = OpenSky(_looks(*of_view, min(max(samples // 2, _FEWEST), _MOST), seed))
+    if scene.is_moving:
+        parameters = mi.traverse(loaded)
+        parameters["sky.sampling_weight"] = 1.0
+        parameters.update()
+    else:
+        loaded = of_shapes(loaded.shapes(), scene.lighting)
+    sky_of(loaded).aim(guide)
+    return LoadedScene(scene, whole.meshes, loaded)
 
 
 def _looks(
@@ -172,52 +187,14 @@ def _looks(
         dr.eval(of_hit, ray, is_met)
         kept = np.array(is_met)
         looks.append([np.array(values)[..., kept] for values in of_hit])
-    points, bins, light, density = (
-        np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True)
-    )
-    return Looks(points, bins.astype(np.int64), light, density)
+    points, bins, *rest = (np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True))
+    return Looks(points, bins.astype(np.int64), *rest)
 
 
 _POSES, _PIXELS, _SAMPLES = 2, 200, 16
 _LEAST_SHARE = 1 / 64
-_FEWEST_SAMPLES = 2**18
+FEWEST_SAMPLES = 2**18
 """Fewest samples in all frames of a sequence for which a pilot pays."""
-
-
-def _samples(camera: Camera, settings: RenderSettings, poses: Floats) -> int:
-    passes = settings.max_passes if settings.target_error is not None else 1
-    pixels = len(poses) * camera.width * camera.height
-    return pixels * settings.samples_per_pixel * passes
-
-
-def pays(camera: Camera, settings: RenderSettings, poses: Floats) -> bool:
-    """True if light paths should adapt to a sequence at poses (T, 4, 4)."""
-    return _samples(camera, settings, poses) >= _FEWEST_SAMPLES
-
-
-def guided(
-    whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
-) -> LoadedScene:
-    """Scene with a guide for a sequence at poses (T, 4, 4), if one helps.
-
-    A scene at rest may be another's too, so it is copied, with the same shapes.
-    """
-    scene, loaded, sky = whole.scene, whole.loaded, sky_of(whole.loaded)
-    if not (sky and scene.lighting):
-        return whole
-    samples = _samples(camera, settings, poses)
-    with step("looking where the sky is seen"):
-        guide = open_sky(loaded, scene.lighting, camera, poses, samples, seed)
-    if guide is None:
-        return whole
-    if scene.is_moving:
-        parameters = mi.traverse(loaded)
-        parameters["sky.sampling_weight"] = 1.0
-        parameters.update()
-    else:
-        loaded = of_shapes(loaded.shapes(), scene.lighting)
-    sky_of(loaded).aim(guide)
-    return LoadedScene(scene, whole.meshes, loaded)
 
 
 def fitted_shares(
@@ -232,7 +209,7 @@ def fitted_shares(
     film, parts = Film(camera, whole_frame, _SAMPLES), paths.parts
     variances = np.zeros(len(parts))
 
-    def trace(_: Any, sensor: Any, seed: int, spp: int) -> Floats:
+    def trace(_: Any, sensor: Any, seed: int, spp: int) -> Any:
         pixels = np.random.default_rng(seed).permutation(camera.width * camera.height)[:_PIXELS]
         shows_surfaces = True
         for number, part in enumerate(parts):

@@ -233,7 +233,14 @@ class RunningMean:
         flicker = variance.sum(axis=(-2, -1)) / averaged
         covariance = variance[part].mean(axis=0) / averaged + standing.covariance(part)
         level, levels = max(light[part].mean(), 1e-300), self._mean[part].mean(axis=0)
-        median, tail = _relative(flicker, squares, light, part)
+        is_even, median, tail = np.indices(light.shape).sum(axis=0) % 2 == 0, 0.0, 0.0
+        variances, *halves = (
+            _of_blocks(flicker, light, pixels) for pixels in (part, part & is_even, part & ~is_even)
+        )
+        if (lit := np.isfinite(variances)).any():
+            moving = _shrunk(variances[lit], np.stack(halves)[:, lit])
+            relative = np.sqrt(moving + _of_blocks(squares, light, part)[lit])
+            median, tail = float(np.median(relative)), float(np.quantile(relative, _TAIL))
         # Shares of the squared differences between neighbors that are due to either error.
         flickering = still = seen = flickers = stands = 0.0
         slope = standing.slope(part)
@@ -261,20 +268,6 @@ def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
     along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(pairs(part))]
     differences = np.concatenate(along)
     return np.asarray(differences.T @ differences / (2 * max(len(differences), 1)))
-
-
-def _relative(flicker: Floats, squares: Floats, light: Floats, part: Mask) -> tuple[float, float]:
-    """Median over blocks of σ/mean, and its 95th percentile."""
-    is_even = np.indices(light.shape).sum(axis=0) % 2 == 0
-    variances, *halves = (
-        _of_blocks(flicker, light, pixels) for pixels in (part, part & is_even, part & ~is_even)
-    )
-    lit = np.isfinite(variances)
-    if not lit.any():
-        return 0.0, 0.0
-    moving = _shrunk(variances[lit], np.stack(halves)[:, lit])
-    relative = np.sqrt(moving + _of_blocks(squares, light, part)[lit])
-    return float(np.median(relative)), float(np.quantile(relative, _TAIL))
 
 
 def _shrunk(variances: Floats, halves: Floats) -> Floats:

@@ -306,15 +306,16 @@ class SplitPaths:
         sun = scene.lighting.sun if settings.max_depth > 1 else None
         self._sun = shading.SunLight(scene, meshes, sun, self._bands) if sun else None
         self._paths = BandPaths(self._bands, settings.max_depth - 1, self._layers)
-        self.shares = (1, 1 / 4 if sun else 1, 1 / 16)
+        self.shares = (1, 1 / 4, 1 / 16) if sun else (1, 1 / 16)
 
     # Found anew: a scene in a cycle of references would be freed while paths are traced.
     @property
     def parts(self) -> Sequence[Part]:
         """Parts of the light, which add up."""
-        looks = self._seen, self._skylit, self._followed
-        costs = 0.7 if self._sun else 0.3, 1.5, 9.3
-        return [Part(*part) for part in zip(self.shares, looks, costs, strict=True)][: self._depth]
+        looks = [(self._seen, 0.7), (self._skylit, 1.5), (self._followed, 9.3)][: self._depth]
+        if not self._sun and self._depth > 1:
+            del looks[0]  # rays toward the sky see it between surfaces, too
+        return [Part(share, *look) for share, look in zip(self.shares, looks, strict=False)]
 
     def move_to(self, time_s: float) -> None:
         """Move objects to a time, where a copy of theirs is traced."""
@@ -337,18 +338,20 @@ class SplitPaths:
 
     def _seen(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Light of the sky behind the surfaces, and of the sun on them."""
-        if not self._sun:
-            free = ~self._layers.ray_test(ray)
-            return [*self._sky.emitted(ray.d, free), dr.select(free, 1.0, 0.0)]
         sight, weights = self._look(ray)
-        sky = self._sky.emitted(ray.d, ~sight.point.is_valid())
-        direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
-        return [*(a + b for a, b in zip(sky, direct, strict=True)), sight.sky]
+        light = self._sky.emitted(ray.d, ~sight.point.is_valid())
+        if self._sun:
+            direct = self._sun.radiance(self._layers, sight, weights, sampler.next_1d())
+            light = [a + b for a, b in zip(light, direct, strict=True)]
+        return [*light, sight.sky]
 
     def _skylit(self, ray: Any, place: Any, sampler: Any) -> list[Any]:
-        """Light of the sky on the surfaces seen."""
+        """Light of the sky on the surfaces seen, and without a sun also behind them."""
         sight, weights = self._look(ray)
         light = self._sky.radiance(self._layers, sight, weights, sampler)
+        if not self._sun:
+            behind = self._sky.emitted(ray.d, ~sight.point.is_valid())
+            light = [a + b for a, b in zip(light, behind, strict=True)]
         return [*light, sight.sky]
 
     def _followed(self, ray: Any, place: Any, sampler: Any) -> list[Any]:

@@ -13,7 +13,7 @@ from megalopta.render.baking.choice import path_tracing_reason
 from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.environment import EnvironmentView, under_panorama
 from megalopta.render.film import ExposurePart, FrameExposure
-from megalopta.render.guiding import fitted_shares, guided, pays
+from megalopta.render.guiding import FEWEST_SAMPLES, fitted_shares, guided
 from megalopta.render.loading.meshes import leaf_clusters
 from megalopta.render.loading.scene import MovingScene, fill, is_layered, whole_scene
 from megalopta.render.mitsuba_loader import activate, is_scalar
@@ -95,9 +95,11 @@ class SceneRenderer:
         else:
             local = np.zeros((0, 4, 4)) if poses is None else self._local(poses)
             its_seed, places = bake_seed(seed), local[:, :3, 3]
-            adapts = pays(camera, settings, local) and not (is_plain or scene.haze or is_scalar())
+            passes = settings.max_passes if settings.target_error is not None else 1
+            samples = len(local) * pixels * settings.samples_per_pixel * passes
+            adapts = samples >= FEWEST_SAMPLES and not (is_plain or scene.haze or is_scalar())
             if adapts:
-                whole = self._whole = guided(whole, camera, settings, local, its_seed)
+                whole = self._whole = guided(whole, camera, local, samples, its_seed)
                 self._loaded = whole.loaded
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
@@ -111,7 +113,7 @@ class SceneRenderer:
                     exposing = SplitPaths(whole, settings, layers)
                     exposing.shares = split.shares
             if poses is not None and not reason:
-                baked = BakedLightIntegrator(whole, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(whole, split, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:
                     integrator, exposing = baked, None

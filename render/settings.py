@@ -33,10 +33,11 @@ class RenderSettings(Record, frozen=True):
     """Settings of radiance."""
 
     samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 64
-    """Camera rays per pixel and frame, each with a ray to sun or moon. One in four (all, without
-    sun or moon) also samples the sky, and one in 16 is followed over other surfaces. Samplers round
-    up: multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler
-    to a power of four; independent accepts any number."""
+    """Camera rays per pixel and frame, each with a ray to sun or moon. Fewer rays look for the sky,
+    and fewer are followed over other surfaces: as many as their noise in a few pixels asks for, or
+    one in four (all, without sun or moon) and one in 16 in short sequences. Samplers round up:
+    multijitter to a product of two near factors, orthogonal to the square of a prime, ldsampler to
+    a power of four; independent accepts any number."""
 
     max_depth: Annotated[int, Field(ge=1, le=1000)] = 16
     """Longest path in surface hits plus one: 2 is direct light, 3 adds one reflection, and so on.
@@ -67,12 +68,12 @@ class RenderSettings(Record, frozen=True):
     """Passes after which a frame is finished even if target_error is not reached."""
 
     integrator: Literal["auto", "path", "plain", "baked"] = "auto"
-    """path traces the light of every frame anew, in parts with samples in proportion to their
-    noise, and looks for the sky where a few frames found it; plain traces whole paths, as Mitsuba's
-    path integrator does; baked computes the light on each surface once,
-    which all views share, and traces paths for moving objects and near them; auto bakes if frames
-    of the same error on surfaces then take less work. Scalar variants, and scenes with more than 16
-    moving objects, always use path; in haze auto does, and baked is rejected."""
+    """path traces the light of every frame anew, in parts, each with as many samples as its noise
+    asks for, and in rooms looks for the sky where windows are; plain traces whole paths, as
+    Mitsuba's path integrator does; baked computes the light on each surface once, which all views
+    share, and traces paths for moving objects and near them; auto bakes if frames of the same error
+    on surfaces then take less work. Scalar variants, and scenes with more than 16 moving objects,
+    always use path; in haze auto does, and baked is rejected."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
     """Noise of baked light, fixed on surfaces in all frames: RMS over pixels without sky, relative

@@ -299,7 +299,16 @@ class SkyLight:
 
     def radiance(self, scene: Any, sight: Sight, weights: Weights, sampler: Any) -> list[Any]:
         """Radiance of each band from the points seen, due to light from the sky that meets them."""
-        rays, through, count = self._rays(sight, sampler)
+        rays, through = self._bounces.rays(sight, sampler.next_2d())
+        count = mi.Float(1.0)
+        directions = self._loaded_sky.directions if self._loaded_sky else EvenDirections()
+        if not isinstance(directions, EvenDirections):
+            aimed, _ = directions.sample(sight.point.p, sampler.next_2d(), sight.shaded)
+            toward = dr.select(sampler.next_1d() < 0.5, aimed, rays.d)
+            density, through = self._bounces.density(sight, toward)
+            both = (density + directions.density(sight.point.p, toward, sight.shaded)) / 2
+            rays = sight.point.spawn_ray(toward)
+            count = dr.select(both > 0, density / both, 0.0)
         free = sight.shaded & ~scene.ray_test(rays, sight.shaded)
         values = self._values(rays.d, free)
         light = [mi.Float(0.0)] * self._bands
@@ -308,18 +317,6 @@ class SkyLight:
             shares = self._under.read(row, weights, free)
             light = [a + count * value * b for a, b in zip(light, shares, strict=True)]
         return light
-
-    def _rays(self, sight: Sight, sampler: Any) -> tuple[Any, Any, Any]:
-        """Rays, True for transmitted light, and what each counts."""
-        spread, through = self._bounces.rays(sight, sampler.next_2d())
-        directions = self._loaded_sky.directions if self._loaded_sky else EvenDirections()
-        if isinstance(directions, EvenDirections):
-            return spread, through, mi.Float(1.0)
-        aimed, _ = directions.sample(sight.point.p, sampler.next_2d(), sight.shaded)
-        toward = dr.select(sampler.next_1d() < 0.5, aimed, spread.d)
-        density, through = self._bounces.density(sight, toward)
-        both = (density + directions.density(sight.point.p, toward, sight.shaded)) / 2
-        return sight.point.spawn_ray(toward), through, dr.select(both > 0, density / both, 0.0)
 
     def _values(self, directions: Any, active: Any) -> list[Any]:
         values = [mi.Float(1.0), *self._patterns.toward(directions, active)]

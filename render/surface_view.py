@@ -140,7 +140,7 @@ class SurfaceView:
             index: mesh for index, mesh in enumerate(whole.meshes) if isinstance(mesh, MovingMesh)
         }
         self._time_s = 0.0
-        self._films: dict[tuple[int, bool, int | None, bool], Film] = {}
+        self._films: dict[tuple[Any, ...], Film] = {}
 
     @property
     def samples_per_pixel(self) -> int:
@@ -235,16 +235,9 @@ class SurfaceView:
                 "SceneRenderer all poses"
             )
 
-    def _film(
-        self,
-        instants: int,
-        is_exposed: bool = False,
-        most_rows: int | None = None,
-        on_side: bool = False,
-    ) -> Film:
-        """Film of one instant; all instants share the samples of a sharp frame."""
-        samples = math.ceil(self._settings.samples_per_pixel / instants)
-        key = samples, is_exposed, most_rows, on_side
+    def _film(self, instants: int, *exposed: Any) -> Film:
+        """Film of one instant, exposed or not; all instants share the samples of a sharp frame."""
+        key = math.ceil(self._settings.samples_per_pixel / instants), *exposed
         if key not in self._films:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]

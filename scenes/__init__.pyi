@@ -32,5 +32,4 @@ from .tone_mapping import ToneCurve as ToneCurve, preview as preview
 from .trajectories.base import Mount as Mount
 from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded
-from .trajectories.spline import Spline as Spline
 from .trajectories.steady import Hover as Hover, Trajectory as Trajectory

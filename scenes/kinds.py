@@ -22,22 +22,19 @@ def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any
         model.model_fields["kind"].description = f"One of: {kinds}."
     union: Any = Union[tuple(models)]  # noqa: UP007
     told_apart: Any = Annotated[union, Field(discriminator="kind")]
-    return Annotated[told_apart, kind_unless_told(default)] if default else told_apart
+    if not default:
+        return told_apart
+
+    def with_kind(values: Any) -> Any:
+        has_kind = not isinstance(values, Mapping) or "kind" in values
+        return values if has_kind else {"kind": default, **values}
+
+    return Annotated[told_apart, BeforeValidator(with_kind)]
 
 
 def kind_of(model: type[BaseModel]) -> str:
     """Kind that distinguishes a model from others."""
     return str(model.model_fields["kind"].default)
-
-
-def kind_unless_told(kind: str) -> BeforeValidator:
-    """Fill in a kind if a mapping has none."""
-
-    def filled_in(values: Any) -> Any:
-        has_kind = not isinstance(values, Mapping) or "kind" in values
-        return values if has_kind else {"kind": kind, **values}
-
-    return BeforeValidator(filled_in)
 
 
 def models_in(package: str, base: type[Model]) -> list[type[Model]]:

@@ -3,14 +3,11 @@
 A motion maps a point of the object as placed to its position at a time, and back.
 """
 
-from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
@@ -38,8 +35,8 @@ class Motion(Protocol):
         """Return the motion as numbers, for a file."""
 
 
-class _Spinning(Record, frozen=True):
-    """Steady spin of a body about its own center."""
+class Drift(Record, frozen=True):
+    """Steady velocity, and spin of a body about its own center; both may be zero."""
 
     spin_deg_s: float = 0.0
     """Turning rate about the object's center (degrees/s)."""
@@ -47,8 +44,14 @@ class _Spinning(Record, frozen=True):
     spin_axis: Vector = (0.0, 0.0, 1.0)
     """Axis of the spin (x, y, z of any length), counterclockwise seen against it."""
 
+    kind: Literal["steady"] = "steady"
+    """Kind of motion."""
+
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """Velocity (x, y, z in m/s)."""
+
     @model_validator(mode="after")
-    def _axis_has_a_direction(self) -> "_Spinning":
+    def _axis_has_a_direction(self) -> "Drift":
         if not any(self.spin_axis):
             raise ValueError("spin_axis (0, 0, 0) has no direction; give an axis such as (0, 0, 1)")
         return self
@@ -58,59 +61,9 @@ class _Spinning(Record, frozen=True):
         axis = np.asarray(self.spin_axis) / np.linalg.norm(self.spin_axis)
         return Rotation.from_rotvec(np.multiply.outer(np.radians(self.spin_deg_s) * time_s, axis))
 
-    @abstractmethod
-    def shift(self, time_s: Times) -> Floats:
-        """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
-
-
-class Drift(_Spinning, frozen=True):
-    """Steady velocity and spin; both may be zero."""
-
-    kind: Literal["steady"] = "steady"
-    """Kind of motion: steady or spline."""
-
-    velocity_m_s: Vector = (0.0, 0.0, 0.0)
-    """Velocity (x, y, z in m/s)."""
-
     def shift(self, time_s: Times) -> Floats:
         """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
         return np.asarray(np.multiply.outer(time_s, self.velocity_m_s))
-
-
-class Tour(_Spinning, frozen=True):
-    """Smooth curve through given displacements, at rest before and after it."""
-
-    kind: Literal["spline"] = "spline"
-    """Kind of motion: steady or spline."""
-
-    times_s: Annotated[tuple[float, ...], Field(min_length=2)]
-    """Times at which the object reaches each displacement (s)."""
-
-    ways_m: Annotated[tuple[Vector, ...], Field(min_length=2)]
-    """Displacements from the object's position, one for each time (x, y, z in m)."""
-
-    @model_validator(mode="after")
-    def _times_fit(self) -> "Tour":
-        if len(self.times_s) != len(self.ways_m):
-            raise ValueError(
-                f"times_s has {len(self.times_s)} entries and ways_m {len(self.ways_m)}; give one "
-                "time for each way"
-            )
-        if any(np.diff(self.times_s) <= 0):
-            raise ValueError(f"times_s {self.times_s} does not increase; sort by time")
-        return self
-
-    @cached_property
-    def _curve(self) -> CubicSpline:
-        return CubicSpline(self.times_s, self.ways_m, bc_type="clamped")
-
-    def shift(self, time_s: Times) -> Floats:
-        """Displacement (3,) since time 0, m; at times (n,) displacements (n, 3)."""
-        return np.asarray(self._curve(np.clip(time_s, self.times_s[0], self.times_s[-1])))
-
-
-ObjectMotion = Annotated[Drift | Tour, Field(discriminator="kind")]
-"""Any motion of a rigid object in a configuration, by `kind`."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +72,7 @@ class RigidMotion:
 
     center_m: Vector
     """(x, y, z): that point at time 0."""
-    course: Drift | Tour
+    course: Drift
     """Motion of that point, and turn of the body about it."""
 
     def carry(self, points: Floats, time_s: Times) -> Floats:

@@ -12,13 +12,12 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.bodies import ball, box
 from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 from megalopta.core.record import Record
-from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.meshes.model import PlacedMesh, pose_of
 from megalopta.scenes.meshes.pieces import check_pictures, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
-from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion, Vector
+from megalopta.scenes.motion import Drift, RigidMotion, Vector
 from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
@@ -52,7 +51,7 @@ class MovingObject(Record, frozen=True):
     reflectances: tuple[Share, Share] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
 
-    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
+    motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 
 
@@ -68,7 +67,7 @@ class MovingModel(PlacedMesh, frozen=True):
         "meshes.",
     )
 
-    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
+    motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 
 
@@ -105,7 +104,15 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
             notes += unused
         else:
             kind, name = thing.name, f"object {index} {thing.name}"
-            materials[name] = _material(thing, index)
+            dark, bright = map(flat, thing.reflectances)
+            half = np.arange(64) < 32
+            weight = (half[:, None] ^ half).astype(np.float32)
+            if thing.pattern == "noise":
+                noise = generator(index, "object")
+                tile = tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, noise)
+                weight = to_weight(2 * tile)
+            painted = Material(dark, Texture(weight, bright))
+            materials[name] = Material(bright) if thing.pattern == "plain" else painted
             body = (box if thing.shape == "box" else ball)(thing.size_m, thing.tile_m)
             assets[name] = Asset({name: body.to_mesh()})
         is_at_rest = thing.motion == Drift(spin_axis=thing.motion.spin_axis)
@@ -115,16 +122,3 @@ def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
     return replace(
         scene, materials=materials, assets=assets, placements=tuple(placements), notes=tuple(notes)
     )
-
-
-def _material(thing: MovingObject, index: int) -> Material:
-    dark, bright = map(flat, thing.reflectances)
-    if thing.pattern == "plain":
-        return Material(bright)
-    if thing.pattern == "checker":
-        half = np.arange(64) < 32
-        weight = (half[:, None] ^ half).astype(np.float32)
-    else:
-        rng = generator(index, "object")
-        weight = to_weight(2 * tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, rng))
-    return Material(dark, Texture(weight, bright))

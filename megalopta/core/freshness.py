@@ -8,7 +8,7 @@ from pathlib import Path
 
 RENDER_MODEL = 3
 """Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
-BAKE_MODEL = 12
+BAKE_MODEL = 14
 """Version of baked light and its places, of blurred frames, of stated errors, and of the seeds of
 passes and parts, which change the noise of a frame alone."""
 TRUTH_MODEL = 4

@@ -6,7 +6,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
 
 from megalopta.core import bounded
 from megalopta.core.errors import UserError
@@ -16,7 +15,7 @@ from megalopta.render import Truth, out_of_view, read_attributes
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.sway import Sway
 from megalopta.scenes.meshes.animation import NodeMotion
-from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
+from megalopta.scenes.motion import Drift, Motion, RigidMotion
 
 Float64 = NDArray[np.float64]
 
@@ -91,9 +90,7 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
                 motion = NodeMotion.of_record(values)
             else:
                 center = values.pop("center_m")
-                motion = RigidMotion(
-                    tuple(center), TypeAdapter(ObjectMotion).validate_python(values)
-                )
+                motion = RigidMotion(tuple(center), Drift.model_validate(values))
             motions[int(number)] = motion
     return motions
 

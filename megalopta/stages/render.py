@@ -102,6 +102,10 @@ def build(settings: Configuration) -> Scene:
     return scene
 
 
+_MOST_STOPS = 100.0
+"""Largest exposure that is taken from a file, in steps of 2."""
+
+
 class FrameWriter:
     """Renders frames of a dataset's sequence to their files.
 
@@ -231,6 +235,8 @@ class FrameWriter:
         first = path.with_name(self._dataset.frame("radiance", 0).name)
         with suppress(FileNotFoundError, ValueError):  # a damaged file is told by others
             stops = read_headers(first)[0].get("EV")
+        if not (isinstance(stops, float) and abs(stops) < _MOST_STOPS):
+            stops = None
         write_radiance(path, light, bands_nm, attributes, white=white, stops=stops)
 
     def write_sequence_labels(self) -> None:

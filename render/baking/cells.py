@@ -35,6 +35,9 @@ MOST_CELLS = 2**30
 """Largest number of cells; the table takes four bytes for each."""
 VOXEL_PX = 0.5
 """Widest voxel, in pixels of the camera at its closest."""
+_BLOCK_OCTAVES, _BLOCK_BITS = 6, 16
+"""Size of blocks of voxels over that of these, and first bits of a hash that a block shares."""
+_BLOCK_SHIFT = np.uint64(64 - _BLOCK_BITS)
 # Odd constants of the hash: golden ratio, and that of the xxHash algorithm.
 _MULTIPLIERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
@@ -112,7 +115,8 @@ class Cells:
         """Hash (C,) that cells (C,) of one cluster share; each octave doubles the voxel size.
 
         Cells of one mesh, of similar orientation and in the same voxel form a cluster: in foliage a
-        pixel sees dozens of leaves at a time, and only their mean matters.
+        pixel sees dozens of leaves at a time, and only their mean matters. In order of the hash,
+        clusters that are near in space follow each other, as a rule: their rays are traced faster.
         """
         patches = self.patches(cell)
         corners = np.empty((len(cell), 3, 3))
@@ -129,14 +133,22 @@ class Cells:
         facing = 2 * axis + (normal[rows, axis] > 0)
         size = self.pixel_rad * np.maximum(self.path.query(center)[0], NEAREST_M)
         level = np.floor(np.log2(VOXEL_PX * size)) + octaves
-        voxel = np.floor(center / np.exp2(level)[:, None])
-        hashes = np.zeros(len(voxel), np.uint64)
-        for column in (patches.mesh, level, facing, *voxel.T):
-            hashes ^= column.astype(np.int64).astype(np.uint64)
-            for multiplier in _MULTIPLIERS:
-                hashes *= multiplier
-                hashes ^= hashes >> np.uint64(29)
-        return hashes
+        voxel, block = (
+            np.floor(center / np.exp2(each)[:, None]) for each in (level, level + _BLOCK_OCTAVES)
+        )
+        place = _hashes(level, *block.T) >> _BLOCK_SHIFT << _BLOCK_SHIFT
+        return place | _hashes(patches.mesh, level, facing, *voxel.T) >> np.uint64(_BLOCK_BITS)
+
+
+def _hashes(*columns: NDArray[Any]) -> NDArray[np.uint64]:
+    """Hash (N,) of columns (N,) of whole numbers."""
+    hashes = np.zeros(len(columns[0]), np.uint64)
+    for column in columns:
+        hashes ^= column.astype(np.int64).astype(np.uint64)
+        for multiplier in _MULTIPLIERS:
+            hashes *= multiplier
+            hashes ^= hashes >> np.uint64(29)
+    return hashes
 
 
 @dataclass(frozen=True)
@@ -195,9 +207,9 @@ class CellFinder:
         self._origin = mi.UInt(cells.origin)
         self._pieces = [mi.UInt(pieces) for pieces in cells.pieces]
 
-    def look(self, loaded: Any, rays: Any) -> CellSight:
-        """Trace rays through a loaded scene."""
-        hit = loaded.ray_intersect_preliminary(rays, coherent=True)
+    def look(self, loaded: Any, rays: Any, coherent: bool = True) -> CellSight:
+        """Trace rays through a loaded scene; rays of one pixel at a time are coherent."""
+        hit = loaded.ray_intersect_preliminary(rays, coherent=coherent)
         point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
         front = point.wi.z > 0
         dull = point.is_valid() & ~point.shape.is_emitter()
@@ -275,83 +287,31 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
         yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
-def survey(
-    loaded: Any, finder: CellFinder, cells: int, rays: Iterable[Any]
-) -> tuple[UInt32, UInt32, UInt32]:
-    """Cells (N,) of `cells` that the rays of some views see, in ascending order.
+def survey(loaded: Any, finder: CellFinder, rays: Iterable[Any]) -> tuple[UInt32, UInt32, UInt32]:
+    """Cells (N,) that the rays of some views see, in ascending order.
 
     Also the number of times (N,) that each is seen, and a place (N,) where, as read by `unpacked`.
     """
-    pages = Pages(cells)
-    seen, places = dr.zeros(mi.UInt, 0), dr.zeros(mi.UInt, 0)
+    views_met = [np.zeros(0, np.uint64)]
     for number, view_rays in enumerate(rays):
-        sight = finder.look(loaded, view_rays)
-        dr.eval(sight.cell, sight.shaded, sight.place)
-        at = pages.of(sight.cell, sight.shaded)
-        seen, places = pages.grown(seen, 0), pages.grown(places, 0)
-        dr.scatter_add(seen, mi.UInt(1), at, sight.shaded)
-        # Randomly the first, independent of the order of threads.
+        sight = finder.look(loaded, view_rays, coherent=False)
+        # One of the places at random, independent of the order of threads.
         chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
         i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in sight.place)
         packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | (i * _PLACES + j)
-        dr.scatter_reduce(dr.ReduceOp.Max, places, packed, at, sight.shaded)
-        dr.eval(seen, places)
-    met = np.flatnonzero(np.array(seen))
-    cell = pages.cells(met)
-    met, cell = met[np.argsort(cell)], np.sort(cell)
-    return cell, np.array(seen)[met], np.array(places)[met]
+        dr.eval(sight.cell, packed, sight.shaded)
+        met = np.array(sight.cell, np.uint64) << np.uint64(32) | np.array(packed, np.uint64)
+        views_met.append(met[np.array(sight.shaded)])
+    met = np.concatenate(views_met)
+    del views_met
+    met.sort()
+    cell = (met >> np.uint64(32)).astype(np.uint32)
+    last = np.flatnonzero(np.diff(cell, append=np.uint32(2**32 - 1)))
+    seen = np.diff(last, prepend=-1).astype(np.uint32)
+    return cell[last], seen, met[last].astype(np.uint32)
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:
     """Places in cells, (a, b), 0 to 1."""
     i, j = (places // _PLACES) % _PLACES, places % _PLACES
     return mi.Float(i) / (_PLACES - 1), mi.Float(j) / (_PLACES - 1)
-
-
-SIZE = 64
-"""Cells of a page. The table of pages takes four bytes for each."""
-_NONE = 2**32 - 1
-
-
-class Pages:
-    """Places of some of `cells` cells, numbered from 0 without large gaps.
-
-    Of the cells of a forest less than one in a hundred is seen. Neighbors are seen together, so
-    places are given to a page of cells at a time, when the first of them is asked for.
-    """
-
-    def __init__(self, cells: int) -> None:
-        self._page: Any = dr.full(mi.UInt, _NONE, cells // SIZE + 1)
-        self._number = np.zeros(0, np.uint32)
-
-    @property
-    def places(self) -> int:
-        """Number of places given so far."""
-        return len(self._number) * SIZE
-
-    def of(self, cell: Any, active: Any) -> Any:
-        """Return the places of active cells (N,), with new ones for pages that had none."""
-        number = cell // SIZE
-        page = dr.gather(mi.UInt, self._page, number, active)
-        lanes: Any = dr.compress(active & (page == _NONE))
-        if dr.width(lanes):
-            new = np.unique(np.array(dr.gather(mi.UInt, number, lanes)))
-            # From an array: a literal would be compiled anew each time.
-            pages = np.arange(len(new), dtype=np.uint32) + np.uint32(len(self._number))
-            self._number = np.concatenate([self._number, new])
-            dr.scatter(self._page, mi.UInt(pages), mi.UInt(new))
-            dr.eval(self._page)
-            page = dr.gather(mi.UInt, self._page, number, active)
-        return page * SIZE + cell % SIZE
-
-    def cells(self, place: NDArray[np.integer]) -> NDArray[np.uint32]:
-        """Return the cells at places (N,)."""
-        return np.asarray(self._number[place // SIZE] * SIZE + place % SIZE, np.uint32)
-
-    def grown(self, values: Any, filler: int) -> Any:
-        """Return values of places (P,), extended to all places given so far by a filler."""
-        width = dr.width(values)
-        if width >= max(self.places, 1):  # nothing is scattered to or gathered from no place
-            return values
-        new = np.full(max(width, self.places - width, 1), filler, np.uint32)
-        return mi.UInt(np.concatenate([np.array(values, np.uint32), new]))

@@ -28,9 +28,9 @@ frame."""
 FEWEST_IN_ALL = 10_000_000
 """Fewest samples in all pixels. A survey takes as long as some millions of samples, for any size:
 it compiles, divides the scene into cells and looks from 512 places."""
-PATH, WHOLE_PATH, BAKE, SAMPLE = 1.5, 4.0, 1.7, 0.7
-"""Work in CPU-µs: of a sample of split paths, of a path that is not split, of a ray of the bake,
-and of a sample of a baked frame, in a dense forest (`benchmarks/bench_light.py`)."""
+WHOLE_PATH, BAKE, SAMPLE = 4.0, 0.6, 0.6
+"""Work in CPU-µs: of a path that is not split, of a ray of the bake, and of a sample of a baked
+frame, in a dense forest (`benchmarks/bench_light.py`)."""
 
 
 def path_tracing_reason(
@@ -94,8 +94,8 @@ def cost_reason(
 ) -> str:
     """Reason that baking with some rays does not pay; empty if it pays.
 
-    `baked` and `traced` are RMS errors of one sample over the mean, on surfaces: of baked light,
-    and of split paths, NaN where the light cannot be split.
+    `baked` is the RMS error of one sample of baked light over the mean, on surfaces; `traced` the
+    work of split paths for a pixel of an RMS error of 1, NaN where the light cannot be split.
 
     `pixels` are those of all frames together. It pays if frames of the same error on surfaces take
     less work. Work is counted in rays and samples, so that the result is the same on every machine.
@@ -108,7 +108,7 @@ def cost_reason(
         passes = math.ceil(baked**2 / left / samples)
         samples *= min(max(passes, 2), settings.max_passes)
     error2 = baked**2 / samples + settings.standing_error**2
-    share = (BAKE * rays / pixels + SAMPLE * samples) / (PATH * traced**2 / error2)
+    share = (BAKE * rays / pixels + SAMPLE * samples) / (traced / error2)
     if share <= 1:
         return ""
     return (
@@ -172,8 +172,8 @@ def pilot(frames: list[list[Any]], look: Callable[[Any], list[Any]]) -> Pilot:
     return Pilot(light[surface].mean(), fixed, max(variance, 0.0))
 
 
-def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: Any) -> float:
-    """RMS error of one sample of split paths over the mean, of pixels that show only surfaces."""
+def work_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: Any) -> float:
+    """CPU-µs of split paths for a pixel that shows only surfaces, with an RMS error of its mean."""
     light = variance = 0.0
     for part in parts:
 
@@ -184,7 +184,8 @@ def scatter_of_paths(parts: Sequence[Part], frames: list[list[Any]], sampler: An
         of_part = pilot(frames, look)
         light += of_part.mean
         variance += of_part.variance / part.share
-    return math.sqrt(variance) / max(light, 1e-300)
+    work = sum(part.share * part.cost for part in parts)
+    return work * variance / max(light, 1e-300) ** 2
 
 
 GROUPS = 8

@@ -1,6 +1,6 @@
 """Frames from baked light: primary rays, and a visibility ray to the sun.
 
-Paths are traced for cells that the survey of the sequence did not meet, for moving objects, and
+Paths are traced where the survey of the sequence met no cell near, for moving objects, and
 near these. An object inside a sphere of radius r at a distance d contributes at most (r/d)² to the
 irradiance of a point at rest. Where this exceeds 0.01, paths are traced.
 """
@@ -24,7 +24,8 @@ from megalopta.render.baking.light import NOT_SURVEYED, BakedLight
 from megalopta.render.film import pixel_means
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import LoadedScene, of_shapes
-from megalopta.render.path_tracing import BandPaths, SplitPaths, can_split, wavelength_groups
+from megalopta.render.loading.sky import sky_of
+from megalopta.render.path_tracing import BandPaths, SplitPaths, wavelength_groups
 from megalopta.render.settings import part_seed
 from megalopta.render.shading import SunLight, Textures, Weights
 from megalopta.scenes.cameras.base import Camera
@@ -39,13 +40,19 @@ class BakedLightIntegrator:
     """Scene with baked light, as seen by cameras.
 
     The poses (T, 4, 4) of the sequence are relative to the scene's origin; the seed has 32 bits.
-    `reason` says why nothing was baked, if baking would not pay.
+    `reason` says why nothing was baked, if tracing split paths pays more.
     """
 
     reason = ""
 
     def __init__(
-        self, whole: LoadedScene, camera: Camera, settings: RenderSettings, poses: Floats, seed: int
+        self,
+        whole: LoadedScene,
+        split: SplitPaths | None,
+        camera: Camera,
+        settings: RenderSettings,
+        poses: Floats,
+        seed: int,
     ) -> None:
         scene, meshes, loaded = whole.scene, whole.meshes, whole.loaded
         self._bands = settings.bands_nm
@@ -54,6 +61,8 @@ class BakedLightIntegrator:
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
             loaded = of_shapes(loaded.shapes()[: len(meshes)], scene.lighting)
+            if sky_of(loaded):
+                sky_of(loaded).aim(sky_of(whole.loaded).directions)
         positions = poses[:, :3, 3]
         cells = Cells.of(meshes, camera, positions)
         self._finder = CellFinder(cells, whole.loaded)
@@ -64,11 +73,12 @@ class BakedLightIntegrator:
         pixels = camera.width * camera.height
         with step("counting the rays that baked light takes"):
             rays = views(camera, poses, VIEWS, seed)
-            met = survey(loaded, self._finder, cells.count, rays)
+            met = survey(loaded, self._finder, rays)
             self._light = BakedLight(gatherer, cells, len(self._bands), met)
+            self._light.prepare()
             # The pilot: light of the clusters that some views of a few frames meet.
             frames = choice.pilot_views(camera, poses, seed)
-            seen = [survey(loaded, self._finder, cells.count, frame)[0] for frame in frames]
+            seen = [survey(loaded, self._finder, frame)[0] for frame in frames]
             clusters = np.unique(self._light.clusters_of(np.unique(np.concatenate(seen))))
             with silent():
                 self._light.compute(clusters[clusters < NOT_SURVEYED], _PILOT_DENSITY)
@@ -81,8 +91,8 @@ class BakedLightIntegrator:
             density, error = _PILOT_DENSITY, math.sqrt(pilot.standing) / mean
             if error:
                 density = self._light.density_for(settings.standing_error / error, density)
-            parts = SplitPaths(whole, settings).parts if can_split(scene, whole.meshes) else []
-            traced = choice.scatter_of_paths(parts, frames, sampler) if parts else math.nan
+            parts = split.parts if split else []
+            traced = choice.work_of_paths(parts, frames, sampler) if parts else math.nan
         rays_in_all = self._light.rays(density)
         if settings.integrator == "auto":
             baked = math.sqrt(pilot.variance) / mean

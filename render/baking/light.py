@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.progress import progress
 from megalopta.render import dr, mi
-from megalopta.render.baking.cells import Cells, Pages, UInt32
+from megalopta.render.baking.cells import Cells, UInt32
 from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.shading import Weights, mixed
 
@@ -107,6 +107,8 @@ def smoothed(
 
 NOT_LINKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
 """Placeholders for the cluster of a cell: not looked up yet, and not met by the survey."""
+_PAGE = 64
+"""Cells of a page: of a forest's, less than one in a hundred is seen, and neighbors together."""
 LEAST_RAYS = 2 * STRIDE
 """Fewest rays of a cluster, both halves together."""
 _MOST_RAYS = 2**14
@@ -115,6 +117,8 @@ _MOST_RAYS = 2**14
 # more rays clusters share less. 20 trees, 32 px: from 7.5 to 2.5 % where −0.5 would give 1.9 %.
 _EXPONENT = 0.5 / 0.42
 
+_KEPT = 2**16
+"""Clusters at once whose paths' light is kept."""
 # Rays traced at once, in about a second: results are held until they are summed, and Ctrl-C waits
 # for them.
 RAYS_AT_ONCE = 2**20
@@ -145,8 +149,14 @@ class BakedLight:
         keys = cells.voxels(cell)
         self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
         self._neighbors = cells.voxels(self._clusters.leaders, OCTAVES)
+        # Of each voxel the cluster that is seen most often stands for cells that were not met.
+        most = np.lexsort((-self._clusters.seen, self._neighbors))
+        self._near, first = np.unique(self._neighbors[most], return_index=True)
+        self._standing_in = most[first]
         self._weight = gatherer.brightness(self._clusters.leaders) * self._clusters.seen
-        self._pages, self._cluster_of = Pages(cells.count), dr.zeros(mi.UInt, 0)
+        # Cells of the first page are not linked.
+        self._page_of = dr.zeros(mi.UInt, cells.count // _PAGE + 1)
+        self._cluster_of = mi.UInt(np.full(_PAGE, NOT_LINKED, np.uint32))
 
     def _shares(self, density: float) -> Ints:
         """Number of rays of each cluster, relative to the fewest, for one of rays per view."""
@@ -168,12 +178,25 @@ class BakedLight:
             density *= 1.1
         return density
 
+    def prepare(self) -> None:
+        """Keep light of surfaces that clusters see."""
+        clusters = self._clusters
+        if not len(clusters):
+            return
+        parts = np.split(np.arange(len(clusters)), np.arange(_KEPT, len(clusters), _KEPT))
+        draws = ((x[:, :: DRAWS // 4] for x in clusters.draws(part)) for part in parts)
+        leaders = (clusters.leaders[part] for part in parts)
+        self._gatherer.keep(
+            (leader, *places) for leader, places in zip(leaders, draws, strict=True)
+        )
+
     def compute_all(self, density: float) -> None:
         """Compute the light of all clusters, and link their cells to them."""
         clusters = self._clusters
         self.compute(np.arange(len(clusters)), density)
         numbers = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
-        self._link(clusters.members, numbers)
+        if len(numbers):
+            self._link(clusters.members, numbers)
 
     def compute(self, clusters: Ints, density: float) -> None:
         """Compute the light of clusters, by number, with progress, as measured by two halves."""
@@ -199,38 +222,42 @@ class BakedLight:
         self._values = mi.Float(table.ravel())
 
     def clusters_of(self, cell: UInt32) -> Ints:
-        """Clusters of cells (N,), by number; `NOT_SURVEYED` for cells of none."""
-        if not len(self._keys):
-            return np.full(len(cell), NOT_SURVEYED)
-        keys = self._cells.voxels(cell)
-        place = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
-        return np.where(self._keys[place] == keys, place, NOT_SURVEYED)
+        """Clusters of cells (N,), by number, or near ones; `NOT_SURVEYED` if there is none."""
+        exact = 0, self._keys, np.arange(len(self._keys))
+        found = np.full(len(cell), NOT_SURVEYED)
+        for octaves, keys, of in (exact, (OCTAVES, self._near, self._standing_in)):
+            left = np.flatnonzero(found == NOT_SURVEYED)
+            if len(keys) and len(left):
+                key = self._cells.voxels(cell[left], octaves)
+                place = np.searchsorted(keys, key).clip(max=len(keys) - 1)
+                found[left] = np.where(keys[place] == key, of[place], NOT_SURVEYED)
+        return found
 
     def look_up(self, cell: Any, active: Any) -> tuple[Any, Any]:
         """Clusters of active cells (N,), already evaluated, and True for those with light."""
-        place = self._places(cell, active)
-        cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
+        cluster = self._linked(cell, active)
         lanes: Any = dr.compress(active & (cluster == NOT_LINKED))
         if dr.width(lanes):
             new = np.unique(np.array(dr.gather(mi.UInt, cell, lanes)))
             self._link(new, self.clusters_of(new))
-            place = self._places(cell, active)
-            cluster = dr.gather(mi.UInt, self._cluster_of, place, active)
+            cluster = self._linked(cell, active)
         return cluster, active & (cluster < NOT_SURVEYED)
 
-    def _link(self, cell: UInt32, cluster: Ints) -> None:
-        if not len(cell):
-            return
-        place = self._places(mi.UInt(cell), mi.Bool(True))
-        dr.scatter(self._cluster_of, mi.UInt(cluster.astype(np.uint32)), place)
-        dr.eval(self._cluster_of)
-        dr.sync_thread()
+    def _linked(self, cell: Any, active: Any) -> Any:
+        page = dr.gather(mi.UInt, self._page_of, cell // _PAGE, active)
+        return dr.gather(mi.UInt, self._cluster_of, page * _PAGE + cell % _PAGE, active)
 
-    def _places(self, cell: Any, active: Any) -> Any:
-        """Places of active cells (N,) in the table of clusters, which grows by what is new."""
-        place = self._pages.of(cell, active)
-        self._cluster_of = self._pages.grown(self._cluster_of, NOT_LINKED)
-        return place
+    def _link(self, cell: UInt32, cluster: Ints) -> None:
+        number, index = np.unique(cell // _PAGE, return_inverse=True)
+        page = np.array(dr.gather(mi.UInt, self._page_of, mi.UInt(number)))
+        new, known = np.flatnonzero(page == 0), np.array(self._cluster_of)
+        page[new] = len(known) // _PAGE + np.arange(len(new))
+        linked = np.concatenate([known, np.full(_PAGE * len(new), NOT_LINKED, np.uint32)])
+        linked[page[index] * _PAGE + cell % _PAGE] = cluster
+        dr.scatter(self._page_of, mi.UInt(page), mi.UInt(number))
+        self._cluster_of = mi.UInt(linked)
+        dr.eval(self._page_of)
+        dr.sync_thread()
 
     def radiance(self, cluster: Any, weights: Weights, active: Any) -> list[Any]:
         """Radiance of each band leaving cells of clusters (N,) with texture weights (N,)."""

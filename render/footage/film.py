@@ -118,7 +118,9 @@ class Film(frames.Footage):
                 f"{self.path}: frame {index} differs from the first in size or format; cut it there"
             )
         codes = self._reformatter.reformat(frame, **self._conversion).to_ndarray()
-        return frames.turned(codes, *self._turn)
+        transposed, mirrored_x, mirrored_y = self._turn
+        codes = codes.swapaxes(0, 1) if transposed else codes
+        return np.ascontiguousarray(codes[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
 
     def _coding(self, first: Any) -> frames.Coding:
         """Find how frames like the first become RGB, and that light."""
@@ -186,7 +188,6 @@ class Film(frames.Footage):
     def _survey(self) -> Ints:
         """Return the times of all frames in units of the stream, from packets alone."""
         is_avi, known = self._demuxer == "avi", list[int | None]()
-        keys: list[int] = []
         packets = 0
         for packet in self._container.demux(self._stream):
             if packet.has_sidedata("encryption_info") or packet.has_sidedata(
@@ -202,8 +203,6 @@ class Film(frames.Footage):
             if packet.size and not is_hidden:
                 # AVI has no times for pictures that are decoded in another order than shown.
                 known.append(packet.dts if is_avi else packet.pts)
-                if packet.is_keyframe and packet.pts is not None:
-                    keys.append(packet.pts)
             bounded.check_count(self.path, "frames", len(known), _MOST_FRAMES)
         if not known:
             raise DamagedFileError(f"{self.path} has no frame that can be read; {_REMEDY}")
@@ -221,11 +220,6 @@ class Film(frames.Footage):
             if not rate or not base:
                 raise DamagedFileError(f"{self.path} has no times of its frames; {_REMEDY}")
             self._stamps = np.array([round(k / rate / base) for k in range(len(known))], np.int64)
-        # A cut separates frames from the picture that predicts them.
-        self._parted = 0
-        if keys and not self._counts:
-            self._parted = int(np.searchsorted(self._stamps, min(keys)))
-            self._stamps = self._stamps[self._parted :]
         return self._stamps
 
     def _notes(self, first: Any, coding: frames.Coding, times_s: Floats) -> Iterator[str]:
@@ -255,11 +249,6 @@ class Film(frames.Footage):
             yield f"{self.path} holds {streams} films or pictures; one is read"
         if self._stream.sample_aspect_ratio:
             yield from frames.not_square(self.path, float(self._stream.sample_aspect_ratio))
-        if self._parted:
-            yield (
-                f"{self.path} is cut within a group of frames: the first {self._parted} cannot be "
-                "decoded and are omitted"
-            )
         ends_s = (self._container.duration or 0) / 1e6
         if ends_s > times_s[-1] + 1 + 2 * np.diff(times_s, prepend=0).max():
             yield (
@@ -313,7 +302,7 @@ def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
 
 
 def _turn(frame: Any) -> tuple[bool, bool, bool]:
-    """Return the arguments of `turned` that follow a frame's display matrix."""
+    """True if a frame's display matrix transposes it, then mirrors x, and y."""
     from av.sidedata.sidedata import Type
 
     matrix = frame.side_data.get(Type.DISPLAYMATRIX)

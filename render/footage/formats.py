@@ -1,29 +1,24 @@
-"""Pictures in OpenEXR, Radiance, TIFF and PNG.
+"""Pictures in OpenEXR, Radiance and PNG.
 
 EXR: R, G, B, or Y, in the main layer or, without it, in the first that has them; or spectra in the
 layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021). Radiance: light is divided by every
 EXPOSURE and COLORCORR; pictures are upright, "-Y … +X …" (Ward, Radiance's reference manual).
-TIFF: pages like the first are frames; ImageJ states the time between them.
 """
 
-import logging
 import re
 import struct
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
-from tifffile import PHOTOMETRIC, TiffFile
 
-from megalopta.core.bounded import ARRAY_BYTES, check_count, check_decoded, quoted, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
 from megalopta.core.errors import DamagedFileError
-from megalopta.core.pictures import checked_png, opened_picture, png_parts
+from megalopta.core.pictures import checked_png, png_parts
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
 from megalopta.render.footage import frames
 from megalopta.scenes.spectra.color import Bands
@@ -37,7 +32,7 @@ _SILENT = (
 )
 """Attributes that are used, or say nothing of place, light and time."""
 _USUAL: Mapping[str, Any] = {"screenWindowCenter": [0, 0], "screenWindowWidth": 1}
-_SPECTRAL = re.compile(r"(?:(.*)\.)?S0\.(\d+,?\d*)nm")
+_SPECTRAL = re.compile(r"(\d+,?\d*)nm")
 _UNITS = (RADIANCE_UNIT, "W.m^-2.sr^-1")
 
 
@@ -116,34 +111,31 @@ def exr_light(path: Path) -> tuple[NDArray[Any], bool]:
 
 def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     """Return the picture to read: spectra, else the main layer's colors, else another layer's."""
-    flat = {
-        part: header
-        for part, header in enumerate(headers)
-        if not str(header["type"]).rpartition(".")[2].startswith("deep")
-    }
+    kinds = [str(header["type"]).rpartition(".")[2] for header in headers]
     channels = [
-        (part, str(channel.name)) for part, header in flat.items() for channel in header["channels"]
+        (part, str(channel.name))
+        for part, header in enumerate(headers)
+        if not kinds[part].startswith("deep")
+        for channel in header["channels"]
     ]
     candidates: list[tuple[Any, ...]] = []
-    for part in flat:
+    for part, layer in dict.fromkeys((part, name.rpartition(".")[0]) for part, name in channels):
+        prefix = f"{layer}." if layer else ""
         names = [name for number, name in channels if number == part]
-        matches = [match for match in map(_SPECTRAL.fullmatch, names) if match]
-        if matches:
-            first = min(match[1] or "" for match in matches)
-            of_first = [match for match in matches if (match[1] or "") == first]
-            known = sorted((float(match[2].replace(",", ".")), match[0]) for match in of_first)
-            wavelengths_nm, spectral = zip(*known, strict=True)
-            candidates.append((0, part, spectral, None, wavelengths_nm))
-        for layer in dict.fromkeys(name.rpartition(".")[0] for name in names):
-            prefix = f"{layer}." if layer else ""
-            alpha = f"{prefix}A" if f"{prefix}A" in names else None
-            for rank, colors in enumerate(("RGB", "Y"), 1 + 2 * bool(layer)):
-                used = tuple(prefix + color for color in colors)
-                if set(used) <= set(names):
-                    candidates.append((rank, part, used, alpha, ()))
-                    break
+        if layer.rpartition(".")[2] == "S0":
+            ends = {name: _SPECTRAL.fullmatch(name.removeprefix(prefix)) for name in names}
+            known = [(float(end[1].replace(",", ".")), name) for name, end in ends.items() if end]
+            if known:
+                wavelengths_nm, spectral = zip(*sorted(known), strict=True)
+                candidates.append((0, part, spectral, None, wavelengths_nm))
+        alpha = f"{prefix}A" if f"{prefix}A" in names else None
+        for rank, colors in enumerate(("RGB", "Y"), 1 + 2 * bool(layer)):
+            used = tuple(prefix + color for color in colors)
+            if set(used) <= set(names):
+                candidates.append((rank, part, used, alpha, ()))
+                break
     if not candidates:
-        if not flat:
+        if not channels:
             raise DamagedFileError(f"{path} holds deep data; flatten it, and save it again")
         listed = ", ".join(name for _, name in channels)
         raise DamagedFileError(
@@ -153,7 +145,7 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
     _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
     known_names = *used, alpha, *("RGB" if wavelengths_nm else "")  # the picture of the spectra
     others = [name for number, name in channels if number != part or name not in known_names]
-    others += ["deep data"] * (len(headers) > len(flat))
+    others += ["deep data"] * any(kind.startswith("deep") for kind in kinds)
     return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(others))
 
 
@@ -235,173 +227,24 @@ def radiance_light(path: Path) -> tuple[NDArray[Any], bool]:
     return numbers[..., ::-1] / divisor, False
 
 
-_ORIENTATION = 274
-TURNS = {
-    2: (False, True, False),
-    3: (False, True, True),
-    4: (False, False, True),
-    5: (True, False, False),
-    6: (True, True, False),
-    7: (True, True, True),
-    8: (True, False, True),
-}
-"""Arguments of `turned` for an orientation of TIFF or Exif."""
-_MOST_PAGES, _COPIES = 100_000, 4
-_TOLD = {
-    *("TransferFunction", "TransferRange", "PrimaryChromaticities", "WhitePoint", "XPosition"),
-    *("YPosition", "ModelPixelScaleTag", "ModelTiepointTag", "ExposureTime", "FNumber", "GPSTag"),
-    *("ReferenceBlackWhite", "StoNits", "BaselineExposure", "AsShotNeutral", "BlackLevel"),
-    *("WhiteLevel", "ExifTag"),
-}
-"""Tags on place, light and time without effect."""
-_ASSOCIATED, STRAIGHT = 1, 2
-"""Kinds of alpha: colors are multiplied with it, or not."""
-
-logging.getLogger("tifffile").addHandler(logging.NullHandler())  # we report errors ourselves
-
-
-def tiff_header(path: Path) -> frames.Header:
-    """Return what a TIFF file states. Raises DamagedFileError."""
-    with TiffFile(path) as file:
-        with suppress(IndexError):
-            file.pages[_MOST_PAGES]  # the number of pages would be counted one by one
-            check_count(path, "pages", len(file.pages), _MOST_PAGES)
-        page: Any = file.pages.first
-        pages = tuple(n for n, picture in enumerate(file.pages) if _kind(picture) == _kind(page))
-        count = len(pages)
-        depth, notes = _depth(path, page), []
-        if omitted := len(file.pages) - count:
-            notes.append(
-                f"{path} holds {count + omitted} pictures; {omitted} differ from the first in "
-                "size or kind, and are not read"
-            )
-        x, y = (page.tags.get(name) for name in ("XResolution", "YResolution"))
-        if x and y and all(tag.value[0] and tag.value[1] for tag in (x, y)):
-            (across, per), (down, per_down) = x.value, y.value
-            notes += frames.not_square(path, down * per / (per_down * across))
-        alpha = sum(kind in (_ASSOCIATED, STRAIGHT) for kind in page.extrasamples)
-        if (alien := page.samplesperpixel - _colors(page) - alpha) > 0:
-            notes.append(f"{path} has {alien} further values in a pixel, which are not read")
-        if 34675 in page.tags:
-            notes += profile_left_out(path, bytes(page.tags[34675].value))
-        placed = {tag.name: tag.value for tag in page.tags if tag.name in _TOLD}
-        notes += frames.unused(path, placed)
-        times_s, imagej = None, file.imagej_metadata or {}
-        if file.is_ome:
-            notes.append(f"{path} has OME metadata, which are not used")
-        elif count > 1:
-            notes += [
-                f"{path} has {imagej[axis]} {axis} of ImageJ, which are read as frames"
-                for axis in ("channels", "slices")
-                if int(imagej.get(axis, 1)) > 1
-            ]
-            rate_hz = float(imagej.get("fps", 0)) or np.inf
-            period_s = float(imagej.get("finterval", 0)) or 1 / rate_hz
-            if 0 < period_s < np.inf:
-                times_s = tuple((period_s * np.arange(count)).tolist())
-        tag = page.tags.get(_ORIENTATION)
-        shape = page.imagelength, page.imagewidth
-        shape = shape[::-1] if tag and int(tag.value) >= 5 else shape
-        return frames.Header(shape, depth, pages, times_s, notes=tuple(notes))
-
-
-def tiff_numbers(path: Path, number: int) -> tuple[NDArray[Any], int]:
-    """Return a page's codes of 16 bits or light, (H, W, channels), upright; kind of alpha, or 0.
-
-    The kind is 1 if colors are multiplied with alpha, 2 if they are not.
-    """
-    with TiffFile(path) as file:
-        page: Any = file.pages[number]
-        size = page.imagelength, page.imagewidth, page.samplesperpixel
-        check_decoded(path, size, _COPIES * np.dtype(page.dtype).itemsize)
-        try:
-            numbers = page.asarray()
-        except ValueError as problem:
-            if "imagecodecs" not in str(problem):
-                raise
-            content = np.frombuffer(read_bytes(path, ARRAY_BYTES), np.uint8)
-            flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-            with frames.without_log():
-                _, pages = cv2.imdecodemulti(content, flags, range=(number, number + 1))
-            numbers = (
-                pages[0] if pages[0].ndim == 2 else pages[0][..., [2, 1, 0, 3][: pages[0].shape[2]]]
-            )
-        else:
-            if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
-                numbers = np.moveaxis(numbers, 0, -1)
-        numbers = numbers.reshape(page.imagelength, page.imagewidth, -1)
-        if page.photometric == PHOTOMETRIC.MINISWHITE:
-            numbers = np.iinfo(numbers.dtype).max - numbers
-        colors = _colors(page)
-        alpha = next((kind for kind in page.extrasamples if kind in (_ASSOCIATED, STRAIGHT)), 0)
-        used = [*range(colors), *([colors + page.extrasamples.index(alpha)] if alpha else [])]
-        tag = page.tags.get(_ORIENTATION)
-        turn = TURNS.get(int(tag.value) if tag else 1, (False,) * 3)
-        return frames.turned(numbers[..., used], *turn), alpha
-
-
-def profile_left_out(path: Path, profile: bytes) -> Iterator[str]:
-    """Yield a note on a color profile that is not that of sRGB."""
-    if profile and b"sRGB" not in profile and "sRGB".encode("utf-16-be") not in profile:
-        yield f"{path} has a color profile, which is ignored"
-
-
-def _colors(page: Any) -> int:
-    return 3 if page.photometric in (PHOTOMETRIC.RGB, PHOTOMETRIC.YCBCR) else 1
-
-
-def _kind(page: Any) -> tuple[Any, ...]:
-    return page.keyframe.shape, page.keyframe.dtype, page.keyframe.photometric
-
-
-def _depth(path: Path, page: Any) -> frames.Depth:
-    bits, kind, colors = page.bitspersample, np.dtype(page.dtype).kind, page.photometric
-    if colors in (
-        PHOTOMETRIC.SEPARATED,
-        PHOTOMETRIC.CIELAB,
-        PHOTOMETRIC.ICCLAB,
-        PHOTOMETRIC.ITULAB,
-    ):
-        raise DamagedFileError(f"{path} has the colors {colors.name} of prints; save it in sRGB")
-    gray_or_rgb = PHOTOMETRIC.MINISBLACK, PHOTOMETRIC.RGB
-    plain = (*gray_or_rgb, PHOTOMETRIC.MINISWHITE)
-    if bits <= 8 and kind in "ub" and colors in (*plain, PHOTOMETRIC.PALETTE, PHOTOMETRIC.YCBCR):
-        return "8 bits"
-    if (kind, bits) == ("u", 16) and colors in plain:
-        return "16 bits"
-    if kind == "f" and colors in gray_or_rgb:
-        return "light"
-    raise DamagedFileError(
-        f"{path} has {bits} bits of {kind} and colors {colors.name}, which are not read; save it "
-        "as gray or RGB, of 8 or 16 bits or in float32"
-    )
-
-
 _PNG_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_SRGB = bytes([1, 13, 0, 1])
 _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mDCv")
 """Chunks on place and light without effect."""
 
 
 def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
-    """Return a header with the colors that a PNG states, cICP first, and what has no effect."""
+    """Return a header with the colors that a PNG states, and what has no effect."""
     chunks: dict[bytes, bytes] = {}
     for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
     statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
-    if b"cICP" in chunks:
-        primaries, number, matrix, is_full = chunks[b"cICP"]
-        is_known = number in frames.TRANSFERS and primaries in frames.PRIMARIES
-        if not is_known or matrix or not is_full:
-            raise DamagedFileError(
-                f"{path} has primaries {primaries}, transfer function {number}, color matrix "
-                f"{matrix} of H.273 and {'full' if is_full else 'narrow'} range, which are not "
-                "supported; save it in sRGB"
-            )
-        xy, notes = frames.converted(path, frames.PRIMARIES[primaries][1])
-        header = header._replace(transfer=frames.TRANSFERS[number], chromaticities=xy, notes=notes)
-        return header, statements
-    if b"iCCP" in chunks or b"sRGB" in chunks:
+    if chunks.get(b"cICP", _SRGB) != _SRGB:
+        raise DamagedFileError(
+            f"{path} states colors of ITU-T H.273 other than sRGB; save it in sRGB"
+        )
+    if chunks.keys() & {b"cICP", b"iCCP", b"sRGB"}:
         return header, statements
     if b"gAMA" in chunks:
         (gamma,) = struct.unpack(">I", chunks[b"gAMA"])
@@ -418,18 +261,17 @@ def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[s
     return header, statements
 
 
-def png_numbers(path: Path) -> tuple[NDArray[Any], int]:
-    """Return codes (H, W, channels) of a 16-bit PNG, upright, and the kind of alpha, or 0."""
+def png_numbers(path: Path) -> tuple[NDArray[Any], bool]:
+    """Return codes (H, W) or (H, W, 3) of a 16-bit PNG, and True if any is transparent."""
     # libpng may complain about other parts
     plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
     with frames.without_log():
         numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:
         raise ValueError("damaged")
-    with opened_picture(path) as image:
-        turn = TURNS.get(image.getexif().get(_ORIENTATION, 1), (False,) * 3)
-    numbers = frames.turned(numbers.reshape(*numbers.shape[:2], -1), *turn)
-    channels = numbers.shape[-1]
-    return numbers[..., [2, 1, 0, 3][:channels] if channels > 2 else [0]], STRAIGHT * int(
-        channels == 4
-    )
+    if numbers.ndim == 2:
+        return numbers, False
+    colors = numbers[..., 2::-1]
+    if numbers.shape[-1] == 3 or numbers[..., 3].min() == 65535:
+        return colors, False
+    return np.rint(colors * (numbers[..., 3:] / 65535)).astype(np.uint16), True

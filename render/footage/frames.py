@@ -74,22 +74,19 @@ def light_of(transfer: str, codes: Floats) -> Floats:
     return _CURVES[transfer](codes)
 
 
-_D65_XY, _C_XY = (0.3127, 0.3290), (0.310, 0.316)
+_D65_XY = (0.3127, 0.3290)
 _BT709_XY = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, *_D65_XY)
 _BT601_XY = (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *_D65_XY)
 XYZ_XY = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 PRIMARIES: Mapping[int, tuple[str, tuple[float, ...]]] = {
     1: ("BT.709", _BT709_XY),
-    4: ("BT.470 M", (0.670, 0.330, 0.210, 0.710, 0.140, 0.080, *_C_XY)),
     5: ("BT.601, 625 lines", (0.640, 0.330, 0.290, 0.600, 0.150, 0.060, *_D65_XY)),
     6: ("BT.601, 525 lines", _BT601_XY),
     7: ("SMPTE 240M", _BT601_XY),
-    8: ("film", (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, *_C_XY)),
     9: ("BT.2020", (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_D65_XY)),
     10: ("CIE XYZ", XYZ_XY),
     11: ("DCI P3", (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.314, 0.351)),
     12: ("Display P3", (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_D65_XY)),
-    22: ("EBU 3213", (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, *_D65_XY)),
 }
 """Names, and chromaticities x, y of red, green, blue and white, by their number."""
 
@@ -354,14 +351,6 @@ def unused(path: Path, stated: Mapping[str, object]) -> Iterator[str]:
     if stated:
         listed = ", ".join(f"{name} {quoted(str(value), 40)}" for name, value in stated.items())
         yield f"{path} states what is not used: {quoted(' '.join(listed.split()), 600)}"
-
-
-def turned(
-    numbers: NDArray[Any], transposed: bool, mirrored_x: bool, mirrored_y: bool
-) -> NDArray[Any]:
-    """Return a picture, transposed, then mirrored horizontally and vertically."""
-    numbers = numbers.swapaxes(0, 1) if transposed else numbers
-    return np.ascontiguousarray(numbers[:: -1 if mirrored_y else 1, :: -1 if mirrored_x else 1])
 
 
 @contextmanager

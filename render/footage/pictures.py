@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -30,7 +29,6 @@ from megalopta.render.footage.film import DEMUXERS, Film
 KINDS: Mapping[str, str] = {
     ".png": "PNG",
     **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
-    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
     ".bmp": "BMP",
     **dict.fromkeys((".ppm", ".pgm"), "PPM"),
     ".webp": "WebP",
@@ -72,7 +70,7 @@ class PictureFiles(frames.Footage):
             shape=header.shape,
             coding=coding,
             times_s=None if header.times_s is None else np.array(header.times_s),
-            notes=(*header.notes, *filter(None, [frames.HDR_NOTES.get(coding.name)])),
+            notes=header.notes,
             bands_nm=header.bands_nm,
             last_s=header.last_s,
         )
@@ -115,18 +113,7 @@ class PictureFiles(frames.Footage):
             image = self._image[1]
             image.seek(page)
             return over_black(ImageOps.exif_transpose(image))
-        numbers, alpha = (
-            formats.tiff_numbers(path, page) if kind == "TIFF" else formats.png_numbers(path)
-        )
-        if not alpha:
-            return numbers[..., 0] if numbers.shape[-1] == 1 else numbers, False
-        top = np.iinfo(numbers.dtype).max if numbers.dtype.kind == "u" else 1.0
-        share, colors = numbers[..., -1:] / top, numbers[..., :-1]
-        is_transparent = bool(share.min() < 1)
-        if is_transparent and alpha == formats.STRAIGHT:
-            over = colors * share
-            colors = (np.rint(over) if self.depth != "light" else over).astype(numbers.dtype)
-        return colors[..., 0] if colors.shape[-1] == 1 else colors, is_transparent
+        return formats.png_numbers(path)
 
 
 _NAMES: Mapping[frames.Unit, str] = {"srgb": "sRGB", "linear": "linear", "cd/m2": "cd/m²"}
@@ -175,23 +162,6 @@ class ArrayFrames(frames.Footage):
                 "unit linear"
             )
         return self._as_light(frames.light_of("sRGB", numbers.astype(np.float64)), self.path)
-
-
-def open_array(path: Path, unit: frames.Unit | None) -> ArrayFrames:
-    """Return the array of a file as frames. Raises UserError."""
-    if unit is None:
-        raise UserError(
-            f"{path}: an array does not state its unit; give the unit srgb (coded as in "
-            "pictures), linear (proportional to light) or cd/m2 (luminance)"
-        )
-    check_file(path, sys.maxsize)  # read frame by frame
-    try:
-        values = mapped_array(path)
-    except Exception:  # a damaged header can raise anything
-        raise DamagedFileError(
-            f"{path} is not a complete array of numbers; write it with numpy.save"
-        ) from None
-    return ArrayFrames(values, unit, path)
 
 
 def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
@@ -306,11 +276,7 @@ def header_of(path: Path) -> frames.Header:
         check_file(path)
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
-        readers = {
-            "EXR": formats.exr_header,
-            "Radiance": formats.radiance_header,
-            "TIFF": formats.tiff_header,
-        }
+        readers = {"EXR": formats.exr_header, "Radiance": formats.radiance_header}
         header = readers.get(str(picture_kind(path)), pillow_header)(path)
     frames.check_size(path, header.shape)
     return header
@@ -326,12 +292,16 @@ def pillow_header(path: Path) -> frames.Header:
         is_deep = image.mode[0] in "IF" or (image.format == "PNG" and ";16" in str(values))
         largest = values[1] if image.format == "PPM" and isinstance(values, tuple) else 255
         if image.format != "PNG" and (is_deep or largest > 255):
-            raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG or TIFF")
+            raise DamagedFileError(f"{path} has more than 8 bits; save it as PNG")
         exif, info = image.getexif(), image.info
         orientation = exif.get(_ORIENTATION, 1)
+        if is_deep and orientation != 1:
+            raise DamagedFileError(f"{path} is turned by Exif; save it upright")
         columns, rows = image.size[:: -1 if orientation in (5, 6, 7, 8) else 1]
         depth: frames.Depth = "16 bits" if is_deep else "8 bits"
-        notes = [*formats.profile_left_out(path, info.get("icc_profile") or b"")]
+        profile, notes = info.get("icc_profile") or b"", list[str]()
+        if profile and b"sRGB" not in profile and "sRGB".encode("utf-16-be") not in profile:
+            notes.append(f"{path} has a color profile, which is ignored")
         across, down = info.get("dpi") or info.get("aspect") or info.get("jfif_density") or (1, 1)
         notes += frames.not_square(path, down / across if across and down else 1)
         inner = exif.get_ifd(_EXIF)
@@ -399,12 +369,24 @@ def open_footage(path: Path, unit: frames.Unit | None = None) -> frames.Footage:
         if suffix not in SUFFIXES:
             raise UserError(
                 f"{path}: {suffix or 'no suffix'}, not a supported picture, video or array; give a "
-                f"folder of pictures, or one of {', '.join(SUFFIXES)}"
+                f"folder of pictures, one of {', '.join(SUFFIXES)}, or of other files, such as "
+                "TIFF, their numbers as numpy.save writes them"
             )
         if not path.stat().st_size:
             raise UserError(f"{path} is empty; copy it again")
         if suffix == ".npy":
-            return open_array(path, unit)
+            if unit is None:
+                raise UserError(
+                    f"{path}: an array does not state its unit; give the unit srgb (coded as in "
+                    "pictures), linear (proportional to light) or cd/m2 (luminance)"
+                )
+            try:
+                values = mapped_array(path)  # read frame by frame
+            except Exception:  # a damaged header can raise anything
+                raise DamagedFileError(
+                    f"{path} is not a complete array of numbers; write it with numpy.save"
+                ) from None
+            return ArrayFrames(values, unit, path)
         if suffix in KINDS:
             return open_picture(path, unit)
         if unit not in (None, "srgb"):

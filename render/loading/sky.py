@@ -102,7 +102,7 @@ def sky_light(lighting: Lighting, weight: float) -> Any:
 
     `weight` says how often light paths look for it, over how often for the sun.
     """
-    if not (lighting.patterns or max(lighting.sky.values)):
+    if not lighting.patterns and not max(lighting.sky.values):
         return None
     if is_scalar() and not lighting.patterns:  # Python is called for each ray
         even = {"type": "constant", "radiance": spectrum(lighting.sky)}

@@ -211,10 +211,25 @@ def in_leaf(
     few. `natural` is about the index of 1. Raises ValueError if the stand cannot carry that many.
     """
     ground = ground_area(path, ring_m)
+    ordered = sorted(placements, key=lambda placement: placement.asset)
+    of_asset = {
+        name: list(members) for name, members in groupby(ordered, lambda placement: placement.asset)
+    }
 
     def grown_to(fullness: int) -> tuple[Mapping[str, Organs], float]:
-        specimens = grow(fullness)
-        return specimens, leaf_area_index * ground / _leaf_area(specimens, placements, path, ring_m)
+        specimens, area = grow(fullness), 0.0
+        for name, members in of_asset.items():
+            if name not in specimens or members[0].kind in SMALL:
+                continue
+            to_world = np.stack([placement.to_world for placement in members])
+            leaves = specimens[name]["leaf"]
+            faces = leaves.faces[:: max(len(leaves.faces) // 200, 1)]  # a sample
+            points = np.asarray(leaves.vertices[faces].mean(axis=1))
+            places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
+            distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
+            inside = _is_in(ring_m, distance).mean(axis=1)
+            area += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
+        return specimens, leaf_area_index * ground / area
 
     share = np.inf
     for fullness in (1, 2, 4) if leaf_area_index <= 1.25 * natural else (2, 4):
@@ -229,27 +244,3 @@ def in_leaf(
         f"leaf_area_index: {leaf_area_index:g} is more than the {reached:.2g} that these trees can "
         "carry; raise density_per_ha or lower leaf_area_index"
     )
-
-
-def _leaf_area(
-    specimens: Mapping[str, Organs],
-    placements: Sequence[Placement],
-    path: cKDTree,
-    ring_m: tuple[float, float],
-) -> float:
-    """Return the area of the leaves of woody plants above a ring around a path (m²)."""
-    total = 0.0
-    ordered = sorted(placements, key=lambda placement: placement.asset)
-    for name, group in groupby(ordered, lambda placement: placement.asset):
-        members = list(group)
-        if name not in specimens or members[0].kind in SMALL:
-            continue
-        to_world = np.stack([placement.to_world for placement in members])
-        leaves = specimens[name]["leaf"]
-        faces = leaves.faces[:: max(len(leaves.faces) // 200, 1)]  # a sample
-        points = np.asarray(leaves.vertices[faces].mean(axis=1))
-        places = points @ to_world[:, :2, :3].swapaxes(1, 2) + to_world[:, None, :2, 3]
-        distance = distance_to(path, places.reshape(-1, 2)).reshape(places.shape[:2])
-        inside = _is_in(ring_m, distance).mean(axis=1)
-        total += leaves.area * float(inside @ np.cbrt(np.linalg.det(to_world[:, :3, :3])) ** 2)
-    return total

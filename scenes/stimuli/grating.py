@@ -91,7 +91,24 @@ class Grating(SceneDescription, frozen=True):
                 f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
                 f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
             )
-        _check_frequency(self, camera)
+        cycles = moving_cycles(self.cycles_per_frame, self.variant, self.pattern)
+        fov_deg = math.degrees(camera.view_rad)
+        around = cycles * 360 / fov_deg
+        # The pixel at the center spans the largest angle.
+        most = camera.view_rad * camera.focal_length_px / 2
+        if cycles > most:
+            raise ValueError(
+                f"scene.cycles_per_frame {self.cycles_per_frame:g}: {cycles:.3g} cycles over "
+                f"{camera.width} columns are beyond half a cycle per pixel at the image center; "
+                f"use at most {self.cycles_per_frame * most / cycles:.4g}"
+            )
+        if self.pattern != "dots" and abs(around - round(around)) > 1e-6:
+            closing = self.cycles_per_frame * round(around) / around
+            raise ValueError(
+                f"scene.cycles_per_frame {self.cycles_per_frame:g} makes {around:.4g} cycles "
+                f"around the cylinder at a field of view of {fov_deg:g}°, which does not close: "
+                f"use {closing:.8g}"
+            )
         half_height = 1.05 * camera.steepest_tangent
         pattern = _pattern(self, camera.view_rad, half_height)
         wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
@@ -161,24 +178,3 @@ def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
             "the grating: use (0, 0, 0) and turn with rotation_deg_s"
         )
     return trajectory.position_m
-
-
-def _check_frequency(grating: Grating, camera: Camera) -> None:
-    cycles = moving_cycles(grating.cycles_per_frame, grating.variant, grating.pattern)
-    fov_deg = math.degrees(camera.view_rad)
-    around = cycles * 360 / fov_deg
-    # The pixel at the center spans the largest angle.
-    most = camera.view_rad * camera.focal_length_px / 2
-    if cycles > most:
-        raise ValueError(
-            f"scene.cycles_per_frame {grating.cycles_per_frame:g}: {cycles:.3g} cycles over "
-            f"{camera.width} columns are beyond half a cycle per pixel at the image center; "
-            f"use at most {grating.cycles_per_frame * most / cycles:.4g}"
-        )
-    if grating.pattern != "dots" and abs(around - round(around)) > 1e-6:
-        closing = grating.cycles_per_frame * round(around) / around
-        raise ValueError(
-            f"scene.cycles_per_frame {grating.cycles_per_frame:g} makes {around:.4g} cycles around "
-            f"the cylinder at a field of view of {fov_deg:g}°, which does not close: "
-            f"use {closing:.8g}"
-        )

@@ -76,8 +76,17 @@ class Plane(SceneDescription, frozen=True):
             )
         low, high = seen_rectangle(camera, poses, self.distance_m)
         tile_m = self.period_m * (_DOT_PERIODS if self.pattern == "dots" else 1)
+        place = (np.arange(_TEXELS) + 0.5) / _TEXELS
+        if self.pattern == "dots":
+            size, rng = (_DOT_PERIODS, _DOT_PERIODS), generator(self.seed, "dots")
+            tile = random_dots((_TEXELS, _TEXELS), size, self.contrast, rng)
+        elif self.pattern == "sine_2d":
+            tile = sine_grating(place[None, :], place[:, None], self.contrast, 1.0)
+        else:
+            wave = bars(place, self.contrast, self.phase_rad, self.pattern == "square")
+            tile = wave[None, :].repeat(2, axis=0)
         pose = board_pose(poses[0], self.distance_m)
-        return glowing("plane", board(low, high, tile_m), pose, _tile(self), light)
+        return glowing("plane", board(low, high, tile_m), pose, tile, light)
 
     def describe(self) -> str:
         """Sentence for the report."""
@@ -117,18 +126,6 @@ def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Fl
     radius, focus = camera.lens_m or (0.0, 1.0)
     margin += radius * (1 + ahead.max() / focus)
     return low - margin, high + margin
-
-
-def _tile(plane: Plane) -> Floats:
-    place = (np.arange(_TEXELS) + 0.5) / _TEXELS
-    if plane.pattern == "dots":
-        size = (_DOT_PERIODS, _DOT_PERIODS)
-        rng = generator(plane.seed, "dots")
-        return random_dots((_TEXELS, _TEXELS), size, plane.contrast, rng)
-    if plane.pattern == "sine_2d":
-        return sine_grating(place[None, :], place[:, None], plane.contrast, 1.0)
-    wave = bars(place, plane.contrast, plane.phase_rad, plane.pattern == "square")
-    return wave[None, :].repeat(2, axis=0)
 
 
 class MotionBench(SceneDescription, frozen=True):

@@ -145,16 +145,10 @@ class Aimed(Path, frozen=True):
             raise ValueError(
                 f"look_at_m {self.look_at_m} equals position_m: move one of them to define a view"
             )
-        if is_upright(view, self.up):
+        across = np.linalg.norm(np.cross(view, self.up))
+        if across <= 1e-6 * np.linalg.norm(view) * np.linalg.norm(self.up):
             raise ValueError(
                 f"up {self.up} is parallel to the view from position_m {self.position_m} to "
                 f"look_at_m {self.look_at_m}: tilt one of them"
             )
         return self
-
-
-def is_upright(views: Floats, up: ArrayLike) -> bool:
-    """True if any of the views (..., 3) is zero or parallel to `up`, so that it has no horizon."""
-    across = np.linalg.norm(np.cross(views, np.asarray(up, dtype=float)), axis=-1)
-    lengths = np.linalg.norm(views, axis=-1) * np.linalg.norm(up)
-    return bool(np.any(across <= 1e-6 * lengths))

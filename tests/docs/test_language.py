@@ -40,7 +40,6 @@ BANNED = {
     "go(?:es|ne|ing)? on": "continue, resume",
     "goes? when": "is deleted once",
     "front door": "public API",
-    "rooms?": "package",
     "beyond chance": "statistically significant",
     "cannot be believed": "limits",
     "edges? of depth": "depth edge",

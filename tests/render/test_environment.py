@@ -8,9 +8,17 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import horizontal, solid_angles, under_panorama, without_disc
+from megalopta.render.environment import (
+    horizontal,
+    load_panorama,
+    look_up,
+    solid_angles,
+    under_panorama,
+    without_disc,
+)
 from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.scene import pattern_directions
+from megalopta.scenes.spectra.spectrum import luminous
 
 from .conftest import scene_of, square
 
@@ -48,8 +56,13 @@ def test_white_picture_has_the_radiance_of_a_uniform_sky_of_the_level(picture, n
 def test_upper_half_gives_the_requested_illuminance_measured_along_rays(picture):
     # Band-limited enough for bilinear reading: noise averaged over 8 × 8 pixels.
     values = np.kron(noise(16), np.ones((8, 8, 1)))
-    survey = renderer(picture(values), turn_deg=30).light_survey(np.zeros((1, 3)))
-    assert survey.unshaded.lux == pytest.approx(LEVEL.illuminance_lux, rel=5e-3)
+    panorama = Panorama(file=picture(values)).build(LIGHT, CAMERA, STAND).environment
+    number = np.arange(2**16)
+    radius, turn = np.sqrt((number + 0.5) / 2**16), number * np.pi * (3 - np.sqrt(5))
+    upward = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)
+    colors = look_up(load_panorama(panorama), np.stack(upward, -1)).mean(axis=0)
+    lux = math.pi * colors @ np.array([luminous(spectrum) for spectrum in panorama.spectra])
+    assert lux == pytest.approx(LEVEL.illuminance_lux, rel=5e-3)
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0, 0), (90, 0), (-135, 30)])

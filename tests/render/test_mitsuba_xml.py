@@ -8,8 +8,6 @@ from megalopta.render import RenderSettings, SceneRenderer, mi
 from megalopta.scenes import Light, Meshes, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED, band_means
 
-from .conftest import plainly
-
 RNG = np.random.default_rng(3)
 PLY_HEADER = """ply
 format ascii 1.0
@@ -149,36 +147,3 @@ def test_shapes_and_pictures_are_where_plain_mitsuba_has_them(xml):
     assert same.mean() > 0.4
     # Mitsuba keeps 8-bit pictures as half floats.
     np.testing.assert_allclose(ours[same], colors[same], atol=2e-3)
-
-
-ROOM = """<scene version="3.0.0">
-  <shape type="cube"><transform name="to_world"><scale value="2"/></transform>{wall}</shape>
-  <shape type="rectangle">
-    <transform name="to_world">
-      <scale value="0.5"/><rotate x="1" angle="180"/><translate z="1.9"/>
-    </transform>
-    {lamp}<emitter type="area"><spectrum name="radiance" value="3"/></emitter>
-  </shape>
-</scene>"""
-DIFFUSE = """<bsdf type="twosided">
-  <bsdf type="diffuse"><spectrum name="reflectance" value="{}"/></bsdf>
-</bsdf>"""
-
-
-def test_a_room_lit_by_its_own_lamp_is_as_bright_as_in_plain_mitsuba(tmp_path):
-    path, wall = tmp_path / "room.xml", DIFFUSE.format("400:0.3, 720:0.7")
-    path.write_text(ROOM.format(wall=wall, lamp=DIFFUSE.format(0)))
-    description = Meshes(files=({"file": str(path), "up": "z"},), lights="file")
-    assert description.is_self_luminous
-    inside = Trajectory(frames=2, position_m=(-1.5, 0, 0), look_at_m=(0, 0.1, 0))
-    camera = PerspectiveCamera(width=24, height=18, fov_deg=80)
-    settings = RenderSettings(bands_nm=BANDS, samples_per_pixel=64, max_depth=8)
-    renderer = SceneRenderer(build_scene(description, Light(), camera, inside), camera, settings)
-    pose = inside.poses()[0]
-    ours = renderer.radiance(pose, seed=1).astype(np.float64)
-    mi.set_variant("scalar_spectral")
-    scene = mi.load_file(str(path))
-    plain = np.array(plainly(scene, camera, pose, settings)(2))
-    # Errors of pixels are independent, of some 5 % at 64 samples; with 432 pixels and two
-    # renderings, five deviations of the mean are below 2 %.
-    np.testing.assert_allclose(ours.mean((0, 1)), plain.mean((0, 1), dtype=float), rtol=0.02)

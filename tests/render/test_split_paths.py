@@ -1,7 +1,5 @@
 """Our light paths, whole and split, against Mitsuba's path tracer in every kind of light."""
 
-import gc
-import weakref
 from functools import cache
 
 import numpy as np
@@ -58,19 +56,6 @@ def test_every_band_has_the_mean_of_mitsubas_path_tracer(name):
     # Five bands of four lights: 20 differences, each over a scatter from 14 degrees of freedom,
     # exceed 8 with a probability of 3e-5 · 1e-2.
     assert (np.abs(found.mean(axis=0) - expected.mean(axis=0)) < 8 * scatter).all()
-
-
-@vectorized
-def test_a_renderer_is_freed_at_once():
-    # A scene that the garbage collector frees while paths are traced ends the process.
-    renderer = rendering("daylight")
-    integrator = weakref.ref(renderer._view._integrator)
-    gc.disable()
-    try:
-        del renderer
-        assert integrator() is None
-    finally:
-        gc.enable()
 
 
 @vectorized

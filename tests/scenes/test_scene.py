@@ -8,7 +8,6 @@ import trimesh
 
 from megalopta.scenes import Haze, MovingObject, Scene, ToneCurve, preview
 from megalopta.scenes.material import Material, Texture
-from megalopta.scenes.motion import Tour
 from megalopta.scenes.moving_objects import with_objects
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
@@ -60,14 +59,6 @@ def test_an_object_spins_about_its_own_center_while_it_drifts():
     center, corner = motion.carry(np.array([[1.0, 2, 3], [2, 2, 3]]), 1.0)
     np.testing.assert_allclose(center, [2, 2, 2], atol=1e-12)
     np.testing.assert_allclose(corner, [2, 3, 2], atol=1e-12)  # +x has become +y
-
-
-def test_a_tour_passes_its_ways_and_rests_at_its_ends():
-    ways = ((0.0, 0.0, 0.0), (1.0, 2.0, 0.0), (3.0, 1.0, 1.0))
-    tour = Tour(times_s=(1, 2, 4), ways_m=ways)
-    for time, way in zip((0, 1, 2, 4, 9), (ways[0], *ways, ways[2]), strict=True):
-        np.testing.assert_allclose(tour.shift(time), way, atol=1e-12)
-    np.testing.assert_allclose(tour.shift(1 + 1e-6), 0, atol=1e-10)  # sets off from rest
 
 
 BANDS = ((450.0, 550.0), (550.0, 650.0))

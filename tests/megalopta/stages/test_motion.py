@@ -22,8 +22,7 @@ from ..small import agreeing, made, small
 OBJECTS = (
     "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "
     "spin_deg_s: 90, spin_axis: [1, 2, 3]}}, "
-    "{name: bird, shape: ball, position_m: [4, -1, 1.6], motion: {kind: spline, "
-    "times_s: [0, 0.1, 0.4], ways_m: [[0, 0, 0], [0.1, 0.2, 0], [0, 1, 0]]}}]"
+    "{name: bird, shape: ball, position_m: [4, -1, 1.6], motion: {velocity_m_s: [0, 2, 0]}}]"
 )
 SMALL = small(64, 48, 3, samples=16, sensors="ideal", levels="twilight")
 SMALL |= {"render.bands_nm": "[[450, 550]]"}

@@ -9,7 +9,6 @@ import trimesh
 
 from megalopta.config.model import Configuration, load, parse
 from megalopta.core.errors import UserError
-from megalopta.render import read_truth
 from megalopta.render.exr import read_headers
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.material import Material
@@ -85,15 +84,6 @@ PANORAMA = small(96, 40, 6, sensors="ideal", levels="full_moon") | {
 def finished(tmp_path_factory):
     configuration = load("grating", {**TINY, **PANORAMA})
     return run_stage(tmp_path_factory.mktemp("panorama") / "data", configuration, "render")
-
-
-def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
-    truth = read_truth(finished.frame("truth", 4))
-    np.testing.assert_allclose(truth.flow_forward[..., 0], 2, atol=1e-5)
-    np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-5)
-    # Nothing leaves an image without left and right edge.
-    mask = finished.frame("training/occlusions", 4).read_bytes()
-    assert mask == finished.frame("training/invalid", 4).read_bytes()
 
 
 def test_all_pictures_in_radiance_have_one_exposure(finished):

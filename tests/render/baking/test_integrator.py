@@ -145,10 +145,10 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     # 10,000 samples of each: the look alone would take longer
     assert "too few" in reason(still, pixels=24**2)
     # 25 samples and baked light have an error of 10.2 %, for which paths would take 2384 samples:
-    # 1.7 r + 0.7 · 25 = 1.5 · 2384 for each pixel.
-    cost = partial(cost_reason, pixels=1, baked=0.5, traced=5.0, settings=settings)
-    assert cost(2093) == ""
-    assert "100% of the work of path tracing to the same error of 10.2%" in cost(2095)
+    # 0.6 r + 0.6 · 25 = 1.5 · 2384 for each pixel.
+    cost = partial(cost_reason, pixels=1, baked=0.5, traced=37.5, settings=settings)
+    assert cost(5934) == ""
+    assert "100% of the work of path tracing to the same error of 10.2%" in cost(5937)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 

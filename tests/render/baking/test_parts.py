@@ -82,7 +82,7 @@ def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence():
     down = Trajectory(frames=7, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
     rays = views(CAMERA, down.poses(), VIEWS, 0)
-    cell, seen, _ = survey(loaded, CellFinder(cells, loaded), cells.count, rays)
+    cell, seen, _ = survey(loaded, CellFinder(cells, loaded), rays)
     assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert (np.diff(cell) > 0).all()
     assert cell[-1] < cells.count // 2  # not the back

@@ -1,6 +1,5 @@
 """Films, which the tests encode themselves, against closed forms."""
 
-import av
 import numpy as np
 import pytest
 
@@ -142,20 +141,6 @@ def test_any_order_gives_the_frames_of_playing_it(film, name, codec, options):
         np.testing.assert_allclose(footage.times_s, np.arange(20) / 25, atol=6e-4)
         for k in (19, 3, 12, 11, 0, 7, 18, 6):
             np.testing.assert_array_equal(footage.frame(k), in_order[k])
-
-
-def test_frames_that_a_cut_parted_from_their_key_are_left_out(film, tmp_path):
-    whole, part = film(moving(24), "film.mkv", options={"g": "8", "bf": "2"}), tmp_path / "part.mkv"
-    with av.open(whole) as source, av.open(part, "w") as target:
-        stream = target.add_stream_from_template(source.streams.video[0])
-        for packet in [each for each in source.demux(video=0) if each.size][3:]:
-            packet.stream = stream
-            target.mux(packet)
-    with open_footage(whole) as one, open_footage(part) as other:
-        assert len(other) == 16 and any("omitted" in note for note in other.notes)
-        assert other.times_s[0] == 0
-        for k in (0, 15, 9):
-            np.testing.assert_array_equal(other.frame(k), one.frame(8 + k))
 
 
 def test_times_of_a_variable_frame_rate(film):

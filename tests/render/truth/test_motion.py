@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.scenes import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway
-from megalopta.scenes.motion import Drift, RigidMotion, Tour
+from megalopta.scenes.motion import Drift, RigidMotion
 
 from ..conftest import GRAY, renderer_of, sphere_cap, square
 from .oracle import BOTH, Pinhole, box_hit, eye, plane_hit, sphere_hit
@@ -155,9 +155,8 @@ def test_flow_of_a_swaying_tree_is_that_of_its_bending():
     [
         swaying_pole()[1],
         RigidMotion((1.0, 2.0, 3.0), Drift(velocity_m_s=(1, 2, 3), **SPIN)),
-        RigidMotion((1.0, 2.0, 3.0), Tour(times_s=(0, 1), ways_m=((0, 0, 0), (1, 2, 3)), **SPIN)),
     ],
-    ids=["sway", "steady", "spline"],
+    ids=["sway", "steady"],
 )  # fmt: skip
 def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
     points = np.random.default_rng(1).uniform(0, 5, (20, 3))

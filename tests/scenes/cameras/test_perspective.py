@@ -1,14 +1,23 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes import CylindricalCamera, EquirectangularCamera, PerspectiveCamera
+from megalopta.scenes import (
+    CylindricalCamera,
+    EquirectangularCamera,
+    OpenCVCamera,
+    PerspectiveCamera,
+)
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=90)
 SPHERE = EquirectangularCamera(width=72, height=36)
 CYLINDER = CylindricalCamera(width=72, height=24, lower_deg=-30, upper_deg=60)
 PARTIAL = EquirectangularCamera(width=50, height=20, fov_deg=100, lower_deg=-20, upper_deg=60)
+SIZE = {"width": 64, "height": 48, "fx_px": 50.0, "fy_px": 52.0, "cx_px": 30.2, "cy_px": 25.7}
+BARREL = OpenCVCamera(**SIZE, distortion=(-0.28, 0.09, 1.2e-3, -0.8e-3, -0.01))
+FISHEYE = OpenCVCamera(**SIZE, fisheye=(-0.02, 0.004, -0.002, 2e-4))
+FULL = EquirectangularCamera(), CylindricalCamera()
 CAMERAS = pytest.mark.parametrize(
-    "camera", [CAMERA, SPHERE, CYLINDER, PARTIAL, EquirectangularCamera(), CylindricalCamera()]
+    "camera", [CAMERA, SPHERE, CYLINDER, PARTIAL, *FULL, BARREL, FISHEYE]
 )
 
 

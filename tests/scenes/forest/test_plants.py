@@ -7,12 +7,10 @@ import pytest
 
 from megalopta.scenes.forest import specimens as nursery
 from megalopta.scenes.forest.description import build_forest
-from megalopta.scenes.forest.flora import BUSHES, COVERS, LODS, PLANTS, TREES
+from megalopta.scenes.forest.flora import BUSHES, LODS, PLANTS, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
 from .test_description import TINY
-
-BARK = [plant.coats["bark"].spectra for plant in (*TREES.values(), *BUSHES.values())]
 
 LEAVES = [
     plant.coats["leaf"]
@@ -98,9 +96,3 @@ def test_trees_and_bushes_sway_each_in_its_own_way_and_nothing_else_does(windy):
         assert abs(product - 1) <= FREQUENCY_SPREAD
     tallest = max(placement.motion.height_m for placement in moving)
     assert 12 < tallest < 40
-
-
-def test_bark_soil_and_litter_brighten_toward_the_infrared():
-    for pair in (*BARK, COVERS["litter"].spectra):
-        for spectrum in pair:
-            assert np.all(np.diff(spectrum(np.arange(380, 1001))) >= 0)

@@ -212,14 +212,3 @@ def test_tables_are_what_the_model_gives_for_the_parameters_beside_them(name):
         kept = sorted({*kept, int(off.argmax())}) if off.max() > TOLERANCE else kept
     values = [each[kept].tolist() for each in (wavelengths.round(), *curves)]
     assert table == dict(zip(("wavelengths_nm", *Leaf._fields), values, strict=True))
-
-
-def test_leaves_absorb_as_green_dry_and_young_ones_do():
-    absorbed = {
-        name: 1 - sum(spectrum([550, 670, 900]) for spectrum in leaf_of(name)) for name in LEAVES
-    }
-    for name in set(LEAVES) - {"dry leaf"}:
-        green, red, infrared = absorbed[name]
-        assert 0.35 < green < 0.85 and red > 0.8 and infrared < 0.2, name
-    assert absorbed["young leaf light"][0] < absorbed["leaf light"][0] < absorbed["leaf dark"][0]
-    assert absorbed["dry leaf"][1] < 0.3  # no chlorophyll

@@ -13,7 +13,6 @@ from megalopta.scenes import (
     Orbit,
     PerspectiveCamera,
     Recorded,
-    Spline,
     Trajectory,
 )
 from megalopta.scenes.trajectories.orbit import Fit
@@ -32,7 +31,6 @@ def recording(knots=KNOTS, places=PLACES, turns=TURNS):
 PATHS = {
     "steady": Trajectory(rotation_deg_s=20, velocity_m_s=(1, 2, 0.5)),
     "orbit": Orbit(height_m=2.0, rate_deg_s=-40),
-    "spline": Spline(points_m=((0, 0, 1), (2, 1, 1.5), (3, 4, 2)), up=(0, 0.1, 1)),
     "recorded": Recorded(csv=recording(), frames=30),
     "hover": Hover(seed=2),
 }
@@ -71,17 +69,6 @@ def test_an_orbit_keeps_its_radius_and_its_point_in_the_image_center():
     )
     # A second at 30°/s, counterclockwise from 180°.
     np.testing.assert_allclose(position[-1, :2], [3 - 6 * np.cos(np.pi / 6), 4 - 3], atol=1e-6)
-
-
-def test_a_spline_passes_through_its_points_and_looks_along_itself():
-    points = ((0, 0, 1), (2, 0, 1), (2, 3, 1), (5, 3, 2))
-    path = Spline(points_m=points, frames=9, frame_rate_hz=2)
-    times = np.cumsum([0, 2, 3, np.sqrt(10)]) / (5 + np.sqrt(10)) * 4
-    np.testing.assert_allclose(path.pose_at(times)[:, :3, 3], points, atol=1e-6)
-    middle = np.linspace(0.1, 3.9, 50)
-    step = path.course(middle + 1e-5)[0] - path.course(middle - 1e-5)[0]
-    along = step / np.linalg.norm(step, axis=1, keepdims=True)
-    np.testing.assert_allclose(path.pose_at(middle)[:, :3, 2], along, atol=1e-6)
 
 
 def test_a_recording_is_slerp_between_its_orientations_and_passes_its_positions():
