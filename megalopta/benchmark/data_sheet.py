@@ -1,127 +1,74 @@
 """Data sheet of an image sensor: what a typical pixel reads over light, without drawing photons.
 
-Means and variances are those of the sensor stage (`sensor.expectations`), of the middle 16 × 16
-pixels at most; a typical pixel has the median over them. Light comes as photons of one wavelength
-on a whole pixel in an exposure, or from a surface of the stated reflectance at a light level,
-through the sensor's lens, on its axis. A pixel of a mosaic is one without its color filter.
-
-    SNR             slope of the mean reading over light, times the light, over the standard
-                    deviation of a reading (EMVA 1288, referred to the exposure); ideal: √photons
-    threshold       least light at which the SNR is 1
-    saturation      least light at which the mean reading is at 90 % of its range
-    dynamic range   their ratio, 20·log₁₀
+A typical pixel has the median moments (`expectation`) of the middle 16 × 16 pixels at most, on the
+lens's axis and without color filters. SNR is referred to the exposure (EMVA 1288).
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
+from markupsafe import Markup
 from numpy.typing import ArrayLike
+from pydantic_core import to_json
 
-from megalopta.benchmark.design import covered_nm, white_radiance
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
-from megalopta.scenes import Pictures
+from megalopta.report import style
+from megalopta.report.sections import Section, block, table, write_sections
+from megalopta.report.text import number, percent, short, with_error
+from megalopta.scenes import Light
 from megalopta.scenes.levels import LEVELS
-from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation, without
+from megalopta.scenes.stimuli.pictures import ColorsAsLight
+from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation
 from megalopta.sensor.image_sensors import sensor_named
 from megalopta.sensor.optics import photon_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-REFLECTANCE = float(Pictures.model_fields["reflectance"].default)
-HOT_TIMES = 10.0
-"""Dark counts of a hot pixel, in multiples of the median"""
-FULL = 0.9
-"""Share of the range of readings at which a pixel counts as saturated"""
-_LIGHT_NM, _BAND_NM, _LINE_NM, _USUAL_NM = (360.0, 1800.0), 25.0, 1.0, 550.0
-"""Where the spectra of light levels are known; widths of their bands and of a line of light"""
-_SIDE, _DARK_SIDE, _BRIGHTER, _AT_REST_S = 16, 128, 0.01, 1e-9
-_DECADE = 10.0 ** (np.arange(10) / 10)
-_FEWEST_DETECTED, _MOST_READ = 0.1, 1e9
-_STILL_GROWS = 1.02
-"""Growth of the mean reading in a decade of light, below which a pixel is full"""
-
-
-class Readings(NamedTuple):
-    """A typical pixel over light, each (N,)."""
-
-    photons: Floats
-    """On a whole pixel in an exposure"""
-    mean: Floats
-    """Mean reading: counts, or electrons of a CTIA array"""
-    sigma: Floats
-    """Standard deviation of a reading"""
-    snr: Floats
+_GRAY = ColorsAsLight(spectrum="light")
+_SIDE, _BRIGHTER, _AT_REST_S, _FULL, _MOST_READ, _STILL_GROWS = 16, 0.01, 1e-9, 0.9, 1e9, 1.02
+_COLUMNS, _QUANTILES = ["photons", "mean", "sigma", "snr"], (0.05, 0.5, 0.95)
+_HEAD = "light", "lux", "photons", "reading", "SNR", "ideal SNR"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DataSheet:
-    """Figures of a sensor; NaN: never, or too slow to compute."""
+    """Figures of a sensor; NaN: never, or too slow to compute.
+
+    Tables have photons on a whole pixel in an exposure, mean and standard deviation of the reading
+    (counts or electrons), and SNR: `curve` over light of `wavelength_nm`, where `pde` is the
+    efficiency of a whole pixel; `levels` for a gray surface. Daylight of `lux_per_photon` is
+    detected as often as one of these photons. The SNR is 1 at `threshold_photons`, the mean reading
+    at 90 % of its range at `saturation_photons`; `dynamic_range_db` is their ratio. `dark_hz` (rows,
+    columns) are dark counts or electrons, `hot_share` of pixels have over ten times the median.
+    """
 
     sensor: ImageSensor
-    preset: str
-    """Preset that supplies what a device file does not state; "" without one"""
-    stated: frozenset[str]
-    """Fields that the device file states"""
-    left_out: str
-    """Effect that the readings leave out, as it would take too long; "" if none"""
+    origins: Mapping[str, str]
+    """Where fields are from, if a device file states some"""
     wavelength_nm: float
-    """Of the photons"""
     pde: float
-    """Photon detection efficiency of a whole pixel there"""
-    curve: Readings
-    """Over photons of that wavelength, ten per decade"""
+    curve: pd.DataFrame
+    levels: pd.DataFrame
     lux_per_photon: float
-    """Daylight that is detected as often as one of these photons, lux"""
     threshold_photons: float
     saturation_photons: float
+    dynamic_range_db: float
     dark_hz: Floats
-    """(rows, columns) dark counts, or dark electrons, per second"""
-    levels: Mapping[str, Readings]
-    """(1,) at light levels, the brightest first, over photons of all wavelengths of `range_nm`"""
-    range_nm: tuple[float, float]
+    hot_share: float
 
-    @property
-    def dynamic_range_db(self) -> float:
-        """Saturation over threshold, dB."""
-        return 20 * math.log10(self.saturation_photons / self.threshold_photons)
-
-    @property
-    def hot_share(self) -> float:
-        """Share of pixels whose dark counts exceed ten times the median."""
-        return float(np.mean(self.dark_hz > HOT_TIMES * np.median(self.dark_hz)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all figures as plain data; what is never reached is None."""
-        figures = {field.name: getattr(self, field.name) for field in fields(self)}
-        plain: dict[str, Any] = _plain(
-            {
-                **figures,
-                "sensor": self.sensor.model_dump(mode="json"),
-                "dark_hz": {"median": np.median(self.dark_hz), "mean": self.dark_hz.mean()},
-                **{"dynamic_range_db": self.dynamic_range_db, "hot_share": self.hot_share},
-            }
-        )
-        return plain
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays and records as lists and mappings, NaN as None."""
-    if isinstance(value, Readings):
-        value = value._asdict()
-    if isinstance(value, Mapping):
-        return {name: _plain(inner) for name, inner in value.items()}
-    if isinstance(value, np.ndarray | tuple | frozenset):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
+    def to_json(self) -> str:
+        """Return all figures; NaN is null. Of `dark_hz` the quantiles 5, 50 and 95 %."""
+        tables = {"curve": self.curve.to_dict("list"), "levels": self.levels.to_dict("index")}
+        plain = {**vars(self), **tables, "dark_hz": [*np.quantile(self.dark_hz, _QUANTILES)]}
+        return to_json(plain, indent=1, inf_nan_mode="null").decode()
 
 
 @step("reading over light")
@@ -131,118 +78,209 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
     `wavelength_nm`: of the photons; default: 550 nm if the efficiency is largest there, else where
     it is. Raises UserError if the sensor is unknown or damaged, or sees nothing there.
     """
-    preset, stated = "", frozenset[str]()
     with refused_as("sensor"):
-        given, sensor = sensor, sensor_named(sensor)
-        if isinstance(given, str | Path) and str(given).endswith((".yaml", ".yml")):
-            written = strict_yaml.load(read_text(Path(given)))
-            preset, stated = str(written.get("preset", "")), frozenset(written)
-        # a clear pixel on the axis
+        named, origins = sensor_named(sensor), dict[str, str]()
+        if isinstance(sensor, str | Path) and str(sensor).endswith((".yaml", ".yml")):
+            stated = strict_yaml.load(read_text(Path(sensor)))
+            base = f"preset {stated['preset']}" if "preset" in stated else "not stated"
+            origins = dict.fromkeys(type(named).model_fields, base)
+            origins |= dict.fromkeys(stated, "device file")
+            origins |= dict.fromkeys(stated.get("measured", ()), "measured map")
         filters = dict.fromkeys(("red", "green", "blue", "white")) | {"mosaic": ()}
         lens = {"falloff_fov_deg": None, "blur_m": 0.0}
-        pixel = changed(sensor, lens=lens, filters=filters)
-        shape, dark_shape = (_SIDE, _SIDE), (_DARK_SIDE, _DARK_SIDE)
-        if isinstance(pixel, Sensor) and (size := pixel.measured.shape):
-            pixel = changed(pixel, measured={"fit": "center"})
-            shape, dark_shape = (min(size[0], _SIDE), min(size[1], _SIDE)), size
+        pixel = changed(named, lens=lens, filters=filters)
+        whole = (128, 128)
+        if isinstance(pixel, Sensor) and (mapped := pixel.measured.shape):
+            pixel, whole = changed(pixel, measured={"fit": "center"}), mapped
+        shape = min(whole[0], _SIDE), min(whole[1], _SIDE)
 
-        low_nm, high_nm = covered_nm(pixel)
-        nm = _peak_nm(pixel, low_nm, high_nm) if wavelength_nm is None else wavelength_nm
-        line = [(nm - _LINE_NM / 2, nm + _LINE_NM / 2)]
-        of_unit = photon_rate(np.ones((1, 1, 1, 1)), line, pixel).item() * pixel.exposure_s
-        per_photon = np.full((1, *shape, 1), 1 / of_unit)
-        pde = float(np.median(detected_photons(per_photon, line, pixel)))
-        if not pde > 0:
-            raise ValueError(f"{sensor.name} detects nothing at {nm:g} nm; give --wavelength-nm")
-
-        light_nm = max(low_nm, _LIGHT_NM[0]), min(high_nm, _LIGHT_NM[1])
-        edges = np.linspace(*light_nm, 1 + math.ceil((light_nm[1] - light_nm[0]) / _BAND_NM))
-        bands = np.column_stack((edges[:-1], edges[1:]))
-        by_day = REFLECTANCE * white_radiance("daylight", bands)
-        light = np.broadcast_to(by_day, (1, *shape, len(bands)))
-        day = float(np.median(detected_photons(light, bands, pixel)))
-
-        dark, left_out = _readings(pixel, np.zeros((1, 1)), line, shape).mean.item(), ""
-        if math.isnan(dark) and isinstance(pixel, Sensor):
-            pixel, left_out = without(pixel, "afterpulsing"), "afterpulsing"
-            dark = _readings(pixel, np.zeros((1, 1)), line, shape).mean.item()
-        photons, parts, is_full = _FEWEST_DETECTED / pde * _DECADE, list[Readings](), False
+        curves = [pixel.efficiency, *pixel.lens.curves]
+        low_nm = max(curve.wavelengths_nm[0] for curve in curves)
+        high_nm = min(curve.wavelengths_nm[-1] for curve in curves)
+        if (nm := wavelength_nm) is None:
+            usual = np.clip([550, *pixel.efficiency.wavelengths_nm], low_nm + 0.5, high_nm - 0.5)
+            nm = float(usual[np.argmax(pixel.efficiency(usual).round(6))])
+        line = [(nm - 0.5, nm + 0.5)]
+        photon = np.full((1, *shape, 1), 1 / pixel.exposure_s)
+        photon /= photon_rate(np.ones((1, 1, 1, 1)), line, pixel).item()
+        if not (pde := float(np.median(detected_photons(photon, line, pixel)))) > 0:
+            raise ValueError(f"{named.name} detects nothing at {nm:g} nm; give --wavelength-nm")
+        dark, decades, is_full = _readings(pixel, 0 * photon, line)[1].item(), list[Floats](), False
+        photons = 0.1 / pde * np.geomspace(1, 10, 10, endpoint=False)
         while not is_full:
-            part = _readings(pixel, photons[:, np.newaxis] / of_unit, line, shape)
-            if not part.mean.max() < _MOST_READ:
+            decade = _readings(pixel, photons[:, None, None, None] * photon, line)
+            if not decade[1].max() < _MOST_READ:
                 break
-            parts.append(part)
-            is_lit = any(part.snr.max() > 1 for part in parts)
-            rise = part.mean - dark
+            decades.append(decade)
+            rise, is_lit = decade[1] - dark, max(part[3].max() for part in decades) > 1
             is_full = is_lit and bool(rise[-1] < _STILL_GROWS * rise[0])
-            photons = 10 * photons
-        if not parts:
-            raise ValueError(f"{sensor.name}: its readings cannot be computed; simulate them")
-        curve = Readings(*map(np.concatenate, zip(*parts, strict=True)))
-        full = dark + FULL * (curve.mean.max() - dark)
+            photons *= 10
+        if not decades:
+            raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
+        curve = pd.DataFrame(np.hstack(decades).T, columns=_COLUMNS)
+        full = dark + _FULL * (curve["mean"].max() - dark) if is_full else math.inf
+        threshold = _reached(curve["photons"], curve["snr"], 1.0)
+        saturation = _reached(curve["photons"], curve["mean"], full)
+
+        known_nm = _GRAY.white(Light(level="daylight")).range_nm
+        edges = np.linspace(max(low_nm, known_nm[0]), min(high_nm, known_nm[1]), 60)
+        bands = list(pairwise(edges))
         names = sorted(LEVELS, key=lambda name: -LEVELS[name].illuminance_lux)
-        levels = {
-            name: _readings(pixel, REFLECTANCE * white_radiance(name, bands)[None], bands, shape)
-            for name in names
-        }
+        gray = [_GRAY.radiance_of_unit(Light(level=n), bands, np.ones(3)).sum(0) for n in names]
+        light = np.array(gray)[:, None, None] * np.ones((*shape, 1))
+        levels = pd.DataFrame(_readings(pixel, light, bands).T, names, _COLUMNS)
+        levels["is_saturated"] = (levels["snr"] <= 0) | (levels["mean"] >= full)
+        by_day = float(np.median(detected_photons(light[:1], bands, pixel)))
+        if isinstance(pixel, Sensor):
+            states = draw_fixed_pattern(pixel, whole).dark_levels()
+            dark_hz = np.asarray(sum(chance * state_hz for chance, state_hz in states))
+        else:
+            unlit = expectation(np.zeros((1, *whole, 1)), line, pixel, 0, _AT_REST_S)
+            dark_hz = np.asarray(unlit.mean_events[0] / pixel.exposure_s)
         return DataSheet(
-            sensor=sensor,
-            preset=preset,
-            left_out=left_out,
-            stated=stated,
+            sensor=named,
+            origins=origins,
             wavelength_nm=nm,
             pde=pde,
             curve=curve,
-            lux_per_photon=pde / day * LEVELS["daylight"].illuminance_lux,
-            threshold_photons=_reached(curve.photons, curve.snr, 1.0),
-            saturation_photons=_reached(curve.photons, curve.mean, full) if is_full else math.nan,
-            dark_hz=_dark_hz(pixel, dark_shape, line),
             levels=levels,
-            range_nm=light_nm,
+            lux_per_photon=pde / by_day * LEVELS["daylight"].illuminance_lux,
+            threshold_photons=threshold,
+            saturation_photons=saturation,
+            dynamic_range_db=20 * math.log10(saturation / threshold),
+            dark_hz=dark_hz,
+            hot_share=float(np.mean(dark_hz > 10 * np.median(dark_hz))),
         )
 
 
-def _peak_nm(pixel: ImageSensor, low_nm: float, high_nm: float) -> float:
-    """Wavelength of the largest efficiency; of several, the one closest to 550 nm."""
-    curve = pixel.efficiency
-    points_nm = np.array([*curve.wavelengths_nm, _USUAL_NM]).clip(low_nm, high_nm)
-    best_nm = points_nm[np.isclose(curve(points_nm), curve(points_nm).max(), rtol=1e-6)]
-    peak_nm = best_nm[np.argmin(np.abs(best_nm - _USUAL_NM))]
-    return float(np.clip(peak_nm, low_nm + _LINE_NM / 2, high_nm - _LINE_NM / 2))
-
-
-def _readings(
-    pixel: ImageSensor, radiance: Floats, bands_nm: ArrayLike, shape: tuple[int, int]
-) -> Readings:
-    """Return readings at radiances (N, B); NaN where moments would be too slow to compute."""
-    light = np.broadcast_to(radiance[:, None, None, :], (len(radiance), *shape, radiance.shape[1]))
+def _readings(pixel: ImageSensor, light: Floats, bands_nm: ArrayLike) -> Floats:
+    """Rows of `_COLUMNS` (4, N) at radiances (N, H, W, B); NaN where they would take too long."""
     try:
         lit, brighter = (
             expectation(factor * light, bands_nm, pixel, frame_period_s=_AT_REST_S)
             for factor in (1.0, 1 + _BRIGHTER)
         )
     except UserError:
-        return Readings(*np.full((4, len(radiance)), np.nan))
-    of_pixels = (
-        *(lit.photons, lit.mean_reading, np.sqrt(lit.reading_variance)),
-        lit.signal_to_noise(brighter, _BRIGHTER),
-    )
-    return Readings(*(np.median(values, axis=(1, 2)) for values in of_pixels))
-
-
-def _dark_hz(pixel: ImageSensor, shape: tuple[int, int], bands_nm: ArrayLike) -> Floats:
-    if isinstance(pixel, Sensor):
-        levels = draw_fixed_pattern(pixel, shape).dark_levels()
-        return np.asarray(np.sum([chance * level_hz for chance, level_hz in levels], axis=0))
-    dark = expectation(np.zeros((1, *shape, 1)), bands_nm, pixel, frame_period_s=_AT_REST_S)
-    return np.asarray(dark.mean_events[0] / pixel.exposure_s)
+        return np.full((4, len(light)), np.nan)
+    sigma, snr = np.sqrt(lit.reading_variance), lit.signal_to_noise(brighter, _BRIGHTER)
+    return np.median([lit.photons, lit.mean_reading, sigma, snr], axis=(2, 3))
 
 
 def _reached(photons: Floats, values: Floats, level: float) -> float:
     """Least light at which values are at a level, between the points of a curve; NaN if never."""
-    above = np.flatnonzero(values >= level)
-    if not above.size or above[0] == 0:
+    after = int(np.argmax(values >= level))
+    if after == 0:  # the first of all, or none
         return math.nan
-    around = slice(above[0] - 1, above[0] + 1)
-    ends = np.log(np.maximum(values[around], 1e-9))
-    return math.exp(np.interp(math.log(level), ends, np.log(photons[around])))
+    ends = slice(after - 1, after + 1)
+    logs = np.log(np.maximum(values[ends], 1e-9))
+    return math.exp(np.interp(math.log(level), logs, np.log(photons[ends])))
+
+
+def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
+    """Return rows of name, value, and where it is from."""
+    sensor = sheet.sensor
+    low, median, high = map(number, np.quantile(sheet.dark_hz, _QUANTILES))
+    spread = f" (median; 90 % of pixels: {low} to {high}; {percent(sheet.hot_share)} are hot)"
+    pixel = f"{with_error(sensor.pitch_m, 0, 'm')} pitch, {percent(sensor.fill_factor)} fill factor"
+    pde = f"{percent(sheet.pde)} at {sheet.wavelength_nm:g} nm, of a whole pixel (PDE)"
+    rows = [
+        ("pixel", pixel, "pitch_m"),
+        ("exposure", with_error(sensor.exposure_s, 0, "s"), "exposure_s"),
+        ("detection efficiency", pde, "efficiency"),
+        ("dark counts", f"{median} per second{spread if low != high else ''}", "dark_counts"),
+    ]
+    if isinstance(sensor, Sensor):
+        dead, counter = sensor.dead_time, sensor.counter
+        for field, text in (
+            ("dead_time", f"{with_error(dead.dead_time_s, 0, 's')}, {dead.kind}"),
+            ("crosstalk", f"{percent(sensor.crosstalk.mean_fired_neighbors)} per avalanche"),
+            ("afterpulsing", percent(sensor.afterpulsing.mean_carriers)),
+            ("counter", f"{counter.kind}, up to {number(counter.capacity)} counts"),
+        ):
+            is_on = getattr(sensor, field).is_on
+            rows.append((field.replace("_", " "), text if is_on else "none", field))
+    for name, photons in (
+        ("SNR = 1 at", sheet.threshold_photons),
+        ("90 % saturated at", sheet.saturation_photons),
+    ):
+        light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"
+        rows.append((name, "not known" if math.isnan(photons) else light, ""))
+    decibels = f"{sheet.dynamic_range_db:.0f} dB".replace("nan dB", "not known")
+    rows.append(("dynamic range", decibels, ""))
+    return [(name, text, sheet.origins.get(field, "computed")) for name, text, field in rows]
+
+
+def at_levels(sheet: DataSheet) -> tuple[tuple[str, ...], ...]:
+    """Return the head, and a row per light level."""
+    rows = [_HEAD]
+    for level, photons, mean, sigma, snr, is_full in sheet.levels.itertuples():
+        name, lux = level.replace("_", " "), short(LEVELS[level].illuminance_lux)
+        reading = f"{number(mean)} ± {number(sigma)}"
+        shown = "saturated" if is_full else number(snr)
+        rows.append((name, lux, number(photons), reading, shown, number(photons**0.5)))
+    return tuple(rows)
+
+
+def notes(sheet: DataSheet) -> str:
+    """Return what the figures hold for."""
+    lens, nm = sheet.sensor.lens, sheet.wavelength_nm
+    return (
+        f"Photons: on a whole pixel in an exposure, of {nm:g} nm; at light levels, of all "
+        f"wavelengths. Lux: on a surface of {percent(_GRAY.reflectance)} reflectance, through "
+        f"f/{lens.f_number:g} and {percent(lens.transmission)} transmission; by daylight, where no "
+        "level is named. The ideal detector counts every photon on the pixel."
+    )
+
+
+def text_of(sheet: DataSheet) -> str:
+    """Return the data sheet as lines of text."""
+    lines = [f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}", ""]
+    for name, text, origin in figures(sheet):
+        lines.append(f"{name:<22}{f'{origin:<22}' if sheet.origins else ''}{text}")
+    form = "{:<22}{:>9}{:>9}{:>17}{:>11}{:>11}"
+    levels = [form.format(*row) for row in at_levels(sheet)]
+    return "\n".join([*lines, "", *levels, "", notes(sheet)])
+
+
+@style.in_style
+def write_page(path: Path, sheet: DataSheet) -> Path:
+    """Write the data sheet as a page; return its path."""
+    sensor, curve, lux, charts = sheet.sensor, sheet.curve, sheet.lux_per_photon, list[Markup]()
+    figure, axes = style.new_axes(*style.CHART_PT)
+    nm = np.array(sensor.efficiency.wavelengths_nm)
+    pde = 100 * sensor.photon_detection_efficiency(nm)
+    axes.plot(nm, pde, color=style.BLACK)
+    for color, ink in (("red", style.VERMILION), ("green", style.GREEN), ("blue", style.BLUE)):
+        if (passing := getattr(sensor.filters, color)) is not None:
+            axes.plot(nm, pde * passing(nm), color=ink)
+    axes.set(xlabel="wavelength (nm)", ylabel="PDE of a whole pixel (%)", ylim=(0, None))
+    charts.append(style.to_svg(figure, "efficiency", "Detection efficiency over wavelength"))
+    for label, lines in (
+        (f"reading ({sensor.unit})", {"mean": curve["mean"], "standard deviation": curve["sigma"]}),
+        ("SNR", {sensor.name: curve["snr"], "ideal": curve["photons"] ** 0.5}),
+    ):
+        figure, axes = style.new_axes(*style.CHART_PT)
+        for place, (name, values) in enumerate(lines.items()):
+            look = style.line_style(place)
+            axes.plot(curve["photons"], values.where(values > 0), **look, label=name)
+        for photons in filter(math.isfinite, (sheet.threshold_photons, sheet.saturation_photons)):
+            axes.axvline(photons, color=style.GRAY, linewidth=1, linestyle=":")
+        style.logarithmic(axes, "x", style.NUMBERS)
+        style.logarithmic(axes, "y", style.NUMBERS)
+        axes.set(xlabel=f"photons on a pixel, {sheet.wavelength_nm:g} nm", ylabel=label)
+        above = axes.secondary_xaxis("top", functions=(lambda x: x * lux, lambda x: x / lux))
+        above.xaxis.set_major_formatter(style.NUMBERS)
+        above.set_xlabel("lux (daylight)")
+        about = f"{label} over light; dotted: SNR = 1 and 90 % saturated"
+        charts.append(style.with_legend(figure, label, about))
+    if np.ptp(sheet.dark_hz) > 0:
+        charts.append(style.map_chart(sheet.dark_hz, "dark", "dark counts (per second)"))
+    head, *levels = at_levels(sheet)
+    values = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
+    sections = (
+        Section("Figures", notes(sheet), body=values),
+        Section("At light levels", "", head, tuple(levels)),
+        Section("Curves", charts=tuple(charts)),
+    )
+    summary = f"Source: {sensor.source or 'not stated'}."
+    return write_sections(path, f"Data sheet of {sensor.name}", summary, sections)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from megalopta.assets_gen import generator
@@ -35,9 +34,8 @@ from megalopta.flow.metrics import translation_bound
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of
-from megalopta.sensor import Sensor, changed, without
-from megalopta.sensor.image_sensors import sensor_named
-from megalopta.sensor.optics import PixelOptics, detected_rate
+from megalopta.sensor import Sensor, changed, load_sensor, preset, without
+from megalopta.sensor.optics import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]
 Positives = Annotated[tuple[Positive, ...], ONCE]
@@ -190,10 +188,9 @@ def design(
     """
     chosen = validated(DesignSettings, settings, "design")
     with refused_as("design"):
-        named = sensor_named(sensor)
-        if not isinstance(named, Sensor):
-            raise ValueError(f"sensor {named.name!r} counts no photons; give a SPAD array")
-        sensor = named
+        if not isinstance(sensor, Sensor):
+            is_file = str(sensor).endswith((".yaml", ".yml"))
+            sensor = load_sensor(sensor) if is_file else preset(str(sensor))
         if sensor.filters.is_on:  # whose mosaic would count as texture that moves
             raise ValueError(f"sensor {sensor.name!r} has color filters; give one without a mosaic")
         if dataset is None:
@@ -327,8 +324,11 @@ def _without_cause(sensor: Sensor, cause: str) -> Sensor:
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
-    low_nm, high_nm = covered_nm(sensor)
-    bands = [band for band in _BANDS_NM if low_nm <= band[0] and band[1] <= high_nm]
+    curves = sensor.efficiency, sensor.lens.transmission_curve
+    ends = [(curve.wavelengths_nm[0], curve.wavelengths_nm[-1]) for curve in curves if curve]
+    bands = [
+        band for band in _BANDS_NM if all(low <= band[0] and band[1] <= top for low, top in ends)
+    ]
     if not bands:
         raise ValueError(f"{sensor.name}: its curves cover no light from 400 to 1000 nm")
     rows, columns = settings.camera.shape
@@ -337,25 +337,14 @@ def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
     reflectance = _REFLECTANCE * image / image.mean()
 
     def radiance(level: LightLevel) -> Floats:
-        return np.asarray(reflectance[np.newaxis, ..., np.newaxis] * white_radiance(level, bands))
+        name = level if isinstance(level, str) else "daylight"
+        scale = illuminance_of(level) / LEVELS[name].illuminance_lux / math.pi
+        low, high = np.array(bands).T
+        inside = np.linspace(low, high, 101)
+        spectrum = scale * LEVELS[name].spectrum()(inside).mean(axis=0)
+        return np.asarray(reflectance[np.newaxis, ..., np.newaxis] * spectrum)
 
     return DesignScene(radiance, bands, settings.camera)
-
-
-def covered_nm(sensor: PixelOptics) -> tuple[float, float]:
-    """Return the ends of the wavelengths (nm) that all curves of a sensor and its lens cover."""
-    curves = sensor.efficiency, *sensor.lens.curves
-    low_nm = max(curve.wavelengths_nm[0] for curve in curves)
-    return low_nm, min(curve.wavelengths_nm[-1] for curve in curves)
-
-
-def white_radiance(level: LightLevel, bands_nm: ArrayLike) -> Floats:
-    """Return the radiance (B,) of a white surface at a light level, W·m⁻²·sr⁻¹·nm⁻¹."""
-    name = level if isinstance(level, str) else "daylight"
-    scale = illuminance_of(level) / LEVELS[name].illuminance_lux / math.pi
-    low_nm, high_nm = np.array(bands_nm).T
-    inside = np.linspace(low_nm, high_nm, 101)
-    return np.asarray(scale * LEVELS[name].spectrum()(inside).mean(axis=0))
 
 
 def _of_dataset(dataset: Dataset) -> DesignScene:

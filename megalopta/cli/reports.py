@@ -55,42 +55,19 @@ def _report(options: Namespace) -> Iterator[Path]:
 
 @verb(
     "sensor",
-    "print the data sheet of a sensor, computed: efficiency, noise, saturation, dynamic range, "
-    "dark counts; without a name, list the presets",
-    option("sensor", "preset or YAML file", nargs="?"),
+    "print the data sheet of a sensor: efficiency, noise, saturation, dynamic range, dark counts",
+    option("sensor", "preset or YAML file"),
     option("--wavelength-nm", "wavelength of the photons (default: of the peak)", positive),
-    option("--out", "also draw it, as a page (.html) or a picture (.png)", Path),
+    option("--out", "also draw it, as a page (.html)", Path),
     switch("--json", "print all figures and curves as JSON"),
     example="megalopta sensor spadcam --out spadcam.html",
 )
-def _sensor(options: Namespace) -> Path | str | None:
-    import json
+def _sensor(options: Namespace) -> list[str | Path]:
+    from megalopta.benchmark import data_sheet as sheets
 
-    from rich.console import Console
-    from rich.table import Table
-
-    if not options.sensor:
-        from megalopta.sensor import IMAGE_SENSORS
-
-        return "\n".join(f"{name:<18} {item.source}" for name, item in IMAGE_SENSORS.items())
-    from megalopta.benchmark import data_sheet_page as pages
-    from megalopta.benchmark.data_sheet import data_sheet
-
-    sheet = data_sheet(options.sensor, options.wavelength_nm)
-    drawn = pages.write_data_sheet(options.out, sheet) if options.out else None
-    if options.json:
-        return json.dumps(sheet.to_dict(), indent=1)
-    console = Console(width=100, markup=False, highlight=False)
-    console.print(f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}\n")
-    table = Table.grid(padding=(0, 2))
-    for row in pages.figures(sheet):
-        table.add_row(*row)
-    console.print(table)
-    table = Table(*pages.LEVELS_HEAD, box=None, padding=(0, 2, 0, 0))
-    for row in pages.at_levels(sheet):
-        table.add_row(*row)
-    console.print("", table, "", pages.notes(sheet))
-    return drawn
+    sheet = sheets.data_sheet(options.sensor, options.wavelength_nm)
+    written = [sheets.write_page(options.out, sheet)] if options.out else []
+    return [sheet.to_json()] if options.json else [sheets.text_of(sheet), *written]
 
 
 @verb(

@@ -93,13 +93,10 @@ class MeasuredMaps(Effect, frozen=True):
     @property
     def shape(self) -> tuple[int, int] | None:
         """Rows and columns that every map has; None without maps. Raises ValueError as `load`."""
-        files = {name: getattr(self, name) for name in type(self).model_fields if name != "fit"}
-        shapes = [
-            _map_of(file_content(file.path, f"measured.{name}"), file.path, name).shape
-            for name, file in files.items()
-            if file
-        ]
-        return (min(rows for rows, _ in shapes), min(x for _, x in shapes)) if shapes else None
+        files = [getattr(self, name) for name in type(self).model_fields if name != "fit"]
+        contents = [(file_content(file.path, "measured"), file.path) for file in files if file]
+        sizes = [_map_of(*content, "measured").shape for content in contents]
+        return (min(rows for rows, _ in sizes), min(x for _, x in sizes)) if sizes else None
 
     def load(self, shape: tuple[int, int]) -> dict[str, Floats]:
         """Read the maps that there are, for an image of (rows, columns) pixels.

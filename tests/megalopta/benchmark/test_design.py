@@ -143,7 +143,7 @@ def test_the_least_exposure_is_found_between_those_tried():
 @pytest.mark.parametrize(
     ("sensor", "settings", "words"),
     [
-        ("nothing", {}, "is unknown"),
+        ("nothing", {}, "no such preset"),
         ("ideal", {"error": "0.1"}, "error"),
         ("ideal", {"error": "0px"}, "not positive"),
         ("ideal", {"error": "1e-e5px"}, "error"),
