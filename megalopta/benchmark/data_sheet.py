@@ -23,31 +23,32 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
 from megalopta.report import style
 from megalopta.report.sections import Section, block, table, write_sections
-from megalopta.report.text import number, percent, short, with_error
+from megalopta.report.text import number, percent, with_error
 from megalopta.scenes import Light
-from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.stimuli.pictures import ColorsAsLight
 from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation
 from megalopta.sensor.image_sensors import sensor_named
 from megalopta.sensor.optics import photon_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-_GRAY = ColorsAsLight(spectrum="light")
 _SIDE, _BRIGHTER, _AT_REST_S, _FULL, _MOST_READ, _STILL_GROWS = 16, 0.01, 1e-9, 0.9, 1e9, 1.02
-_COLUMNS, _QUANTILES = ["photons", "mean", "sigma", "snr"], (0.05, 0.5, 0.95)
-_HEAD = "light", "lux", "photons", "reading", "SNR", "ideal SNR"
+_QUANTILES = 0.05, 0.5, 0.95
+_HEAD = "photons", "lux", "reading", "SNR", "ideal SNR"
+_NOTE = (
+    "Photons of {:g} nm on a whole pixel in an exposure; lux of daylight on a surface of 18 % "
+    "reflectance, through f/{:g} and {:.0%} transmission. The ideal detector counts every photon."
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DataSheet:
     """Figures of a sensor; NaN: never, or too slow to compute.
 
-    Tables have photons on a whole pixel in an exposure, mean and standard deviation of the reading
-    (counts or electrons), and SNR: `curve` over light of `wavelength_nm`, where `pde` is the
-    efficiency of a whole pixel; `levels` for a gray surface. Daylight of `lux_per_photon` is
-    detected as often as one of these photons. The SNR is 1 at `threshold_photons`, the mean reading
-    at 90 % of its range at `saturation_photons`; `dynamic_range_db` is their ratio. `dark_hz` (rows,
-    columns) are dark counts or electrons, `hot_share` of pixels have over ten times the median.
+    `curve`: mean and standard deviation of the reading (counts or electrons) and SNR over photons
+    of `wavelength_nm` on a whole pixel in an exposure, where `pde` is its efficiency. Daylight of
+    `lux_per_photon` is detected as often. The SNR is 1 at `threshold_photons`, the mean reading at
+    90 % of its range at `saturation_photons`. `dark_hz` (rows, columns): dark counts or electrons;
+    `hot_share` of pixels have over ten times their median.
     """
 
     sensor: ImageSensor
@@ -56,7 +57,6 @@ class DataSheet:
     wavelength_nm: float
     pde: float
     curve: pd.DataFrame
-    levels: pd.DataFrame
     lux_per_photon: float
     threshold_photons: float
     saturation_photons: float
@@ -66,8 +66,8 @@ class DataSheet:
 
     def to_json(self) -> str:
         """Return all figures; NaN is null. Of `dark_hz` the quantiles 5, 50 and 95 %."""
-        tables = {"curve": self.curve.to_dict("list"), "levels": self.levels.to_dict("index")}
-        plain = {**vars(self), **tables, "dark_hz": [*np.quantile(self.dark_hz, _QUANTILES)]}
+        quantiles = {"dark_hz": np.quantile(self.dark_hz, _QUANTILES).tolist()}
+        plain = vars(self) | quantiles | {"curve": self.curve.to_dict("list")}
         return to_json(plain, indent=1, inf_nan_mode="null").decode()
 
 
@@ -106,7 +106,7 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         if not (pde := float(np.median(detected_photons(photon, line, pixel)))) > 0:
             raise ValueError(f"{named.name} detects nothing at {nm:g} nm; give --wavelength-nm")
         dark, decades, is_full = _readings(pixel, 0 * photon, line)[1].item(), list[Floats](), False
-        photons = 0.1 / pde * np.geomspace(1, 10, 10, endpoint=False)
+        photons = 10.0 ** (math.floor(-1 - math.log10(pde)) + np.arange(10) / 10)
         while not is_full:
             decade = _readings(pixel, photons[:, None, None, None] * photon, line)
             if not decade[1].max() < _MOST_READ:
@@ -117,20 +117,17 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             photons *= 10
         if not decades:
             raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
-        curve = pd.DataFrame(np.hstack(decades).T, columns=_COLUMNS)
+        curve = pd.DataFrame(np.hstack(decades).T, columns=["photons", "mean", "sigma", "snr"])
         full = dark + _FULL * (curve["mean"].max() - dark) if is_full else math.inf
         threshold = _reached(curve["photons"], curve["snr"], 1.0)
         saturation = _reached(curve["photons"], curve["mean"], full)
 
-        known_nm = _GRAY.white(Light(level="daylight")).range_nm
+        gray, daylight = ColorsAsLight(spectrum="light"), Light(level="daylight")
+        known_nm = gray.white(daylight).range_nm
         edges = np.linspace(max(low_nm, known_nm[0]), min(high_nm, known_nm[1]), 60)
         bands = list(pairwise(edges))
-        names = sorted(LEVELS, key=lambda name: -LEVELS[name].illuminance_lux)
-        gray = [_GRAY.radiance_of_unit(Light(level=n), bands, np.ones(3)).sum(0) for n in names]
-        light = np.array(gray)[:, None, None] * np.ones((*shape, 1))
-        levels = pd.DataFrame(_readings(pixel, light, bands).T, names, _COLUMNS)
-        levels["is_saturated"] = (levels["snr"] <= 0) | (levels["mean"] >= full)
-        by_day = float(np.median(detected_photons(light[:1], bands, pixel)))
+        radiance = gray.radiance_of_unit(daylight, bands, np.ones(3)).sum(axis=0)
+        by_day = detected_photons(np.ones((1, *shape, 1)) * radiance, bands, pixel)
         if isinstance(pixel, Sensor):
             states = draw_fixed_pattern(pixel, whole).dark_levels()
             dark_hz = np.asarray(sum(chance * state_hz for chance, state_hz in states))
@@ -143,8 +140,7 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             wavelength_nm=nm,
             pde=pde,
             curve=curve,
-            levels=levels,
-            lux_per_photon=pde / by_day * LEVELS["daylight"].illuminance_lux,
+            lux_per_photon=pde / float(np.median(by_day)) * daylight.resolved().illuminance_lux,
             threshold_photons=threshold,
             saturation_photons=saturation,
             dynamic_range_db=20 * math.log10(saturation / threshold),
@@ -154,7 +150,7 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
 
 
 def _readings(pixel: ImageSensor, light: Floats, bands_nm: ArrayLike) -> Floats:
-    """Rows of `_COLUMNS` (4, N) at radiances (N, H, W, B); NaN where they would take too long."""
+    """Columns of `DataSheet.curve` (4, N) at radiances (N, H, W, B); NaN where too slow."""
     try:
         lit, brighter = (
             expectation(factor * light, bands_nm, pixel, frame_period_s=_AT_REST_S)
@@ -204,32 +200,21 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
         ("90 % saturated at", sheet.saturation_photons),
     ):
         light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"
-        rows.append((name, "not known" if math.isnan(photons) else light, ""))
-    decibels = f"{sheet.dynamic_range_db:.0f} dB".replace("nan dB", "not known")
+        rows.append((name, "not reached" if math.isnan(photons) else light, ""))
+    decibels = f"{sheet.dynamic_range_db:.0f} dB".replace("nan dB", "not reached")
     rows.append(("dynamic range", decibels, ""))
     return [(name, text, sheet.origins.get(field, "computed")) for name, text, field in rows]
 
 
-def at_levels(sheet: DataSheet) -> tuple[tuple[str, ...], ...]:
-    """Return the head, and a row per light level."""
-    rows = [_HEAD]
-    for level, photons, mean, sigma, snr, is_full in sheet.levels.itertuples():
-        name, lux = level.replace("_", " "), short(LEVELS[level].illuminance_lux)
-        reading = f"{number(mean)} ± {number(sigma)}"
-        shown = "saturated" if is_full else number(snr)
-        rows.append((name, lux, number(photons), reading, shown, number(photons**0.5)))
-    return tuple(rows)
-
-
-def notes(sheet: DataSheet) -> str:
-    """Return what the figures hold for."""
-    lens, nm = sheet.sensor.lens, sheet.wavelength_nm
-    return (
-        f"Photons: on a whole pixel in an exposure, of {nm:g} nm; at light levels, of all "
-        f"wavelengths. Lux: on a surface of {percent(_GRAY.reflectance)} reflectance, through "
-        f"f/{lens.f_number:g} and {percent(lens.transmission)} transmission; by daylight, where no "
-        "level is named. The ideal detector counts every photon on the pixel."
-    )
+def over_light(sheet: DataSheet) -> list[tuple[str, ...]]:
+    """Return two rows per decade of light, as `_HEAD`."""
+    rows = []
+    for photons, mean, sigma, snr in sheet.curve[::5].itertuples(index=False):
+        light = number(photons), number(photons * sheet.lux_per_photon)
+        rows.append(
+            (*light, f"{number(mean)} ± {number(sigma)}", number(snr), number(photons**0.5))
+        )
+    return rows
 
 
 def text_of(sheet: DataSheet) -> str:
@@ -237,9 +222,14 @@ def text_of(sheet: DataSheet) -> str:
     lines = [f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}", ""]
     for name, text, origin in figures(sheet):
         lines.append(f"{name:<22}{f'{origin:<22}' if sheet.origins else ''}{text}")
-    form = "{:<22}{:>9}{:>9}{:>17}{:>11}{:>11}"
-    levels = [form.format(*row) for row in at_levels(sheet)]
-    return "\n".join([*lines, "", *levels, "", notes(sheet)])
+    form = "{:>9}{:>12}{:>18}{:>12}{:>12}"
+    rows = [form.format(*row) for row in (_HEAD, *over_light(sheet))]
+    return "\n".join([*lines, "", *rows, "", _note(sheet)])
+
+
+def _note(sheet: DataSheet) -> str:
+    lens = sheet.sensor.lens
+    return _NOTE.format(sheet.wavelength_nm, lens.f_number, lens.transmission)
 
 
 @style.in_style
@@ -275,12 +265,11 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
         charts.append(style.with_legend(figure, label, about))
     if np.ptp(sheet.dark_hz) > 0:
         charts.append(style.map_chart(sheet.dark_hz, "dark", "dark counts (per second)"))
-    head, *levels = at_levels(sheet)
     values = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
     sections = (
-        Section("Figures", notes(sheet), body=values),
-        Section("At light levels", "", head, tuple(levels)),
+        Section("Figures", _note(sheet), body=values),
         Section("Curves", charts=tuple(charts)),
+        Section("Over light", "", _HEAD, tuple(over_light(sheet))),
     )
     summary = f"Source: {sensor.source or 'not stated'}."
     return write_sections(path, f"Data sheet of {sensor.name}", summary, sections)

@@ -246,7 +246,7 @@ def viewing() -> Iterator[Show]:
     """Yield a display: a picture on a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
         last = ["no frames yet"]
-        with working("capture", lambda: last[0], lambda: 0.0):
+        with working("capture", lambda: last[0]):
             yield lambda recorder, state: last.__setitem__(0, state)
         return
     from rich.console import Console

@@ -17,7 +17,7 @@ from megalopta.camera.sources import Beam, RecordingFrames, Source, read_recorde
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.progress import progress, step
+from megalopta.core.progress import step
 from megalopta.report.sections import write_sections
 from megalopta.sensor import PRESETS, AnalogCounter, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
@@ -59,13 +59,12 @@ def compare_captured(
         if any(source.sums for source in sources):
             raise UserError("compare: sums of binary frames; give frames as they were recorded")
         captured: list[Level] = []
-        with progress("Reading recordings", len(sources), "recording") as advance:
-            for source in sources:
-                light = source.light
-                if settings.scene == "levels":
-                    light = settings.beam.photons_hz(light, sensor)
+        for source in sources:
+            light = source.light
+            if settings.scene == "levels":
+                light = settings.beam.photons_hz(light, sensor)
+            with step(f"reading {source.path.name}"):
                 captured.append(captured_frames(read_recorded(source), sensor, light))
-                advance()
     with refused_as("compare"), step("simulating the same stimulus, and comparing"):
         if settings.scene == "levels":
             page = pages.levels_page(sensor.name, _compare_levels(captured, sensor, settings))

@@ -99,9 +99,6 @@ def _sensor(options: Namespace) -> list[str | Path]:
         positive,
     ),
     option(
-        "--rate HZ", "frames per second of a file that does not state it", positive, dest="rate_hz"
-    ),
-    option(
         "--format KIND",
         f"format of the frames, one of {', '.join(FRAME_KINDS)} (default: by content, .bin: "
         "spad512)",

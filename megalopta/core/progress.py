@@ -28,7 +28,7 @@ clock = time.monotonic
 _speakers: list[object] = []
 _silences: list[object] = []
 _steps: list[str] = []
-_shares: list[Callable[[], str]] = []
+_shares: list[object] = []
 _between = "loading"  # what is said outside every step
 _told_s = -math.inf  # when the last line was printed
 
@@ -37,28 +37,19 @@ class Pace:
     """Share and time left of counted steps, such as "34 % of 300 frames · 1:24 left"."""
 
     def __init__(self, total: int, unit: str) -> None:
-        self.done, self._total, self._unit = 0, total, unit
+        self.share, self._total, self._unit = 0.0, total, unit
         self._start_s = clock()
         self._counted = deque([(self._start_s, 0)])  # times, and steps done by then
         self._least_s = math.inf
 
     def count(self, steps: int = 1) -> None:
         """Count steps as done."""
-        self.done += steps
-        self._counted.append((clock(), self.done))
+        done = self._counted[-1][1] + steps
+        self.share = done / max(self._total, 1)
+        self._counted.append((clock(), done))
         middle_s = (self._start_s + clock()) / 2
         while len(self._counted) > 2 and self._counted[1][0] <= middle_s:
             self._counted.popleft()
-
-    @property
-    def share(self) -> float:
-        """Share that is done."""
-        return self.done / max(self._total, 1)
-
-    @property
-    def elapsed_s(self) -> float:
-        """Time since the first step began."""
-        return clock() - self._start_s
 
     def __str__(self) -> str:
         """Return share and time left, at the pace of the last half of the time.
@@ -68,15 +59,15 @@ class Pace:
         """
         text = f"{math.floor(100 * self.share)} % of {self._total} {self._unit}s · "
         (before_s, before), (last_s, done) = self._counted[0], self._counted[-1]
-        since_s = clock() - last_s
+        since_s, elapsed_s = clock() - last_s, clock() - self._start_s
         if done == before or last_s - self._start_s <= since_s / 2:
-            return f"{text}{clock_time(self.elapsed_s)} so far"
+            return f"{text}{clock_time(elapsed_s)} so far"
         step_s = (last_s - before_s) / (done - before)
         left_s = max(step_s * (self._total - done) - min(since_s, step_s), 0.0)
         self._least_s = min(self._least_s, left_s)
         if left_s <= _SLOWER * self._least_s + 1:
             return f"{text}{clock_time(self._least_s)} left"
-        return f"{text}{clock_time(self.elapsed_s)} so far, over {clock_time(self._least_s)} left"
+        return f"{text}{clock_time(elapsed_s)} so far, over {clock_time(self._least_s)} left"
 
 
 def say(text: str) -> None:
@@ -110,25 +101,23 @@ def step(name: str) -> Iterator[None]:
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Callable[..., None]]:
     """Show the share of `total` steps that the yielded function counted; at the end, the time."""
-    pace = Pace(total, unit)
+    pace, start_s = Pace(total, unit), clock()
     if _silences:
-        _shares.append(pace.__str__)
+        _shares.append(pace)
         try:
             yield pace.count
         finally:
-            _shares.remove(pace.__str__)
+            _shares.remove(pace)
         return
-    with working(description, pace.__str__, lambda: pace.share):
+    with working(description, pace.__str__, pace):
         yield pace.count
-    if pace.elapsed_s >= FIRST_S:
-        say(f"{description}: {total} {unit}s in {pace.elapsed_s:.1f} s")
+    if clock() >= start_s + FIRST_S:
+        say(f"{description}: {total} {unit}s in {clock() - start_s:.1f} s")
 
 
 @contextmanager
 def working(
-    description: str,
-    state: Callable[[], str] | None = None,
-    share: Callable[[], float | None] = lambda: None,
+    description: str, state: Callable[[], str] | None = None, pace: Pace | None = None
 ) -> Iterator[None]:
     """Show at intervals that work continues, and its step, while nothing inside shows progress.
 
@@ -150,7 +139,7 @@ def working(
             # another thread may remove the last of these
             done = state() if state else f"at work for {duration(clock() - start_s)}"
             steps = _steps[-1:] or ([] if state else [_between])
-            now = ", ".join((*steps, *(inner() for inner in _shares[-1:])))
+            now = ", ".join((*steps, *map(str, _shares[-1:])))
             line = f"{description}: {done}; {now}".removesuffix("; ")
             if not is_terminal:
                 _told_s = clock()
@@ -158,7 +147,8 @@ def working(
             else:
                 bar, task = _bar()
                 bar.start()
-                bar.update(task, description=line, completed=share() or 0, refresh=True)
+                share = pace.share if pace else 0.0
+                bar.update(task, description=line, completed=share, refresh=True)
         if is_terminal:
             _bar()[0].stop()
 

@@ -149,12 +149,6 @@ def evenly_spaced(items: Sequence[Item], most: int) -> tuple[Item, ...]:
     return tuple(items[round(index * last / max(count - 1, 1))] for index in range(count))
 
 
-def every_nth(items: Sequence[Item], most: int) -> tuple[tuple[Item, ...], int]:
-    """Return every n-th of some items, at most `most` of them, and n."""
-    step = math.ceil(len(items) / most)
-    return tuple(items[::step]), step
-
-
 def frame_label(frame: int, times_s: NDArray[np.float64] | None, summed: int = 1) -> str:
     """Return the label of a frame, or of a sum of frames, with its time if known."""
     name = f"frame {frame + 1}" if summed == 1 else f"frames {frame + 1} to {frame + summed}"

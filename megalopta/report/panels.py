@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from megalopta.config.model import LightLevel
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import shell_command
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
@@ -28,7 +28,7 @@ from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
-from megalopta.report.text import every, level_name, number, short, title, with_error
+from megalopta.report.text import level_name, number, short, title, with_error
 from megalopta.scenes import Pictures, ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb
@@ -101,11 +101,6 @@ class View:
         """Return the panels of these kinds."""
         return [panel for panel in self.panels if panel.kind in kinds]
 
-    def sampling(self, step: int) -> str:
-        """Say which frames are shown: "every 16th of 4096 frames"."""
-        shown = "sums" if self.treatment.summed > 1 else "frames"
-        return f"{every(step)} of {len(self.frames)} {shown}" if step > 1 else f"all {shown}"
-
     def player(self, frames: Listed[int], fps: float | None = None) -> sections.Player:
         """Return the slider of some of the frames, in real time where that can be followed."""
         times, real_hz = self.times_s, None
@@ -123,22 +118,12 @@ def rate_of(times_s: Floats | None) -> str:
     return f" at {with_error((len(times_s) - 1) / (times_s[-1] - times_s[0]), math.nan, 'Hz')}"
 
 
-def file_view(
-    path: Path,
-    treatment: Treatment,
-    kind: FrameKind | None = None,
-    rate_hz: float | None = None,
-) -> View:
+def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -> View:
     """Return the view of a recording, or of a file or folder of frames or events.
 
-    `rate_hz`: frames per second of files that do not state it. Raises UserError if it is none of
-    these, is damaged, or does not allow the treatment.
+    Raises UserError if it is none of these, is damaged, or does not allow the treatment.
     """
     readings = readings_of(path, kind).treated(treatment)
-    if rate_hz and readings.times_s is not None:
-        raise UserError(f"--rate {rate_hz:g}: {path} states its times; omit it")
-    if rate_hz:
-        readings = replace(readings, times_s=np.arange(readings.shape[0]) / rate_hz)
     total, rows, columns = readings.shape[:3]
     frames = range(0, total - treatment.summed + 1, treatment.summed)
     step = math.ceil(max(rows, columns) / LONGEST_SIDE_PX)
@@ -167,19 +152,13 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
     if has_truth:
         require(sequence.dataset, "render")
     step = math.ceil(max(sequence.shape) / LONGEST_SIDE_PX)
-    stages, burst = SequencePanels(sequence, range(1), step).finished, 1
-    if "sense" in stages and "burst_npy" in settings.products:
-        burst = burst_frames(settings)
+    burst = burst_frames(settings) if "burst_npy" in settings.products else 1
     # the last frame has no next frame, and so no motion; of bursts, binary frames are summed
-    summed = 1 if burst > 1 else treatment.summed
-    end = max(min(len(sequence) - 1, len(sequence) - summed + 1), 1)
-    rendered = range(0, end, summed)
-    frames = (
-        range(0, burst * end - treatment.summed + 1, treatment.summed) if burst > 1 else rendered
-    )
-    shown = SequencePanels(sequence, rendered, step, replace(treatment, summed=summed))
-    shown.finished = stages  # told once
-    exposures = settings.exposures if "sense" in stages else ()
+    whole = treatment if burst == 1 else replace(treatment, summed=1)
+    end = max(min(len(sequence) - 1, len(sequence) - whole.summed + 1), 1)
+    frames = range(0, end, whole.summed)
+    shown = SequencePanels(sequence, frames, step, whole)
+    exposures = settings.exposures if "sense" in shown.finished else ()
     darkest_first = sorted(exposures, key=lambda exposure: illuminance_of(exposure[1]))
     panels = [shown.light, *(shown.readings(*exposure) for exposure in darkest_first)]
     panels += filter(None, (shown.found_flow(*exposure) for exposure in darkest_first))
@@ -187,10 +166,15 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         panels.append(shown.motion("true flow" if has_truth else "flow of the clean pictures"))
     caveat, times_s = "" if has_truth else _CAVEAT, sequence.times_s
     summary = f"{len(sequence)} frames of {width} × {height} pixels{rate_of(times_s)}"
-    if burst > 1:
+    if burst > 1 and exposures:
         panels = [_held(panel, burst) for panel in panels]
-        of_bursts = [shown.burst(*exposure, treatment, frames) for exposure in darkest_first]
-        panels[1 + len(darkest_first) : 1 + len(darkest_first)] = of_bursts
+        frames = range(0, burst * end - treatment.summed + 1, treatment.summed)
+        bursts = []
+        for (sensor, level), counts in zip(darkest_first, panels[1:], strict=False):
+            path = product_path(sequence.dataset.counts(sensor, level), "burst_npy")
+            panel = readings_panel(readings_of(path).treated(treatment), frames, step)
+            bursts.append(replace(panel, name="burst", sensor=counts.sensor, level=counts.level))
+        panels = [*panels[: 1 + len(bursts)], *bursts, *panels[1 + len(bursts) :]]
         bit_s = 1 / (burst * settings.trajectory.frame_rate_hz)
         times_s = np.add.outer(times_s, bit_s * np.arange(burst)).ravel()
         summary += f", {burst} binary frames in each{rate_of(times_s)}"
@@ -204,7 +188,7 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         treatment=treatment,
         panels=tuple(panels),
         rim=shown.rim,
-        burst=burst,
+        burst=burst if exposures else 1,
         sequence=sequence,
     )
 
@@ -287,14 +271,6 @@ class SequencePanels:
         raw = ShownReadings(counts.shape, lambda part: (counts[part], full[part]), unit, sensor)
         panel = readings_panel(raw.treated(self._treatment), self.frames, self.step)
         return replace(panel, sensor=sensor.name, level=self._level(level))
-
-    def burst(
-        self, sensor: ImageSensor, level: LightLevel, treatment: Treatment, frames: Listed[int]
-    ) -> Panel:
-        """Return the binary frames of a sensor. Raises UserError as `readings`."""
-        path = product_path(self.sequence.dataset.counts(sensor, level), "burst_npy")
-        panel = readings_panel(readings_of(path).treated(treatment), frames, self.step)
-        return replace(panel, name="burst", sensor=sensor.name, level=self._level(level))
 
     def found_flow(self, sensor: ImageSensor, level: LightLevel) -> Panel | None:
         """Return the flow by the best method on an exposure; None if no velocity method ran."""

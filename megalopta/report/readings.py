@@ -26,8 +26,6 @@ from megalopta.stages.sense import burst_frames
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Suffixes of files that hold readings, or pictures"""
-_OF_DATASET = ".burst.npy", ".binary.npy"
-"""Ends of names of binary frames in a dataset, which states their size and rate"""
 _AT_ONCE = 2**23
 """Readings in memory"""
 
@@ -154,10 +152,12 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
         ):
             return _of_events(path)
         root = path.absolute().parent.parent.parent
-        if path.name.endswith(_OF_DATASET) and (root / "dataset.yaml").exists():
+        is_burst = path.name.endswith(".burst.npy")
+        if (is_burst or path.name.endswith(".binary.npy")) and (root / "dataset.yaml").exists():
             settings = open_dataset(root)[path.parent.name].configuration
-            in_frame = burst_frames(settings) if path.name.endswith(_OF_DATASET[0]) else 1
-            rate_hz = in_frame * settings.trajectory.frame_rate_hz
+            rate_hz = settings.trajectory.frame_rate_hz * (
+                burst_frames(settings) if is_burst else 1
+            )
             return _of_frames(path, kind, settings.camera.shape, rate_hz)
         return _of_frames(path, kind)
 

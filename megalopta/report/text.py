@@ -55,13 +55,6 @@ def short(value: float) -> str:
     return shortened + text[len(digits) :]
 
 
-def every(step: int) -> str:
-    """Name a sampling: "every", "every 2nd", "every 16th"."""
-    digit = step % 10 * (step // 10 % 10 != 1)
-    suffix = "stndrd"[2 * digit - 2 : 2 * digit] if 0 < digit < 4 else "th"
-    return f"every {step}{suffix}" if step > 1 else "every"
-
-
 def percent(fraction: float | None) -> str:
     """Format a fraction as a percentage with two digits; 0 only if it is exactly zero."""
     if fraction is None or not math.isfinite(fraction):

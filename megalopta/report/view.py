@@ -53,8 +53,6 @@ class ViewOptions:
     """Frames per second; by default real time, where that can be followed"""
     kind: FrameKind | None = None
     """Format of a file that does not say it"""
-    rate_hz: float | None = None
-    """Frames per second of a file that does not state it"""
     with_rerun: bool = False
     """True to write view.rrd for the Rerun viewer"""
 
@@ -78,15 +76,14 @@ def view(
                 f"{thing}: many sequences have only a contact sheet; omit --sum and similar options"
             )
         return [write_contact_sheet(thing, SHOWN, folder)]
-    if is_dataset and (options.kind or options.rate_hz):
-        name = "format" if options.kind else "rate"
-        raise UserError(f"{thing}: a dataset states its own {name}; omit --{name}")
+    if is_dataset and options.kind:
+        raise UserError(f"{thing}: a dataset states its own format; omit --format {options.kind}")
     bad = read_mask(options.bad_pixels) if options.bad_pixels else None
     treatment = Treatment(options.summed, options.is_inverted, bad)
     if is_dataset:
         shown = sequence_view(thing, treatment)
     else:
-        shown = file_view(thing, treatment, options.kind, options.rate_hz)
+        shown = file_view(thing, treatment, options.kind)
     written = [write_rrd(folder / "view.rrd", shown)] if options.with_rerun else []
     page = _write_page(shown, folder / "view.html", options.fps)
     return [*_write_film(shown, folder, options.fps), page, *written]
@@ -113,7 +110,7 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     titles = [f"{panel.name}, {getattr(panel, varied)}".rstrip(", ") for panel in panels]
     notes = filter(None, dict.fromkeys([*constant[:1], *(panel.note for panel in panels)]))
     remarks = "".join(f" · {note}" for note in notes)
-    frames, _ = images.every_nth(shown.frames, _FILM_FRAMES)
+    frames = shown.frames[:: math.ceil(len(shown.frames) / _FILM_FRAMES)]
     player = shown.player(frames, fps)
     with progress("Drawing the film", len(frames), "frame") as advance:
 
@@ -131,8 +128,9 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     films = len(shown.of("readings")) + 2 * len(shown.of("light", "motion"))
     most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0])
     fitting, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
-    frames, apart = images.every_nth(shown.frames, len(fitting))
-    _, film_apart = images.every_nth(shown.frames, _FILM_FRAMES)
+    total, what = len(shown.frames), "sums" if shown.treatment.summed > 1 else "frames"
+    apart, film_apart = math.ceil(total / len(fitting)), math.ceil(total / _FILM_FRAMES)
+    frames = shown.frames[::apart]
     sensors, levels = _exposures(shown)
     player = replace(shown.player(frames, fps), sensors=sensors, levels=levels)
     chosen = Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>')
@@ -148,9 +146,8 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
                 parts.append(block("", film))
             advance()
     body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
-    summary = [shown.summary, f"The page shows {shown.sampling(apart)}."]
-    if film_apart < apart:
-        summary[1] = f"{summary[1][:-1]}, the film {shown.sampling(film_apart)}."
+    sampled = f"The page shows one in {apart} of {total} {what}, the film one in {film_apart}."
+    summary = [shown.summary, sampled.replace("one in 1 of", "all").replace("one in 1.", "all.")]
     if shown.of("readings"):
         summary.append(shown.treatment.description())
     if player.real_hz is not None:
