@@ -7,6 +7,7 @@ lens's axis and without color filters. SNR is referred to the exposure (EMVA 128
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,7 +37,7 @@ _QUANTILES = 0.05, 0.5, 0.95
 _HEAD = "photons", "lux", "reading", "SNR", "ideal SNR"
 _NOTE = (
     "Photons of {:g} nm on a whole pixel in an exposure; lux of daylight on a surface of 18 % "
-    "reflectance, through f/{:g} and {:.0%} transmission. The ideal detector counts every photon."
+    "reflectance, through f/{:g} and {} transmission. The ideal detector counts every photon."
 )
 
 
@@ -53,7 +54,7 @@ class DataSheet:
 
     sensor: ImageSensor
     origins: Mapping[str, str]
-    """Where fields are from, if a device file states some"""
+    """Where fields are from: map, device file or preset"""
     wavelength_nm: float
     pde: float
     curve: pd.DataFrame
@@ -79,13 +80,14 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
     it is. Raises UserError if the sensor is unknown or damaged, or sees nothing there.
     """
     with refused_as("sensor"):
-        named, origins = sensor_named(sensor), dict[str, str]()
-        if isinstance(sensor, str | Path) and str(sensor).endswith((".yaml", ".yml")):
-            stated = strict_yaml.load(read_text(Path(sensor)))
-            base = f"preset {stated['preset']}" if "preset" in stated else "not stated"
-            origins = dict.fromkeys(type(named).model_fields, base)
-            origins |= dict.fromkeys(stated, "device file")
-            origins |= dict.fromkeys(stated.get("measured", ()), "measured map")
+        named = sensor_named(sensor)
+        stated = {"preset": sensor} if isinstance(sensor, str) else {}
+        if str(sensor).endswith((".yaml", ".yml")):
+            stated = strict_yaml.load(read_text(Path(str(sensor))))
+        base = f"preset {stated['preset']}" if "preset" in stated else "not stated"
+        origins = dict.fromkeys(type(named).model_fields, base)
+        origins |= dict.fromkeys(stated, "device file")
+        origins |= dict.fromkeys(stated.get("measured", ()), "measured map")
         filters = dict.fromkeys(("red", "green", "blue", "white")) | {"mosaic": ()}
         lens = {"falloff_fov_deg": None, "blur_m": 0.0}
         pixel = changed(named, lens=lens, filters=filters)
@@ -117,10 +119,10 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             photons *= 10
         if not decades:
             raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
-        curve = pd.DataFrame(np.hstack(decades).T, columns=["photons", "mean", "sigma", "snr"])
-        full = dark + _FULL * (curve["mean"].max() - dark) if is_full else math.inf
-        threshold = _reached(curve["photons"], curve["snr"], 1.0)
-        saturation = _reached(curve["photons"], curve["mean"], full)
+        photons, mean, sigma, snr = np.hstack(decades)
+        full = dark + _FULL * (mean.max() - dark) if is_full else math.inf
+        threshold, saturation = _reached(photons, snr, 1.0), _reached(photons, mean, full)
+        curve = pd.DataFrame({"photons": photons, "mean": mean, "sigma": sigma, "snr": snr})
 
         gray, daylight = ColorsAsLight(spectrum="light"), Light(level="daylight")
         known_nm = gray.white(daylight).range_nm
@@ -176,7 +178,9 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
     """Return rows of name, value, and where it is from."""
     sensor = sheet.sensor
     low, median, high = map(number, np.quantile(sheet.dark_hz, _QUANTILES))
-    spread = f" (median; 90 % of pixels: {low} to {high}; {percent(sheet.hot_share)} are hot)"
+    spread = (
+        f" (median; 90 % of pixels: {low} to {high}; {percent(sheet.hot_share)} over 10 times that)"
+    )
     pixel = f"{with_error(sensor.pitch_m, 0, 'm')} pitch, {percent(sensor.fill_factor)} fill factor"
     pde = f"{percent(sheet.pde)} at {sheet.wavelength_nm:g} nm, of a whole pixel (PDE)"
     rows = [
@@ -208,7 +212,7 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
 
 def over_light(sheet: DataSheet) -> list[tuple[str, ...]]:
     """Return two rows per decade of light, as `_HEAD`."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for photons, mean, sigma, snr in sheet.curve[::5].itertuples(index=False):
         light = number(photons), number(photons * sheet.lux_per_photon)
         rows.append(
@@ -221,7 +225,7 @@ def text_of(sheet: DataSheet) -> str:
     """Return the data sheet as lines of text."""
     lines = [f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}", ""]
     for name, text, origin in figures(sheet):
-        lines.append(f"{name:<22}{f'{origin:<22}' if sheet.origins else ''}{text}")
+        lines.append(f"{name:<22}{origin:<22}{text}")
     form = "{:>9}{:>12}{:>18}{:>12}{:>12}"
     rows = [form.format(*row) for row in (_HEAD, *over_light(sheet))]
     return "\n".join([*lines, "", *rows, "", _note(sheet)])
@@ -229,7 +233,7 @@ def text_of(sheet: DataSheet) -> str:
 
 def _note(sheet: DataSheet) -> str:
     lens = sheet.sensor.lens
-    return _NOTE.format(sheet.wavelength_nm, lens.f_number, lens.transmission)
+    return _NOTE.format(sheet.wavelength_nm, lens.f_number, percent(lens.transmission))
 
 
 @style.in_style
@@ -245,6 +249,7 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
             axes.plot(nm, pde * passing(nm), color=ink)
     axes.set(xlabel="wavelength (nm)", ylabel="PDE of a whole pixel (%)", ylim=(0, None))
     charts.append(style.to_svg(figure, "efficiency", "Detection efficiency over wavelength"))
+    scales = partial(np.multiply, lux), partial(np.multiply, 1 / lux)
     for label, lines in (
         (f"reading ({sensor.unit})", {"mean": curve["mean"], "standard deviation": curve["sigma"]}),
         ("SNR", {sensor.name: curve["snr"], "ideal": curve["photons"] ** 0.5}),
@@ -258,16 +263,16 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
         style.logarithmic(axes, "x", style.NUMBERS)
         style.logarithmic(axes, "y", style.NUMBERS)
         axes.set(xlabel=f"photons on a pixel, {sheet.wavelength_nm:g} nm", ylabel=label)
-        above = axes.secondary_xaxis("top", functions=(lambda x: x * lux, lambda x: x / lux))
+        above = axes.secondary_xaxis("top", functions=scales)
         above.xaxis.set_major_formatter(style.NUMBERS)
         above.set_xlabel("lux (daylight)")
         about = f"{label} over light; dotted: SNR = 1 and 90 % saturated"
         charts.append(style.with_legend(figure, label, about))
     if np.ptp(sheet.dark_hz) > 0:
         charts.append(style.map_chart(sheet.dark_hz, "dark", "dark counts (per second)"))
-    values = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
+    body = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
     sections = (
-        Section("Figures", _note(sheet), body=values),
+        Section("Figures", _note(sheet), body=body),
         Section("Curves", charts=tuple(charts)),
         Section("Over light", "", _HEAD, tuple(over_light(sheet))),
     )

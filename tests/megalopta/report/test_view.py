@@ -138,13 +138,6 @@ def test_a_file_of_a_burst_has_the_size_and_rate_of_its_dataset(burst, tmp_path)
     assert "120 binary frames of 30 × 24 pixels at 300 Hz." in text
 
 
-def test_a_burst_is_inverted_where_frames_are_summed(burst, tmp_path):
-    view(burst, tmp_path / "out", ViewOptions(summed=20, is_inverted=True))
-    assert "20 frames are taken together" in (tmp_path / "out" / "view.html").read_text("utf-8")
-    with pytest.raises(UserError, match="one binary frame does not determine the flux"):
-        view(burst, tmp_path / "out", ViewOptions(is_inverted=True))
-
-
 def test_of_pictures_the_flow_between_the_clean_ones_stands_in_for_the_true(tmp_path):
     noise = np.random.default_rng(0).integers(0, 256, (24, 48), np.uint8)
     (tmp_path / "clip").mkdir()
