@@ -36,8 +36,9 @@ _SIDE, _BRIGHTER, _AT_REST_S, _FULL, _MOST_READ, _STILL_GROWS = 16, 0.01, 1e-9, 
 _QUANTILES = 0.05, 0.5, 0.95
 _HEAD = "photons", "lux", "reading", "SNR", "ideal SNR"
 _NOTE = (
-    "Photons of {:g} nm on a whole pixel in an exposure; lux of daylight on a surface of 18 % "
-    "reflectance, through f/{:g} and {} transmission. The ideal detector counts every photon."
+    "Photons of {sheet.wavelength_nm:g} nm on a whole pixel in an exposure; lux of daylight on a "
+    "surface of 18 % reflectance, through f/{lens.f_number:g} and a transmission of "
+    "{lens.transmission:g}. The ideal detector counts every photon."
 )
 
 
@@ -92,8 +93,8 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         lens = {"falloff_fov_deg": None, "blur_m": 0.0}
         pixel = changed(named, lens=lens, filters=filters)
         whole = (128, 128)
-        if isinstance(pixel, Sensor) and (mapped := pixel.measured.shape):
-            pixel, whole = changed(pixel, measured={"fit": "center"}), mapped
+        if isinstance(pixel, Sensor) and pixel.measured.is_on:
+            pixel, whole = changed(pixel, measured={"fit": "center"}), pixel.measured.shape
         shape = min(whole[0], _SIDE), min(whole[1], _SIDE)
 
         curves = [pixel.efficiency, *pixel.lens.curves]
@@ -166,8 +167,7 @@ def _readings(pixel: ImageSensor, light: Floats, bands_nm: ArrayLike) -> Floats:
 
 def _reached(photons: Floats, values: Floats, level: float) -> float:
     """Least light at which values are at a level, between the points of a curve; NaN if never."""
-    after = int(np.argmax(values >= level))
-    if after == 0:  # the first of all, or none
+    if not (after := int(np.argmax(values >= level))):  # the first of all, or none
         return math.nan
     ends = slice(after - 1, after + 1)
     logs = np.log(np.maximum(values[ends], 1e-9))
@@ -178,16 +178,14 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
     """Return rows of name, value, and where it is from."""
     sensor = sheet.sensor
     low, median, high = map(number, np.quantile(sheet.dark_hz, _QUANTILES))
-    spread = (
-        f" (median; 90 % of pixels: {low} to {high}; {percent(sheet.hot_share)} over 10 times that)"
-    )
+    hot = f"{percent(sheet.hot_share)} over 10 times that"
     pixel = f"{with_error(sensor.pitch_m, 0, 'm')} pitch, {percent(sensor.fill_factor)} fill factor"
     pde = f"{percent(sheet.pde)} at {sheet.wavelength_nm:g} nm, of a whole pixel (PDE)"
     rows = [
         ("pixel", pixel, "pitch_m"),
         ("exposure", with_error(sensor.exposure_s, 0, "s"), "exposure_s"),
         ("detection efficiency", pde, "efficiency"),
-        ("dark counts", f"{median} per second{spread if low != high else ''}", "dark_counts"),
+        ("dark counts", f"{median} per second (90 %: {low} to {high}; {hot})", "dark_counts"),
     ]
     if isinstance(sensor, Sensor):
         dead, counter = sensor.dead_time, sensor.counter
@@ -199,10 +197,8 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
         ):
             is_on = getattr(sensor, field).is_on
             rows.append((field.replace("_", " "), text if is_on else "none", field))
-    for name, photons in (
-        ("SNR = 1 at", sheet.threshold_photons),
-        ("90 % saturated at", sheet.saturation_photons),
-    ):
+    limits = {"SNR = 1 at": sheet.threshold_photons, "90 % saturated at": sheet.saturation_photons}
+    for name, photons in limits.items():
         light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"
         rows.append((name, "not reached" if math.isnan(photons) else light, ""))
     decibels = f"{sheet.dynamic_range_db:.0f} dB".replace("nan dB", "not reached")
@@ -214,26 +210,18 @@ def over_light(sheet: DataSheet) -> list[tuple[str, ...]]:
     """Return two rows per decade of light, as `_HEAD`."""
     rows: list[tuple[str, ...]] = []
     for photons, mean, sigma, snr in sheet.curve[::5].itertuples(index=False):
-        light = number(photons), number(photons * sheet.lux_per_photon)
-        rows.append(
-            (*light, f"{number(mean)} ± {number(sigma)}", number(snr), number(photons**0.5))
-        )
+        lux, reading = photons * sheet.lux_per_photon, f"{number(mean)} ± {number(sigma)}"
+        rows.append((number(photons), number(lux), reading, number(snr), number(photons**0.5)))
     return rows
 
 
 def text_of(sheet: DataSheet) -> str:
     """Return the data sheet as lines of text."""
     lines = [f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}", ""]
-    for name, text, origin in figures(sheet):
-        lines.append(f"{name:<22}{origin:<22}{text}")
+    lines += [f"{name:<22}{origin:<22}{text}" for name, text, origin in figures(sheet)]
     form = "{:>9}{:>12}{:>18}{:>12}{:>12}"
     rows = [form.format(*row) for row in (_HEAD, *over_light(sheet))]
-    return "\n".join([*lines, "", *rows, "", _note(sheet)])
-
-
-def _note(sheet: DataSheet) -> str:
-    lens = sheet.sensor.lens
-    return _NOTE.format(sheet.wavelength_nm, lens.f_number, percent(lens.transmission))
+    return "\n".join([*lines, "", *rows, "", _NOTE.format(sheet=sheet, lens=sheet.sensor.lens)])
 
 
 @style.in_style
@@ -256,8 +244,8 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
     ):
         figure, axes = style.new_axes(*style.CHART_PT)
         for place, (name, values) in enumerate(lines.items()):
-            look = style.line_style(place)
-            axes.plot(curve["photons"], values.where(values > 0), **look, label=name)
+            shown = values.where(values > 0)
+            axes.plot(curve["photons"], shown, label=name, **style.line_style(place))
         for photons in filter(math.isfinite, (sheet.threshold_photons, sheet.saturation_photons)):
             axes.axvline(photons, color=style.GRAY, linewidth=1, linestyle=":")
         style.logarithmic(axes, "x", style.NUMBERS)
@@ -272,9 +260,8 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
         charts.append(style.map_chart(sheet.dark_hz, "dark", "dark counts (per second)"))
     body = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
     sections = (
-        Section("Figures", _note(sheet), body=body),
+        Section("Figures", _NOTE.format(sheet=sheet, lens=sensor.lens), body=body),
         Section("Curves", charts=tuple(charts)),
         Section("Over light", "", _HEAD, tuple(over_light(sheet))),
     )
-    summary = f"Source: {sensor.source or 'not stated'}."
-    return write_sections(path, f"Data sheet of {sensor.name}", summary, sections)
+    return write_sections(path, f"Data sheet of {sensor.name}", sensor.source, sections)

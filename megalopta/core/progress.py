@@ -20,8 +20,6 @@ INTERVAL_S, FIRST_S = 10.0, 2.0
 """Interval of lines without a terminal, and time of the first; shorter work prints none (s)."""
 STATUS_S = 0.5
 """Interval of updates on a terminal (s)."""
-_SLOWER = 1.2
-"""Growth of an estimate that is told"""
 clock = time.monotonic
 
 # What this process works on, the outermost first; the innermost is shown.
@@ -65,7 +63,7 @@ class Pace:
         step_s = (last_s - before_s) / (done - before)
         left_s = max(step_s * (self._total - done) - min(since_s, step_s), 0.0)
         self._least_s = min(self._least_s, left_s)
-        if left_s <= _SLOWER * self._least_s + 1:
+        if left_s <= 1.2 * self._least_s + 1:
             return f"{text}{clock_time(self._least_s)} left"
         return f"{text}{clock_time(elapsed_s)} so far, over {clock_time(self._least_s)} left"
 

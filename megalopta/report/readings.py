@@ -190,9 +190,8 @@ def _of_frames(
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         if stack is not None:
-            counts = stack[part]
-        else:
-            counts = read_frames(path, stated, shape=size, frames=part).counts
+            return stack[part], np.zeros(stack[part].shape, np.bool_)
+        counts = read_frames(path, stated, shape=size, frames=part).counts
         return counts, np.zeros(counts.shape, np.bool_)
 
     times_s = None

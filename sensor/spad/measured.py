@@ -91,12 +91,12 @@ class MeasuredMaps(Effect, frozen=True):
         return any(getattr(self, name) for name in type(self).model_fields if name != "fit")
 
     @property
-    def shape(self) -> tuple[int, int] | None:
-        """Rows and columns that every map has; None without maps. Raises ValueError as `load`."""
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns that every map has. Raises ValueError as `load`, or without maps."""
         files = [getattr(self, name) for name in type(self).model_fields if name != "fit"]
         contents = [(file_content(file.path, "measured"), file.path) for file in files if file]
         sizes = [_map_of(*content, "measured").shape for content in contents]
-        return (min(rows for rows, _ in sizes), min(x for _, x in sizes)) if sizes else None
+        return min(rows for rows, _ in sizes), min(columns for _, columns in sizes)
 
     def load(self, shape: tuple[int, int]) -> dict[str, Floats]:
         """Read the maps that there are, for an image of (rows, columns) pixels.
