@@ -42,8 +42,7 @@ def sensor_named(sensor: ImageSensor | str | Path) -> ImageSensor:
     """Return a sensor, or the one with a name or of a YAML file. Raises ValueError if unknown."""
     if not isinstance(sensor, str | Path):
         return sensor
-    name = str(sensor)
-    if name.endswith((".yaml", ".yml")):
+    if (name := str(sensor)).endswith((".yaml", ".yml")):
         return load_sensor(name)
     if name not in IMAGE_SENSORS:
         raise ValueError(f"sensor {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")

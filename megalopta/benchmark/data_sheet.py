@@ -50,12 +50,11 @@ class DataSheet:
     of `wavelength_nm` on a whole pixel in an exposure, where `pde` is its efficiency. Daylight of
     `lux_per_photon` is detected as often. The SNR is 1 at `threshold_photons`, the mean reading at
     90 % of its range at `saturation_photons`. `dark_hz` (rows, columns): dark counts or electrons;
-    `hot_share` of pixels have over ten times their median.
+    `hot_share` of pixels have over ten times their median. `origins`: where fields are from.
     """
 
     sensor: ImageSensor
     origins: Mapping[str, str]
-    """Where fields are from: map, device file or preset"""
     wavelength_nm: float
     pde: float
     curve: pd.DataFrame
@@ -195,14 +194,13 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
             ("afterpulsing", percent(sensor.afterpulsing.mean_carriers)),
             ("counter", f"{counter.kind}, up to {number(counter.capacity)} counts"),
         ):
-            is_on = getattr(sensor, field).is_on
-            rows.append((field.replace("_", " "), text if is_on else "none", field))
+            shown = text if getattr(sensor, field).is_on else "none"
+            rows.append((field.replace("_", " "), shown, field))
     limits = {"SNR = 1 at": sheet.threshold_photons, "90 % saturated at": sheet.saturation_photons}
     for name, photons in limits.items():
         light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"
         rows.append((name, "not reached" if math.isnan(photons) else light, ""))
-    decibels = f"{sheet.dynamic_range_db:.0f} dB".replace("nan dB", "not reached")
-    rows.append(("dynamic range", decibels, ""))
+    rows.append(("dynamic range", f"{number(sheet.dynamic_range_db)} dB", ""))
     return [(name, text, sheet.origins.get(field, "computed")) for name, text, field in rows]
 
 

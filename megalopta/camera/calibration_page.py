@@ -254,9 +254,6 @@ def emva_section(
         figures = standard.emva(dark, lit, factors=factors)
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
-    rows = tuple(
-        (symbol, title, number(scale * getattr(figures, name)))
-        for symbol, title, name, scale in _ROWS
-    )
+    rows = tuple((*row[:2], number(row[3] * getattr(figures, row[2]))) for row in _ROWS)
     text = _TEXT.format(with_error(exposure_s, 0, "s"), *factors)
     return Section(_TITLE, text, ("symbol", "quantity", "value"), rows)

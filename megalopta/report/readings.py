@@ -152,12 +152,11 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
         ):
             return _of_events(path)
         root = path.absolute().parent.parent.parent
-        is_burst = path.name.endswith(".burst.npy")
-        if (is_burst or path.name.endswith(".binary.npy")) and (root / "dataset.yaml").exists():
+        of_dataset = path.name.endswith((".burst.npy", ".binary.npy"))
+        if of_dataset and (root / "dataset.yaml").exists():
             settings = open_dataset(root)[path.parent.name].configuration
-            rate_hz = settings.trajectory.frame_rate_hz * (
-                burst_frames(settings) if is_burst else 1
-            )
+            in_frame = burst_frames(settings) if ".burst" in path.suffixes else 1
+            rate_hz = in_frame * settings.trajectory.frame_rate_hz
             return _of_frames(path, kind, settings.camera.shape, rate_hz)
         return _of_frames(path, kind)
 

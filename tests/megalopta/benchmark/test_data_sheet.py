@@ -92,16 +92,12 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     assert "160 per second" in page.read_text("utf-8")
 
 
-@pytest.mark.parametrize(
-    ("sensor", "wavelength_nm", "problem"),
-    [
+def test_what_cannot_be_computed_is_refused():
+    for sensor, wavelength_nm, problem in (
         ("nothing", None, "is unknown: use one of"),
         ("missing.yaml", None, "give the path of a device's YAML file"),
         ("spadcam", 1500.0, "outside the efficiency curve"),
         (changed(COUNTER, efficiency={"values": (0, 0)}), 500.0, "detects nothing"),
-    ],
-    ids=str,
-)
-def test_what_cannot_be_computed_is_refused(sensor, wavelength_nm, problem):
-    with pytest.raises(UserError, match=problem):
-        data_sheet(sensor, wavelength_nm)
+    ):
+        with pytest.raises(UserError, match=problem):
+            data_sheet(sensor, wavelength_nm)

@@ -174,8 +174,10 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     main.main(["view", str(tmp_path / "burst.npy"), *words.split()])
     assert str(tmp_path / "out" / "view.html") in capsys.readouterr().out.splitlines()
     text = (tmp_path / "out" / "view.html").read_text("utf-8")
-    told = "pixels, at unknown times. The page shows all 10 sums, the film all. 4 frames are taken together."
-    assert f"40 binary frames of 24 × 16 {told}" in text
+    told = (
+        "at unknown times. The page shows all 10 sums, the film all. 4 frames are taken together."
+    )
+    assert f"40 binary frames of 24 × 16 pixels, {told}" in text
     assert "frames 21 to 24" in text and panels(tmp_path / "out" / "view.html") == [
         ("detections", True)
     ]
