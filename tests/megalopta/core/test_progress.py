@@ -87,9 +87,9 @@ def test_time_left_never_grows_whatever_steps_take(at):
 def test_steps_kept_from_an_earlier_run_shorten_no_estimate(at):
     pace = progress.Pace(100, "case")
     pace.count(50)
-    for done in range(1, 11):
-        at(60 * done)
-        pace.count()
+    for done in (1, 2):
+        at(300 * done)
+        pace.count(5)
     assert str(pace) == "60 % of 100 cases · 40:00 left"
 
 
