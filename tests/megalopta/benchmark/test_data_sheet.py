@@ -29,13 +29,10 @@ COUNTER = changed(
 
 def test_a_counter_of_poisson_events_has_its_closed_forms():
     sheet = data_sheet(COUNTER)
-    told = json.loads(sheet.to_json())
-    photons, mean, sigma, snr = (np.array(column) for column in told["curve"].values())
-    signal = PDE * photons
-    far = signal + DARK < CAPACITY - 10 * math.sqrt(CAPACITY)
-    np.testing.assert_allclose(mean[far], (signal + DARK)[far], rtol=1e-9)
-    np.testing.assert_allclose(sigma[far], np.sqrt(signal + DARK)[far], rtol=1e-9)
-    np.testing.assert_allclose(snr[far], (signal / np.sqrt(signal + DARK))[far], rtol=1e-6)
+    curve = np.array([*json.loads(sheet.to_json())["curve"].values()])
+    photons, *readings = curve[:, PDE * curve[0] + DARK < CAPACITY - 10 * math.sqrt(CAPACITY)]
+    mean, sigma = PDE * photons + DARK, np.sqrt(PDE * photons + DARK)
+    np.testing.assert_allclose(readings, [mean, sigma, PDE * photons / sigma], rtol=1e-6)
     # x²/(x + DARK) = 1; between points of curves, ten per decade, that are not quite straight
     least = (1 + math.sqrt(1 + 4 * DARK)) / 2 / PDE
     assert sheet.threshold_photons == pytest.approx(least, rel=2e-3)
@@ -43,11 +40,8 @@ def test_a_counter_of_poisson_events_has_its_closed_forms():
     assert sheet.pde == pytest.approx(PDE)
     np.testing.assert_allclose(sheet.dark_hz, DARK / 1e-3)
     # daylight of pictures of the same reflectance
-    light, gray, bands = (
-        Light(level="daylight"),
-        np.full(3, 0.18),
-        [(400.0, 700.0), (700.0, 1000.0)],
-    )
+    light, gray = Light(level="daylight"), np.full(3, 0.18)
+    bands = [(400.0, 700.0), (700.0, 1000.0)]
     of_unit = ColorsAsLight(spectrum="light").radiance_of_unit(light, bands, gray)
     per_lux = photons_per_lux(of_unit, light, bands, COUNTER, gray)
     assert sheet.lux_per_photon == pytest.approx(1 / per_lux, rel=0.03)

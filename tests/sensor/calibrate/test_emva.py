@@ -23,9 +23,8 @@ PATTERN = draw_fixed_pattern(DEVICE, SHAPE).dark_counts_hz * DEVICE.exposure_s
 
 
 def device_steps(device):
-    dark, *steps = exact_steps(
-        device, SHAPE, 550.0, np.linspace(0, 1.2 * CAPACITY / EFFICIENCY, 51)
-    )
+    photons = np.linspace(0, 1.2 * CAPACITY / EFFICIENCY, 51)
+    dark, *steps = exact_steps(device, SHAPE, 550.0, photons)
     return dark, steps
 
 
