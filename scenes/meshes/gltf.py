@@ -1,14 +1,12 @@
 """Nodes of a glTF 2.0 file (Khronos Group) as objects; errors of any kind mean a damaged file.
 
-trimesh names parts at random, rounds colors to eight bits and reads quantized vertices as stored.
+trimesh names parts at random, and rounds colors to eight bits.
 """
 
-import base64
-import struct
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
@@ -16,9 +14,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
-from megalopta.core.bounded import check_count, check_decoded, from_json, quoted
+from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes.animation import PARTS, Joint, NodeMotion, Track
+from megalopta.scenes.meshes.gltf_file import (
+    DRACO,
+    EFFECTIVE,
+    GltfFile,
+    Json,
+    image_of,
+    parts_of,
+    stands_in,
+)
 from megalopta.scenes.meshes.pieces import (
     MOST_OBJECTS,
     Paint,
@@ -31,46 +38,9 @@ from megalopta.scenes.meshes.pieces import (
     weights_of,
 )
 
-_JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
-_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_VALUE_BYTES = 24
-"""Memory of a value that an accessor reads, with its copies."""
-EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization"
-"""Extensions that have an effect."""
 _TRIANGLES, _STRIP, _FAN, _REPEAT = 4, 5, 6, 10497
 _MOST_STEPS = 100_000
 """Most nodes on the ways from the scene's root to all moving meshes."""
-
-Json = Mapping[str, Any]
-
-
-def parts_of(content: bytes) -> tuple[Json, bytes]:
-    """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
-    parts: dict[int, bytes] = {}
-    place, length = 12, len(content)
-    if content[:4] != b"glTF":
-        if content.lstrip()[:1] != b"{":
-            raise ValueError("it is neither binary glTF nor JSON")
-        parts[_JSON], place = content, length
-    elif (stated_bytes := struct.unpack_from("<I", content, 8)[0]) != length:
-        raise ValueError(f"it states {stated_bytes} bytes, and has {length}")
-    while place + 8 <= length:
-        size, kind = struct.unpack_from("<II", content, place)
-        if place + 8 + size > len(content):
-            raise ValueError("it ends early")
-        if kind in parts or len(parts) == _MOST_PARTS:
-            raise ValueError("it has two parts of one kind, or too many")
-        parts[kind] = content[place + 8 : place + 8 + size]
-        place += 8 + size
-    header = from_json(parts[_JSON].decode("utf-8"))
-    version = str(header["asset"]["version"])
-    if version.split(".")[0] != "2":
-        raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
-    for name in header.get("extensionsRequired", ()):
-        if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
-            raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
-    return dict(header), parts.get(_BINARY, b"")
 
 
 def names_in(name: str, content: bytes) -> list[str]:
@@ -81,13 +51,9 @@ def names_in(name: str, content: bytes) -> list[str]:
     models = (material.get("pbrMetallicRoughness", {}) for material in header.get("materials", ()))
     textures = (model["baseColorTexture"] for model in models if "baseColorTexture" in model)
     images = [header["images"][image_of(header, texture)] for texture in textures]
-    uris = [entry["uri"] for entry in [*header.get("buffers", ()), *images] if "uri" in entry]
+    buffers = [entry for entry in header.get("buffers", ()) if not stands_in(entry)]
+    uris = [entry["uri"] for entry in [*buffers, *images] if "uri" in entry]
     return [unquote(uri) for uri in uris if not uri.startswith("data:")]
-
-
-def image_of(header: Json, texture: Json) -> int:
-    """Number of the image of a texture's entry in a material."""
-    return int(header["textures"][texture["index"]]["source"])
 
 
 def stated(name: str, content: bytes) -> tuple[int, int, int]:
@@ -107,63 +73,6 @@ def stated(name: str, content: bytes) -> tuple[int, int, int]:
             triangles += times * (corners // 3 if is_list else corners)
             primitives += times
     return vertices, triangles, primitives
-
-
-class GltfFile:
-    """JSON of a glTF file, with the values of its accessors."""
-
-    def __init__(self, contents: Mapping[str, bytes]) -> None:
-        self.header, binary = parts_of(next(iter(contents.values())))
-        self._contents, self._binary = contents, binary
-        self._buffers = [self._bytes(buffer) for buffer in self.header.get("buffers", ())]
-        for number, entry in enumerate(self.header.get("buffers", ())):
-            if entry["byteLength"] > len(self._buffers[number]):
-                raise ValueError(f"buffers.{number} ends early")
-        for number in range(len(self.header.get("bufferViews", ()))):
-            self._view(number)
-
-    def _bytes(self, entry: Json) -> bytes:
-        """Content of a buffer or an image."""
-        uri = entry.get("uri")
-        if uri is None:
-            return self._binary
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition("base64,")[2])
-        return self._contents[unquote(uri)]
-
-    def image(self, number: int) -> bytes:
-        """Content of an image's file."""
-        entry = self.header["images"][number]
-        return (
-            bytes(self._view(entry["bufferView"])) if "bufferView" in entry else self._bytes(entry)
-        )
-
-    def _view(self, number: int) -> memoryview:
-        entry = self.header["bufferViews"][number]
-        start, size = entry.get("byteOffset", 0), entry["byteLength"]
-        buffer = memoryview(self._buffers[entry["buffer"]])
-        if min(start, size) < 0 or start + size > len(buffer):
-            raise ValueError(f"bufferViews.{number} reaches beyond its {len(buffer)} bytes")
-        return buffer[start : start + size]
-
-    def values(self, number: int) -> NDArray[Any]:
-        """Values (n, k) of an accessor: integers, or float64."""
-        entry = self.header["accessors"][number]
-        shape = entry["count"], _WIDTHS[entry["type"]]
-        kind = np.dtype(_TYPES[entry["componentType"]])
-        check_decoded(next(iter(self._contents)), shape, _VALUE_BYTES)
-        values = np.zeros(shape, kind)
-        if "bufferView" in entry:
-            step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
-            strides = step or kind.itemsize * shape[1], kind.itemsize
-            start = entry.get("byteOffset", 0)
-            # numpy refuses an array that would reach beyond the bytes.
-            values = np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)
-        if "sparse" in entry:
-            raise ValueError("it has sparse accessors, which are not read; export it without")
-        if entry.get("normalized"):
-            return np.maximum(values / np.iinfo(kind).max, -1.0)
-        return values.astype(np.float64) if kind.kind == "f" else values
 
 
 class _Look(NamedTuple):
@@ -370,15 +279,14 @@ def _parts(file: GltfFile, number: int, looks: Sequence[_Look]) -> Iterator[Piec
         if mode < _TRIANGLES:
             continue
         look = looks[part["material"]] if "material" in part else _Look()
-        values = {
-            attribute: file.values(accessor).astype(np.float64)
-            for attribute, accessor in part["attributes"].items()
-            if attribute in ("POSITION", "NORMAL", f"TEXCOORD_{look.coordinates}")
-        }
+        packed = part.get("extensions", {})
+        values = file.attributes(part, "POSITION", "NORMAL", f"TEXCOORD_{look.coordinates}")
+        corners = values.pop("indices", None)
+        values = {attribute: found.astype(np.float64) for attribute, found in values.items()}
         if (vertices := values.get("POSITION")) is None:
             raise ValueError(f"object {quoted(name)!r} has no positions")
-        indices = file.values(part["indices"])[:, 0] if "indices" in part else range(len(vertices))
-        faces = _faces(np.asarray(indices, np.int64), mode)
+        indices = range(len(vertices)) if corners is None else corners[:, 0]
+        faces = _faces(np.asarray(indices, np.int64), _TRIANGLES if DRACO in packed else mode)
         uv = values.get(f"TEXCOORD_{look.coordinates}")
         if uv is not None:
             uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
