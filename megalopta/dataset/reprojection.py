@@ -1,8 +1,12 @@
-"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering."""
+"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering.
+
+Flow of skinned and morphed figures is NaN, except between neighbors, which are rendered.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +91,8 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
             if values["kind"] == "sway":
                 del values["kind"]
                 motion = Sway(**values)
+            elif values["kind"] == "figure":
+                motion = UnknownMotion()
             elif values["kind"] == "nodes":
                 motion = NodeMotion.of_record(values)
             else:
@@ -96,6 +102,26 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
                 )
             motions[int(number)] = motion
     return motions
+
+
+class UnknownMotion:
+    """Motion of a figure, of which only the file knows where points between vertices go."""
+
+    def carry(self, points: Float64, time_s: float | Float64) -> Float64:
+        """Return NaN (n, 3)."""
+        return np.full_like(points, np.nan)
+
+    def undo(self, points: Float64, time_s: float) -> Float64:
+        """Return NaN (n, 3)."""
+        return np.full_like(points, np.nan)
+
+    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+        """Return NaN (n, 3)."""
+        return np.full_like(points, np.nan)
+
+    def record(self) -> dict[str, Any]:
+        """Return its kind."""
+        return {"kind": "figure"}
 
 
 class TruthReader:
