@@ -6,7 +6,6 @@ Flow of skinned and morphed figures is NaN, except between neighbors, which are 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,8 @@ from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
+UNKNOWN = NodeMotion((), np.eye(4), np.full((4, 4), np.nan))
+"""Motion of a figure: only its file knows where points between vertices go."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
                 del values["kind"]
                 motion = Sway(**values)
             elif values["kind"] == "figure":
-                motion = UnknownMotion()
+                motion = UNKNOWN
             elif values["kind"] == "nodes":
                 motion = NodeMotion.of_record(values)
             else:
@@ -102,26 +103,6 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
                 )
             motions[int(number)] = motion
     return motions
-
-
-class UnknownMotion:
-    """Motion of a figure, of which only the file knows where points between vertices go."""
-
-    def carry(self, points: Float64, time_s: float | Float64) -> Float64:
-        """Return NaN (n, 3)."""
-        return np.full_like(points, np.nan)
-
-    def undo(self, points: Float64, time_s: float) -> Float64:
-        """Return NaN (n, 3)."""
-        return np.full_like(points, np.nan)
-
-    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
-        """Return NaN (n, 3)."""
-        return np.full_like(points, np.nan)
-
-    def record(self) -> dict[str, Any]:
-        """Return its kind."""
-        return {"kind": "figure"}
 
 
 class TruthReader:

@@ -280,15 +280,15 @@ class FigureMotion:
         if self.shares is not None:
             shares = self.shares.at(times_s, False)
         if len(times_s) == 1:
-            return first[vertex] + np.einsum("k,knj->nj", shares[0], changes[:, vertex])
-        return first[vertex] + np.einsum("nk,knj->nj", shares, changes[:, vertex])
+            shares = np.broadcast_to(shares, (len(vertex), len(changes)))
+        return np.asarray(first[vertex] + np.einsum("nk,knj->nj", shares, changes[:, vertex]))
 
     def _maps(self, vertex: Ints, times_s: Floats) -> Floats:
         """Maps (n, 4, 4) from the mesh to the world."""
         moments, moment = np.unique(times_s, return_inverse=True)
         bones = self.to_world @ self.skeleton.maps(moments)
         chosen = bones[moment.reshape(-1, 1), self.joints[vertex]]
-        return np.einsum("nk,nkij->nij", self.weights[vertex], chosen)
+        return np.asarray(np.einsum("nk,nkij->nij", self.weights[vertex], chosen))
 
 
 def inverse(maps: Floats) -> Floats:

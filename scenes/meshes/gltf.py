@@ -50,6 +50,8 @@ from megalopta.scenes.scene import Lamp
 LIGHTS = "KHR_lights_punctual"
 _TRIANGLES, _STRIP, _FAN, _REPEAT = 4, 5, 6, 10497
 _SHARES, _MOST_SETS, _MOST_BONES = "weights", 4, 1000
+_POSE_BYTES = 400
+"""Memory of the pose of a joint at a time, with its copies."""
 _MOST_STEPS = 100_000
 """Most nodes on the ways from the scene's root to all moving meshes."""
 
@@ -151,9 +153,9 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
     for sampler in header.get("samplers", ()):
         if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
             yield "pictures' clamping and mirroring", ""
-    for name, lamp in enumerate(extension(header, LIGHTS).get("lights", ()) if shines else ()):
+    for lamp in extension(header, LIGHTS).get("lights", ()) if shines else ():
         if "range" in lamp:
-            yield "ranges of lamps", str(lamp.get("name", name))
+            yield "ranges of lamps", str(lamp.get("name", ""))
     for _, animation in animations[:playing]:
         for target in (channel["target"] for channel in animation["channels"]):
             if target["path"] not in (*PARTS, _SHARES) or "node" not in target:
@@ -304,13 +306,15 @@ def _figure(
     stated = node.get("weights", mesh.get("weights", []))[: len(shares)]
     shares[: len(stated)] = stated
     track = tracks.get(number, {}).get(_SHARES) if len(shares) else None
+    if track and track.values.shape[-1] != len(shares):
+        raise ValueError(f"the animation of node {number} has not one value for each shape")
     vertices = np.concatenate([piece.vertices for piece, _, _ in parts])
     still = FigureMotion(
         skeleton, vertices, vertices, bone_of, weight, targets, turns, shares, track, np.eye(4)
     )
-    placed = still.at_rest()
-    check = still.skeleton.maps(_keys(joints)) if still.is_moving else placed
-    if not (np.isfinite(check).all() and np.isfinite(placed).all()):
+    placed, keys = still.at_rest(), _keys(joints)
+    check_decoded(file.name, (len(keys), len(order) + len(bones)), _POSE_BYTES)
+    if not (np.isfinite(skeleton.maps(keys)).all() and np.isfinite(placed).all()):
         raise ValueError("its animation leads to places that are not finite")
     motion = None
     if still.is_moving:
@@ -318,7 +322,7 @@ def _figure(
         if not extent:
             raise ValueError(f"node {number} moves, but has no size at rest")
         # Vertices at one place, which may part, are told from each other by a small step.
-        beside = cKDTree(placed).query(placed, k=2)[0][:, 1] < 1e-9 * extent
+        beside = np.asarray(cKDTree(placed).query(placed, k=2)[0])[:, 1] < 1e-9 * extent
         placed[beside, 0] += 1e-7 * extent * np.arange(1, beside.sum() + 1)
         motion = replace(still, placed=placed)
     ends = np.cumsum([len(piece.vertices) for piece, _, _ in parts])[:-1]

@@ -212,14 +212,12 @@ def _draco_triangles(content: bytes) -> int:
     name, version, kind, method, flags = struct.unpack_from("<5sH2BH", content)
     if (name, version, kind, flags) != (b"DRACO", 0x0202, 1, 0) or method > 1:
         raise ValueError("its Draco data are no mesh of version 2.2 without metadata")
-    place, numbers = 11 + method, []  # a byte tells how connected triangles are traversed
-    while len(numbers) <= method:  # if they are, the vertices come first
-        number = shift = 0
-        while True:
-            byte = content[place]
-            number |= (byte & 127) << shift
-            place, shift = place + 1, shift + 7
-            if byte < 128:
+    place, number = 11 + method, 0  # a byte tells how connected triangles are traversed
+    for _ in range(1 + method):  # if they are, the vertices come first
+        number = 0
+        for shift in range(0, 35, 7):
+            number |= (content[place] & 127) << shift
+            place += 1
+            if content[place - 1] < 128:
                 break
-        numbers.append(number)
-    return numbers[-1]
+    return number

@@ -142,7 +142,7 @@ def weights_of(materials: Iterable[Material | None]) -> Iterator[NDArray[np.floa
             yield material.texture.weight
         for plug_in in material.finish.tree() if material.finish else ():
             if isinstance(picture := plug_in.parts.get("bitmap"), np.ndarray):
-                yield picture
+                yield picture.astype(np.float32, copy=False)
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:

@@ -164,7 +164,6 @@ def written_mill(path):
     return vertices[blade.faces].astype(np.float64)
 
 
-@pytest.mark.slow
 def test_truth_of_a_skinned_and_morphed_figure_is_that_of_an_independent_ray_caster(tmp_path):
     (tmp_path / "arm.glb").write_bytes(figures.arm().glb())
     given = {"file": str(tmp_path / "arm.glb"), "animate": True, "position_m": (-2, 0.2, 0)}
