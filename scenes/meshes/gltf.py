@@ -294,11 +294,7 @@ def _figure(
     parents = tuple(place[above[step]] if step in above else -1 for step in order)
     skeleton = Skeleton(joints, parents, np.array([place[bone] for bone in bones]), to_bone)
     held = [_held(values, len(piece.vertices), "skin" in node) for piece, _, values in parts]
-    most = max(of_vertex.shape[1] for of_vertex, _ in held)
-    bone_of, weight = (
-        np.concatenate([np.pad(one, ((0, 0), (0, most - one.shape[1]))) for one in columns])
-        for columns in zip(*held, strict=True)
-    )
+    bone_of, weight = (np.concatenate(columns) for columns in zip(*held, strict=True))
     if bone_of.max(initial=0) >= len(bones):
         raise ValueError(f"node {number} has vertices of joints that are not there")
     targets, turns = (_shapes(file, parts, name) for name in ("POSITION", "NORMAL"))

@@ -141,6 +141,17 @@ class _Pictures:
             self._keep(key, values * np.float32(factor))
         return Finish("bitmap", {"bitmap": self._decoded[key], "raw": True})
 
+    def relief(self, entry: Json, material: str) -> Finish:
+        """Texture of unit normals, whose slopes are times the entry's scale."""
+        scale = np.float32(entry.get("scale", 1.0))
+        key = image_of(self._file.header, entry), "relief", float(scale)
+        if key not in self._decoded:
+            normals = self.values(entry, material) * 2 - 1
+            normals[..., :2] *= scale
+            normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
+            self._keep(key, ((normals + 1) / 2).astype(np.float32))
+        return Finish("bitmap", {"bitmap": self._decoded[key], "raw": True})
+
     def _keep(self, key: object, picture: NDArray[np.float32]) -> None:
         self._decoded[key] = picture
         check_pictures(self._file.name, self._decoded.values())
@@ -155,10 +166,8 @@ def _surface(material: Json, name: str, entries: dict[str, Json], pictures: _Pic
     look: dict[str, Part] = {"base_color": reflectance_of_color(color)}
     if "color" in entries:
         picture = pictures.colors(entries["color"], name, color)
-        dull, look["base_color"] = (
-            colored(np.ones(3), picture),
-            Finish("bitmap", {"bitmap": picture}),
-        )
+        dull = colored(np.ones(3), picture)
+        look["base_color"] = Finish("bitmap", {"bitmap": picture})
     roughness, metallic = model.get("roughnessFactor", 1.0), model.get("metallicFactor", 1.0)
     through = float(_of(material, "transmission").get("transmissionFactor", 0))
     is_dull = "metal" not in entries and (roughness, metallic) == (1, 0)
@@ -195,10 +204,7 @@ def _surface(material: Json, name: str, entries: dict[str, Json], pictures: _Pic
     elif "normal" not in entries:
         return dull
     if "normal" in entries:
-        normals = pictures.values(entries["normal"], name) * 2 - 1
-        normals[..., :2] *= np.float32(entries["normal"].get("scale", 1.0))
-        normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
-        relief = Finish("bitmap", {"bitmap": (normals + 1) / 2, "raw": True})
+        relief = pictures.relief(entries["normal"], name)
         side = Finish("normalmap", {"normalmap": relief, "bsdf": side})
     finish = side if through else Finish("twosided", {"bsdf": side})
     return Material(dull.reflectance, dull.texture, known_nm=finish.known_nm, finish=finish)
