@@ -53,6 +53,11 @@ def path_tracing_reason(
             "integrator 'baked': baked light covers diffuse surfaces and black lamps only, and "
             f"material {shiny[0]!r} is another; use 'auto' or 'path'"
         )
+    if scene.lamps and settings.integrator == "baked":
+        raise ValueError(
+            "integrator 'baked': baked light is that of sun, sky and surfaces, and the scene has "
+            "lamps without size; use 'auto' or 'path'"
+        )
     if settings.integrator in ("path", "plain"):
         return "as asked"
     if any(not scene.materials[name].emission for name in shiny):

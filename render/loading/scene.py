@@ -70,14 +70,39 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh], sky_weight: float = 1
             glow = {"type": "area", "radiance": emission(material.emission)}
             parts = {"mesh_emitter": mi.load_dict(glow), **parts}
         shapes.append(load_mesh(mesh, **parts))
-    return of_shapes(shapes, scene.lighting, sky_weight)
+    return of_shapes(shapes, scene.lighting, sky_weight, lamps_of(scene))
+
+
+def lamps_of(scene: Scene) -> dict[str, Any]:
+    """Mitsuba's emitters of a scene's lamps, relative to its `origin_m`."""
+    lamps = {}
+    for index, lamp in enumerate(scene.lamps):
+        place = lamp.pose[:3, 3] - scene.origin_m
+        along = -lamp.pose[:3, 2] / np.linalg.norm(lamp.pose[:3, 2])
+        light: dict[str, Any] = {"type": lamp.kind}
+        light |= {"irradiance" if lamp.kind == "directional" else "intensity": spectrum(lamp.light)}
+        if lamp.kind == "point":
+            light["position"] = place.tolist()
+        elif lamp.kind == "directional":
+            light["direction"] = along.tolist()
+        else:
+            inner, outer = lamp.cone_deg
+            side = np.eye(3)[np.argmin(np.abs(along))].tolist()
+            view = {"origin": place.tolist(), "target": (place + along).tolist(), "up": side}
+            light["to_world"] = mi.ScalarTransform4f().look_at(**view)
+            light |= {"beam_width": inner, "cutoff_angle": outer}
+        lamps[f"lamp_{index:03d}"] = light
+    return lamps
 
 
 def of_shapes(
-    shapes: Sequence[Any], lighting: Lighting | None = None, sky_weight: float = 1.0
+    shapes: Sequence[Any],
+    lighting: Lighting | None = None,
+    sky_weight: float = 1.0,
+    lamps: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Return a scene of loaded shapes, in order, under a light."""
-    parts: dict[str, Any] = {"type": "scene"}
+    """Return a scene of loaded shapes, in order, under a light and by the light of lamps."""
+    parts: dict[str, Any] = {"type": "scene", **(lamps or {})}
     sky = sky_light(lighting, sky_weight) if lighting else None
     if sky is not None:
         parts["sky"] = sky
@@ -357,7 +382,7 @@ def fill(
         "interior": medium,
     }
     shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
-    filled = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
+    filled = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting, lamps=lamps_of(scene))
     return Air(filled, medium, haze.extinction_per_m, low, high)
 
 
