@@ -98,6 +98,10 @@ class Report:
         """True if frames were rendered, so that their true motion is known."""
         return self.settings.scene.has_truth
 
+    def unit_of(self, sensor: str) -> str:
+        """Return what a sensor reads, by its name."""
+        return next(one.unit for one in self.settings.sensors if one.name == sensor)
+
     @property
     def motion_name(self) -> str:
         """Name of the reference motion."""
@@ -153,12 +157,10 @@ class Report:
         return sorted(budgets, key=lambda budget: -illuminance_of(budget.level))
 
     def player(self) -> sections.Player:
-        """Return the slider of the page's films, with the light at the top."""
+        """Return the slider of the page's films."""
         trajectory, frames = self.settings.trajectory, self.shown.frames
-        strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
         return sections.Player(
             [images.frame_label(frame, trajectory.times_s) for frame in frames],
             self.shown.sequence.shape,
             trajectory.frame_rate_hz * len(frames) / trajectory.frames,
-            radiance=images.data_uri(strip),
         )
