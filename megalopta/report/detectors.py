@@ -57,9 +57,7 @@ _CURVES = (
     "below 25 % on their left needs fewer."
 )
 _UNITS = Markup(
-    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
-    "literal error divides by each single response: where many are near zero, its N<sub>2b</sub> "
-    "is far above that of the ratio."
+    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes."
 )
 
 
@@ -90,7 +88,7 @@ def detector_section(report: Report) -> Section:
     if any(math.isfinite(record.median_error) for record in report.flow):
         photons = {budget.sensor.name: budget.photons for budget in report.exposures}
         most, least = (find(photons, key=photons.__getitem__) for find in (max, min))
-        text = f"Each detector runs on the {units} of each sensor. Below 25 % is good. "
+        text = f"Each detector runs on the {units} of each sensor; below 25 % is good. "
         if photons[most] > 1.5 * photons[least]:
             text += (
                 "Photons that reach a pixel are compared, as pixels differ: in the same light "
@@ -132,15 +130,18 @@ def light_chart(report: Report) -> Markup:
     """Draw the median error over photons on a pixel: a color per method, a dash per sensor."""
     figure, axes = svg.new_axes(svg.CHART_PT[0], 340)
     sensors = [sensor.name for sensor in report.settings.sensors]
-    for method, (number_of_dash, sensor) in product(report.settings.methods, enumerate(sensors)):
-        errors = {record.level: record.median_error for record in report.flow
-                  if (record.method, record.sensor) == (method, sensor)}  # fmt: skip
-        budgets = report.of(sensor)
-        photons = [budget.photons for budget in budgets]
-        median = np.array([errors.get(budget.level, math.inf) for budget in budgets])
-        if np.isfinite(median).any():
-            look = method_style(method) | {"linestyle": svg.DASHES[number_of_dash % 5]}
-            axes.plot(photons, np.minimum(median, 10), **look, label=f"{method}, {sensor}")
+    for method, (place, sensor) in product(report.settings.methods, enumerate(sensors)):
+        errors = {
+            record.level: record.median_error
+            for record in report.flow
+            if (record.method, record.sensor) == (method, sensor)
+        }
+        budgets = [budget for budget in report.of(sensor) if math.isfinite(errors[budget.level])]
+        look = method_style(method) | {"linestyle": svg.DASHES[place % len(svg.DASHES)]}
+        if budgets:
+            photons = [budget.photons for budget in budgets]
+            median = [min(errors[budget.level], 10) for budget in budgets]
+            axes.plot(photons, median, **look, label=f"{method}, {sensor}")
     axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle=":")
     svg.logarithmic(axes, "x", svg.NUMBERS)
     svg.logarithmic(axes, "y", FuncFormatter(lambda value, _: percent(value)))

@@ -254,10 +254,7 @@ def motion_section(report: Report) -> Section:
     if not shown.rim:
         text = "A single frame has no motion; its depth is known exactly."
         return Section("Truth", text, body=body, name="motion")
-    note = (
-        f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic. "
-        "Orange pixels are occluded in the next frame."
-    )
+    note = f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic."
     body += html.paragraph(note, "note")
     share = percent(float(np.mean([truth.occluded_forward.mean() for truth in truths])))
     text = f"The median speed is {speed:.2g} px per frame; {share} of the pixels are hidden next."
@@ -275,9 +272,8 @@ def making_section(report: Report) -> Section:
         text = (
             f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as "
             f"{number(noise['equivalent_photons_per_pixel'])} photons per pixel "
-            f"({percent(relative)} of its light). It adds to the errors against the true motion. "
-            f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
-            "many halve the noise of a frame."
+            f"({percent(relative)} of its light). "
+            f"Light paths per pixel: {report.settings.render.samples_per_pixel}."
         )
         body.insert(0, html.paragraph(text, "warn" if is_noisy else "note"))
     if report.has_truth:

@@ -26,6 +26,7 @@ from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.flow import formats
 from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
@@ -277,9 +278,9 @@ class SequencePanels:
             last = min(frame + 1, len(self.sequence) - 1)
             return self.pixels(detector.dense(counts[last - 1], counts[last]))
 
-        panel = flow_panel(
-            "flow", f"flow by {record.method}, pixel by pixel", flow, self.rim or 1.0
-        )
+        is_dense = type(detector).dense is not BlockDetector.dense  # others give blocks
+        name = f"flow by {record.method}{', pixel by pixel' if is_dense else ''}"
+        panel = flow_panel("flow", name, flow, self.rim or 1.0)
         return replace(panel, sensor=record.sensor, level=self._level(record.level))
 
     def motion(self, name: str) -> Panel:

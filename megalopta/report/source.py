@@ -33,7 +33,7 @@ _BRIGHTER = 0.01
 def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
     """Choose the frames, and the step between pixels, of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
-    films = len(configuration.sensors) * len(configuration.light_levels) + 6
+    films = 3 * (len(configuration.sensors) * len(configuration.light_levels) + 6)  # 4 MB in all
     most = min(40, 4_000_000 // (height * width))
     candidates = range(max(configuration.trajectory.frames - 1, 1))
     return images.selection(candidates, (height, width), films, 160, most)
