@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from megalopta.core.errors import shell_command
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
@@ -145,6 +145,7 @@ def light_chart(report: Report) -> Markup:
     axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle=":")
     svg.logarithmic(axes, "x", svg.NUMBERS)
     svg.logarithmic(axes, "y", FuncFormatter(lambda value, _: percent(value)))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2.5, 5)))
     axes.set(xlabel="photons on a pixel in a frame", ylabel="median error of the flow")
     below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 2}
     return svg.with_legend(figure, "light-chart", "Median error of the flow over light", **below)
