@@ -293,7 +293,8 @@ class FigureMotion:
 
 def inverse(maps: Floats) -> Floats:
     """Inverse maps; of a shape without size, which nobody sees, the nearest there is."""
-    is_flat = np.linalg.det(maps[:, :3, :3]) == 0
+    with np.errstate(invalid="ignore"):  # maps of a figure are unknown
+        is_flat = np.linalg.det(maps[:, :3, :3]) == 0
     return np.asarray(np.linalg.pinv(maps) if is_flat.any() else np.linalg.inv(maps))
 
 
