@@ -39,12 +39,7 @@ from megalopta.scenes.meshes.gltf_file import (
     stands_in,
 )
 from megalopta.scenes.meshes.gltf_surfaces import Look, light_of, looks_of, pictures_of, unused_of
-from megalopta.scenes.meshes.pieces import (
-    MOST_OBJECTS,
-    Piece,
-    Unused,
-    check_map,
-)
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_map
 from megalopta.scenes.scene import Lamp
 
 LIGHTS = "KHR_lights_punctual"
@@ -232,10 +227,7 @@ def _tracks(file: GltfFile) -> Tracks:
 
 
 def _motion(
-    nodes: Sequence[Json],
-    chain: Sequence[int],
-    pose: Floats,
-    tracks: Tracks,
+    nodes: Sequence[Json], chain: Sequence[int], pose: Floats, tracks: Tracks
 ) -> NodeMotion | None:
     """Motion of the last node of a chain; None if none of it moves."""
     if not any(tracks.get(node, {}).keys() - {_SHARES} for node in chain):

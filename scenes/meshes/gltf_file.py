@@ -24,9 +24,8 @@ _DRACO_BYTES = 1000
 """Memory of a triangle that Draco decodes, with all attributes of its corners."""
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = "EXT_meshopt_compression", "KHR_meshopt_compression"
-EFFECTIVE = (
-    *("KHR_texture_transform", "KHR_mesh_quantization", "EXT_texture_webp", DRACO, *MESHOPT),
-)
+_USUAL = "KHR_texture_transform", "KHR_mesh_quantization", "EXT_texture_webp"
+EFFECTIVE = *_USUAL, DRACO, *MESHOPT
 """Extensions that always have an effect."""
 
 Json = Mapping[str, Any]
@@ -141,7 +140,6 @@ class GltfFile:
         """Values (n, k) of an accessor: integers, or float64."""
         entry = self.header["accessors"][number]
         shape = entry["count"], _WIDTHS[entry["type"]]
-        check_decoded(self.name, shape, _VALUE_BYTES)
         values = self._read(entry, shape, entry["componentType"])
         if "sparse" in entry:
             sparse = entry["sparse"]
@@ -153,11 +151,11 @@ class GltfFile:
 
     def _read(self, entry: Json, shape: tuple[int, int], component: int) -> NDArray[Any]:
         kind = np.dtype(_TYPES[component])
+        check_decoded(self.name, shape, _VALUE_BYTES)
         if "bufferView" not in entry:
             return np.zeros(shape, kind)
         step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
         strides = step or kind.itemsize * shape[1], kind.itemsize
-        check_decoded(self.name, shape, _VALUE_BYTES)
         # numpy refuses an array that would reach beyond the bytes.
         start = entry.get("byteOffset", 0)
         return np.ndarray(shape, kind, self._view(entry["bufferView"]), start, strides)

@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.scenes.material import Finish, Material, Part
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, extension, image_of
-from megalopta.scenes.meshes.pieces import (
-    Paint,
-    check_pictures,
-    colored,
-    linear_picture,
-    texels_of,
-)
+from megalopta.scenes.meshes.pieces import Paint, check_pictures, colored, linear_picture, texels_of
 from megalopta.scenes.spectra.color import primaries, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, luminous, total
 
