@@ -203,14 +203,14 @@ def light_section(report: Report) -> Section:
             rows.append((f"{sensor.name}, {level_title(budget.level)}", *cells, *noise))
     if light := report.scene.get("illuminance"):
         rendered = light["unshaded_lux"]
-        dimmed = (
-            f"{number(rendered / illuminance_of(level))} times for {level_name(level)}"
+        divided = (
+            f"by {number(rendered / illuminance_of(level))} for {level_name(level)}"
             for level in report.settings.light_levels
         )
         timing += f" The rendered light, {lux(rendered)} in the open"
         if ground := [point["lux"] for point in light["ground"]]:
             timing += f" and {sum(ground) / len(ground):.2g} lux on the ground below the camera"
-        timing += f", is dimmed: {', '.join(dimmed)}."
+        timing += f", is divided {', '.join(divided)}."
     unit = " or ".join(report.units)
     head = (
         *("Sensor and light", "Photons on the pixel", "Detected", f"Dark {unit}"),
