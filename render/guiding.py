@@ -150,7 +150,7 @@ def guided(
         parameters["sky.sampling_weight"] = 1.0
         parameters.update()
     else:
-        loaded = of_shapes(loaded.shapes(), scene.lighting)
+        loaded = of_shapes(loaded.shapes(), scene)
     sky_of(loaded).aim(guide)
     return LoadedScene(scene, whole.meshes, loaded)
 

@@ -267,10 +267,10 @@ class Part(NamedTuple):
 
 
 def can_split(scene: Scene, meshes: Sequence[MergedMesh]) -> bool:
-    """True if a scene's light can be split: of diffuse surfaces in clear air that do not emit."""
+    """True if a scene's light can be split: of diffuse surfaces in clear air, and of no lamps."""
     materials = [scene.materials[mesh.material] for mesh in meshes]
     is_plain = not any(look.emission or look.finish for look in materials)
-    lit = scene.lighting is not None and bool(meshes)
+    lit = scene.lighting is not None and bool(meshes) and not scene.lamps
     return lit and is_plain and not (scene.haze or is_scalar())
 
 

@@ -95,8 +95,7 @@ class SceneRenderer:
         else:
             local = np.zeros((0, 4, 4)) if poses is None else self._local(poses)
             its_seed, places = bake_seed(seed), local[:, :3, 3]
-            passes = settings.max_passes if settings.target_error is not None else 1
-            samples = len(local) * pixels * settings.samples_per_pixel * passes
+            samples = len(local) * pixels * settings.most_samples
             adapts = samples >= FEWEST_SAMPLES and not (is_plain or scene.haze or is_scalar())
             if adapts:
                 whole = self._whole = guided(whole, camera, local, samples, its_seed)

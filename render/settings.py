@@ -94,6 +94,12 @@ class RenderSettings(Record, frozen=True):
     passes affects the seeds of its noise."""
 
     @property
+    def most_samples(self) -> int:
+        """Most samples of a pixel of a frame, in all passes."""
+        passes = self.max_passes if self.target_error is not None else 1
+        return self.samples_per_pixel * passes
+
+    @property
     def standing_error(self) -> float:
         """Target error of baked light."""
         return min(self.bake_error, (self.target_error or 1) / 2)

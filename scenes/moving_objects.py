@@ -18,7 +18,7 @@ from megalopta.scenes.meshes.pieces import check_pictures, weights_of
 from megalopta.scenes.meshes.reflectance import Reflectance, Share
 from megalopta.scenes.meshes.surfaces import Surfacing, check_names
 from megalopta.scenes.motion import Drift, RigidMotion, Vector
-from megalopta.scenes.scene import Asset, Placement, Scene
+from megalopta.scenes.scene import Asset, Lighting, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 Length = Annotated[float, Field(gt=0)]
@@ -88,7 +88,13 @@ else:
 
 
 def with_objects(scene: Scene, objects: Sequence[AnyObject]) -> Scene:
-    """Add objects to a scene, after the existing ones, each with its own materials."""
+    """Add objects to a scene, after the existing ones, each with its own materials.
+
+    A panorama around the camera lights them.
+    """
+    if scene.environment and objects:
+        lighting = Lighting(flat(0.0), panorama=scene.environment)
+        scene = replace(scene, environment=None, lighting=lighting)
     materials, assets = dict(scene.materials), dict(scene.assets)
     placements, notes = list(scene.placements), list(scene.notes)
     for index, thing in enumerate(objects):

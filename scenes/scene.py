@@ -12,7 +12,7 @@ of particles below 0.5 µm is not modeled.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +162,19 @@ class Lighting:
 
 
 @dataclass(frozen=True)
+class Lamp:
+    """Lamp without size, itself invisible; it shines along the −z axis of its pose."""
+
+    kind: Literal["point", "spot", "directional"]
+    light: Spectrum
+    """Intensity on the axis, W·sr⁻¹·nm⁻¹; of a directional lamp the irradiance, W·m⁻²·nm⁻¹."""
+    pose: Floats
+    """(4, 4): its place and axes in the world."""
+    cone_deg: tuple[float, float] = (0.0, 45.0)
+    """Angles from the axis of a spot at which its light begins to fall, and ends."""
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that is rendered, except the camera."""
 
@@ -172,7 +185,7 @@ class Scene:
     placements: tuple[Placement, ...]
     """Objects; object id = index + 1."""
     lighting: Lighting | None = None
-    """Light from outside; None if only surfaces emit."""
+    """Light from outside; None if only surfaces and lamps emit."""
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """(x, y, z): point near the camera. The renderer's coordinates are relative to it, so that they
     are precise far from the world's origin, too."""
@@ -182,6 +195,8 @@ class Scene:
     """Haze that fills a box around all objects and the camera; None: clear air."""
     notes: tuple[str, ...] = ()
     """Sentences on what its files hold that has no effect."""
+    lamps: tuple[Lamp, ...] = ()
+    """Lamps without size."""
 
     def __post_init__(self) -> None:
         """Reject dangling names, objects before a panorama and haze around nothing."""
@@ -206,6 +221,8 @@ class Scene:
         if self.lighting:
             sun = [self.lighting.sun.irradiance] if self.lighting.sun else []
             check_known("light", common_range([self.lighting.mean_sky(), *sun]), bands_nm, "")
+        for lamp in self.lamps:
+            check_known("a lamp", lamp.light.range_nm, bands_nm, "")
         remedy = "give its reflectance in `materials`, or "
         for name, material in self.materials.items():
             check_known(f"material {name!r}", material.range_nm, bands_nm, remedy)

@@ -15,7 +15,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun", "DracoPy", "meshopt"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())
@@ -88,7 +88,7 @@ def test_all_has_every_extra_that_the_program_names():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
         "optional-dependencies"
     ]
-    assert extras["all"] == ["megalopta[render,cluster,camera,video,timetags]"]
+    assert extras["all"] == ["megalopta[render,cluster,camera,video,timetags,gltf]"]
 
 
 WITHOUT_HOLES = {
@@ -110,7 +110,7 @@ def floors():
     """The packages that are needed, by name, those of `[all]` among them."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
-    named = ("render", "cluster", "camera", "video", "timetags")
+    named = ("render", "cluster", "camera", "video", "timetags", "gltf")
     wanted = [*project["dependencies"], *(each for name in named for each in extras[name])]
     return {each.name: each.specifier for each in map(Requirement, wanted)}
 

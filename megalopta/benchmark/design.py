@@ -45,6 +45,8 @@ _REFLECTANCE = 0.2
 _BANDS_NM = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
 _RADII_PX = (1.5, 20.0)
 _TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
+_MORE_BITS = 7
+"""Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
 
 
 class DesignSettings(Record, frozen=True):
@@ -149,7 +151,7 @@ class DesignPoint(NamedTuple):
 
 
 class DesignRow(NamedTuple):
-    """Least exposure that reaches the stated error."""
+    """Least exposure that reaches the stated error, or why there is none."""
 
     case: Mapping[str, float]
     level: LightLevel
@@ -159,6 +161,8 @@ class DesignRow(NamedTuple):
     """Exposure of the least error"""
     best_error: float
     """Least error over the exposures, in the unit of the stated one"""
+    limit: str
+    """What keeps the error above the stated one; empty if it is reached"""
 
 
 @dataclass(frozen=True)
@@ -208,9 +212,9 @@ def design(
                 points += of_case
                 errors = np.array([getattr(point, chosen.measure) for point in of_case])
                 exposure_s = first_reached(work.times, errors, chosen.target)
-                best = int(errors.argmin())
+                best, limit = int(errors.argmin()), "" if exposure_s else work.limit(device, level)
                 least = work.times[best], float(errors[best])
-                rows.append(DesignRow(case, level, exposure_s, *least))
+                rows.append(DesignRow(case, level, exposure_s, *least, limit))
                 advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
     return Design(sensor, chosen, described, tuple(points), tuple(rows))
@@ -246,11 +250,14 @@ class _Work:
             lambda sensor, level: detected_rate(scene.radiance(level), scene.bands_nm, sensor)[0]
         )
 
-    def errors(self, sensor: Sensor, level: LightLevel, exposure_s: float) -> tuple[float, float]:
+    def errors(
+        self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
+    ) -> tuple[float, float]:
         """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
         light, settings = self._light(sensor, level), self._settings
-        path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
-        light = translation_bound.blurred_by_motion(light, path_px)
+        if blurs:
+            path_px = self._per_degree * (settings.yaw_deg_s * exposure_s)
+            light = translation_bound.blurred_by_motion(light, path_px)
         slopes = translation_bound.reading_slopes(light, changed(sensor, exposure_s=exposure_s))
         blocks = slopes.of_blocks(block_grid(self._scene.camera.shape, settings.block_px, 1))
         least = translation_bound.cramer_rao_covariance(blocks, settings.frames)
@@ -259,6 +266,28 @@ class _Work:
         turn = slopes.of_turn(self._per_degree) * spread
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
+
+    def limit(self, sensor: Sensor, level: LightLevel) -> str:
+        """Return the causes without which the error would be reached, the largest first."""
+        measure = MEASURES.index(self._settings.measure)
+        removed: tuple[str, ...] = ()
+        error = math.inf
+        while left := [cause for cause in _CAUSES if cause not in removed]:
+            least = []
+            for cause in left:
+                better = sensor
+                for name in (*removed, cause):
+                    better = _without_cause(better, name)
+                blurs = _BLUR not in (*removed, cause)
+                errors = (self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
+                least.append((min(errors), cause))
+            error, cause = min(least)
+            removed = (*removed, cause)
+            if error <= self._settings.target:
+                return " and ".join(removed)
+        if math.isfinite(error):
+            return "too few photons in a frame"
+        return "saturation, or a texture of one direction"
 
 
 def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:
@@ -271,6 +300,26 @@ def first_reached(times: Sequence[float], errors: Floats, target: float) -> floa
         return float(times[place])
     around = slice(place - 1, place + 1)
     return math.exp(np.interp(-math.log(target), -np.log(errors[around]), np.log(times[around])))
+
+
+_BLUR = "motion blur"
+_CAUSES = "saturation", _BLUR, "dark counts", "read noise"
+
+
+def _without_cause(sensor: Sensor, cause: str) -> Sensor:
+    """Return the sensor without what keeps an error from being reached."""
+    counter, wider = sensor.counter, 2**_MORE_BITS
+    if cause == "dark counts":
+        return without(sensor, "dark_counts")
+    if cause == "read noise" and counter.kind != "digital":
+        return changed(sensor, counter={"read_noise_v": 0.0, "adc_bits": None})
+    if cause != "saturation":
+        return sensor
+    if counter.kind != "analog":
+        return without(without(sensor, "counter"), "dead_time")
+    bits = counter.adc_bits and min(24, counter.adc_bits + _MORE_BITS)
+    volts = {name: wider * getattr(counter, name) for name in ("swing_v", "supply_v")}
+    return without(changed(sensor, counter={**volts, "adc_bits": bits}), "dead_time")
 
 
 def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:

@@ -35,7 +35,7 @@ def table_head(design: Design) -> tuple[str, ...]:
     """Return the heads of the table."""
     titles = (_QUANTITIES[name][:2] for name in design.settings.varied)
     heads = (f"{title} ({unit})" if unit else title for title, unit in titles)
-    return ("light", *heads, _aim(design), "least error")
+    return ("light", *heads, _aim(design), "least error", "limited by")
 
 
 def table_cells(design: Design, row: DesignRow) -> tuple[str, ...]:
@@ -45,7 +45,7 @@ def table_cells(design: Design, row: DesignRow) -> tuple[str, ...]:
     exposure = f"{number(1e3 * row.exposure_s)} ms" if row.exposure_s else "not reachable"
     least = f"{number(row.best_error)} {unit} at {number(1e3 * row.best_exposure_s)} ms"
     least = least if np.isfinite(row.best_error) else UNDEFINED
-    return (level_name(row.level), *values, exposure, least)
+    return (level_name(row.level), *values, exposure, least, row.limit)
 
 
 def write_design(folder: Path, design: Design) -> Path:

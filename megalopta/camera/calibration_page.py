@@ -51,10 +51,10 @@ _BAD = (
 )
 _TITLE = "EMVA 1288"
 _TEXT = (
-    "Release 4, Linear; an event is one electron, a reading a count. Exposure {}. Saturation is "
+    "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
+    "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
     "where the temporal variance is largest. R and K are corrected for the calibrated dead time "
-    "(by factors of {:.3g} and {:.3g}); the linearity error is not. `megalopta sensor` shows the "
-    "calibrated device over light."
+    "(the device's by factors of {:.3g} and {:.3g}); the linearity error is not."
 )
 _ROWS = (
     ("η", "quantum efficiency (%)", "efficiency", 100),
@@ -233,7 +233,7 @@ def emva_section(
     wavelength_nm: float | None,
     recorded: Sequence[tuple[float, Step]],
 ) -> Section:
-    """Return the figures of recordings, if there are enough.
+    """Return the figures of a device file, and those of the recordings if there are enough.
 
     `recorded` are exposure (s) and readings of each recording.
     """
@@ -244,16 +244,21 @@ def emva_section(
     sensor = changed(load_sensor(device), exposure_s=exposure_s)
     if sensor.counter.capacity == 1:
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
-    dark, *lit = sorted(
-        (step for time_s, step in recorded if time_s == exposure_s), key=lambda step: step.photons
-    )
-    if dark.photons or len(lit) < standard.FEWEST_STEPS:
-        return Section(_TITLE, f"Needs the dark and {standard.FEWEST_STEPS} levels of light.")
+    at = (shape[0], shape[1]), wavelength_nm
     try:
-        factors = standard.without_dead_time(sensor, (shape[0], shape[1]), wavelength_nm, lit)
-        figures = standard.emva(dark, lit, factors=factors)
+        dark, steps = standard.device_steps(sensor, *at)
+        factors = standard.without_dead_time(sensor, *at, steps)
+        figures = [standard.emva(dark, steps, factors=factors)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
-    rows = tuple((*row[:2], number(row[3] * getattr(figures, row[2]))) for row in _ROWS)
-    text = _TEXT.format(with_error(exposure_s, 0, "s"), *factors)
-    return Section(_TITLE, text, ("symbol", "quantity", "value"), rows)
+    seen = [step for time_s, step in recorded if time_s == exposure_s]
+    darkest, lit = min(seen, key=lambda step: step.photons), [s for s in seen if s.photons]
+    if not darkest.photons and len(lit) >= standard.FEWEST_STEPS:
+        seen_factors = standard.without_dead_time(sensor, *at, lit)
+        figures.append(standard.emva(darkest, lit, factors=seen_factors))
+    rows = tuple(
+        (symbol, title, *(number(scale * getattr(figure, name)) for figure in figures))
+        for symbol, title, name, scale in _ROWS
+    )
+    head = ("symbol", "quantity", "device", "recordings")[: 2 + len(figures)]
+    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), head, rows)

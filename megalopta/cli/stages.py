@@ -33,7 +33,6 @@ _RANKED = {
     "repeats": "1",
 }
 """Settings of the demo's ranking: few, for a short demo"""
-_QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]"}
 
 
 REDO = switch("--redo", "replace output of another configuration")
@@ -95,7 +94,7 @@ def _render(options: Namespace) -> str | None:
     "demo",
     "do everything: render, sense, flow, benchmark and a report to open in a browser",
     *_FROM_CONFIGURATION,
-    switch("--quick", "make a small and noisy demo, in about a minute"),
+    switch("--quick", "in half a minute: a photographed forest, without the search for thresholds"),
     settings=VerbSettings(values="demo"),
     often=(
         *("scene.trees", "camera.width", "camera.height", "trajectory.frames"),
@@ -112,13 +111,17 @@ def _demo(options: Namespace) -> Path:
     from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
+    from megalopta.stages.registry import STAGES
     from megalopta.stages.run import run_all
 
-    dataset = run_all(options.out, settings, options.redo)
-    if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
-        ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
-        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
-    return write_report(dataset)
+    stages = [name for name in STAGES if not (options.quick and name == "benchmark")]
+    dataset = run_all(options.out, settings, options.redo, stages)
+    is_ranked = any(METHODS[name].gives == "velocity" for name in settings.methods)
+    if is_ranked and not options.quick:
+        with step("ranking"):
+            run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
+    with step("writing the report"):
+        return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:

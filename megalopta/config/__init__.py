@@ -11,5 +11,6 @@ def built_in_names() -> list[str]:
 
 
 def built_in_text(name: str) -> str:
-    """YAML text of a built-in configuration."""
-    return (_FOLDER / f"{name}.yaml").read_text("utf-8")
+    """YAML text of a built-in configuration; PRESETS in it is the folder of its files."""
+    text = (_FOLDER / f"{name}.yaml").read_text("utf-8")
+    return text.replace("PRESETS", _FOLDER.as_posix())

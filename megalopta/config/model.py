@@ -62,6 +62,8 @@ def parse(
     of_scene = {path: value for path, value in (overrides or {}).items() if path in _SCENE}
     changed = overridden(Configuration, values, of_scene) if of_scene else values
     kind = _kind_of_scene(changed)
+    if kind != _kind_of_scene(values) and source in built_in_names():
+        values = {**values, "objects": []}  # they suit its scene
     values = with_suited_depth(values, kind)
     return fitted(validated(Configuration, values, source, overrides, folder))
 

@@ -31,6 +31,7 @@ _EXTRAS = {
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "av": "video",
     "ptufile": "timetags",
+    **dict.fromkeys(("DracoPy", "meshopt"), "gltf"),
     "torch": "torch",
     "onnxruntime": "onnx",
     "rerun": "rerun",

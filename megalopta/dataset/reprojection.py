@@ -1,4 +1,7 @@
-"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering."""
+"""Flow and occlusion between any two frames, from depth, poses and motions, without rendering.
+
+Flow of skinned and morphed figures is NaN, except between neighbors, which are rendered.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +21,8 @@ from megalopta.scenes.meshes.animation import NodeMotion
 from megalopta.scenes.motion import Drift, Motion, RigidMotion
 
 Float64 = NDArray[np.float64]
+UNKNOWN = NodeMotion((), np.eye(4), np.full((4, 4), np.nan))
+"""Motion of a figure: only its file knows where points between vertices go."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,8 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
             if values["kind"] == "sway":
                 del values["kind"]
                 motion = Sway(**values)
+            elif values["kind"] == "figure":
+                motion = UNKNOWN
             elif values["kind"] == "nodes":
                 motion = NodeMotion.of_record(values)
             else:

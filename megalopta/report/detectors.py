@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from megalopta.core.errors import shell_command
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
@@ -57,9 +57,7 @@ _CURVES = (
     "below 25 % on their left needs fewer."
 )
 _UNITS = Markup(
-    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes. The "
-    "literal error divides by each single response: where many are near zero, its N<sub>2b</sub> "
-    "is far above that of the ratio."
+    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes."
 )
 
 
@@ -82,37 +80,75 @@ def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> M
 
 def detector_section(report: Report) -> Section:
     """Return the section "Detectors"; if detectors have not run, the command to run."""
-    section = Section("Detectors", name="detectors")
+    section = Section("Error over light", name="detectors")
     if not report.flow:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
-    settings, units = report.settings.flow, " or ".join(report.units)
-    body = []
-    if true_motion := against_truth(report):
+    settings, units, body = report.settings.flow, " or ".join(report.units), []
+    if any(math.isfinite(record.median_error) for record in report.flow):
+        photons = {budget.sensor.name: budget.photons for budget in report.exposures}
+        most, least = (find(photons, key=photons.__getitem__) for find in (max, min))
+        text = f"Each detector runs on the {units} of each sensor; below 25 % is good. "
+        if photons[most] > 1.5 * photons[least]:
+            text += (
+                "Photons that reach a pixel are compared, as pixels differ: in the same light "
+                f"{number(photons[most] / photons[least])} times as many reach one of {most} as "
+                f"one of {least}."
+            )
+        body.append(html.block("wide", light_chart(report)))
         shares = [
             (truth.footprint.purity < settings.least_purity).mean() for truth in report.truths
         ]
         mixed = percent(float(np.mean(shares)) if shares else 0.0)
-        text = _TRUTH.format(units, percent(settings.least_purity), mixed)
-        text = text if report.has_truth else STAND_IN + text
-        title = html.heading(f"Against the {report.motion_name}")
-        body.append(title + html.paragraph(text) + true_motion)
-    body.append(html.heading("Against the noise-free response: ratio error (literal)"))
+        meaning = _TRUTH.format(units, percent(settings.least_purity), mixed)
+        meaning = html.paragraph(meaning if report.has_truth else STAND_IN + meaning)
+        title = f"Errors against the {report.motion_name}"
+        body.append(html.folded(title, meaning, against_truth(report)))
+    else:
+        text = f"Each detector runs on the {units}, and on their noise-free mean."
     tables: dict[str, list[tuple[str, str, str]]] = {}
     for record in report.flow:
         level, error = level_name(record.level), record.error
-        text = f"{relative_error(error.ratio)} ({relative_error(error.literal)})"
+        response = f"{relative_error(error.ratio)} ({relative_error(error.literal)})"
         cells = tables.setdefault(record.sensor, [])
-        cells.append((record.method, level, UNDEFINED if error.ratio is None else text))
+        cells.append((record.method, level, UNDEFINED if error.ratio is None else response))
         if record.error_perfect:
             stages = filter(None, (record.error_perfect, record.error_corrected))
             ratios = " → ".join(relative_error(stage.ratio) for stage in stages)
             cells.append((record.method, f"{level}, to a perfect sensor", ratios))
-    for sensor, cells in tables.items():
-        body.append(pivoted(f"Errors of the responses on {sensor}", sensor, cells))
-    body.append(html.paragraph(_ERRORS, "note"))
-    text = f"Each detector runs on the {units}, and on their noise-free mean."
+    losses = [
+        pivoted(f"Errors of the responses on {sensor}", sensor, cells)
+        for sensor, cells in tables.items()
+    ]
+    title = "What noise and device lose: ratio error (literal) against the noise-free response"
+    body.append(html.folded(title, *losses, html.paragraph(_ERRORS, "note")))
     return replace(section, text=text, body=Markup("\n").join(body))
+
+
+@svg.in_style
+def light_chart(report: Report) -> Markup:
+    """Draw the median error over photons on a pixel: a color per method, a dash per sensor."""
+    figure, axes = svg.new_axes(svg.CHART_PT[0], 340)
+    sensors = [sensor.name for sensor in report.settings.sensors]
+    for method, (place, sensor) in product(report.settings.methods, enumerate(sensors)):
+        errors = {
+            record.level: record.median_error
+            for record in report.flow
+            if (record.method, record.sensor) == (method, sensor)
+        }
+        budgets = [budget for budget in report.of(sensor) if math.isfinite(errors[budget.level])]
+        look = method_style(method) | {"linestyle": svg.DASHES[place % len(svg.DASHES)]}
+        if budgets:
+            photons = [budget.photons for budget in budgets]
+            median = [min(errors[budget.level], 10) for budget in budgets]
+            axes.plot(photons, median, **look, label=f"{method}, {sensor}")
+    axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle=":")
+    svg.logarithmic(axes, "x", svg.NUMBERS)
+    svg.logarithmic(axes, "y", FuncFormatter(lambda value, _: percent(value)))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2.5, 5)))
+    axes.set(xlabel="photons on a pixel in a frame", ylabel="median error of the flow")
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 2}
+    return svg.with_legend(figure, "light-chart", "Median error of the flow over light", **below)
 
 
 def against_truth(report: Report) -> Markup:
@@ -159,11 +195,13 @@ def threshold_section(report: Report) -> Section:
         for c in benchmark.curves
     )
     body = [
-        html.heading("N_2b in photons per frame, with 95 % CI"),
-        pivoted("N_2b in photons per frame", "Detector", needs),
-        html.paragraph(_UNITS, "note"),
         html.block("pair", *charts),
         html.paragraph(_CURVES.format(benchmark.warm_up), "note"),
+        html.folded(
+            "N_2b in photons per frame, with 95 % CI",
+            pivoted("N_2b in photons per frame", "Detector", needs),
+            html.paragraph(_UNITS, "note"),
+        ),
     ]
     text = _NEEDED.format(settings.repeats, ", ".join(dark))
     return replace(section, text=text, body=Markup("\n").join(body))

@@ -1,17 +1,23 @@
 """The report of a dataset: results, light, motion, detectors, and how it was made."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 
 from megalopta import __version__
+<<<<<<< HEAD
 from megalopta.config.model import LightLevel
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.progress import duration, step
+=======
+from megalopta.core.progress import duration
+from megalopta.dataset.flow_record import FlowRecord
+>>>>>>> main
 from megalopta.dataset.store import Dataset
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.report import images, sections as html
 from megalopta.report.detectors import (
     ACCURATE,
@@ -25,6 +31,7 @@ from megalopta.report.source import Budget, Report
 from megalopta.report.text import (
     level_name,
     level_title,
+    lux,
     number,
     percent,
     title,
@@ -53,20 +60,20 @@ def write_report(dataset: Dataset) -> Path:
     Raises UserError if nothing was rendered yet, or a file cannot be read.
     """
     report = Report(dataset)
-    shown, frames = report.shown, report.settings.trajectory.frames
+    shown, frames, best = report.shown, report.settings.trajectory.frames, best_flow(report)
     pixels = f"one of {shown.step} × {shown.step} pixels and " if shown.step > 1 else ""
     return html.write_sections(
         dataset.root / "report.html",
         title(report.settings),
-        lead(report),
+        outcome(report, best),
         [
+            detector_section(report),
             light_section(report),
             motion_section(report),
-            detector_section(report),
             threshold_section(report),
             making_section(report),
         ],
-        header=_opening(report),
+        header=first_screen(report, best),
         player=report.player(),
         footer=(
             f"Written by megalopta {__version__}. Pictures show {pixels}{len(shown.frames)} of "
@@ -75,100 +82,99 @@ def write_report(dataset: Dataset) -> Path:
     )
 
 
-def lead(report: Report) -> str:
-    """Return a paragraph on scene, camera and sensors."""
-    settings, scene, levels = report.settings, report.settings.scene, report.settings.light_levels
-    *others, last = (sensor.name for sensor in settings.sensors)
-    sensors = f"{', '.join(others)} and {last}" if others else last
-    if isinstance(scene, Pictures):
-        pictures = report.scene["pictures"]
-        about = (
-            f"{pictures['transfer']} codes are converted to light; white has the spectrum of "
-            f"{scene.white_name(settings.light)}, and the mean reflectance is "
-            f"{percent(scene.reflectance)}. {percent(pictures['saturated'])} of the pixels are "
-            "saturated in the file."
-        )
-    else:
-        about = (
-            f"The {settings.camera} {settings.trajectory}. Every frame is rendered as "
-            "spectral radiance, together with its exact motion."
-        )
-    return (
-        f"{scene.describe()} {about} The light becomes readings of {sensors} at {len(levels)} "
-        f"light level{'s'[: len(levels) != 1]}, from which motion detectors estimate the motion."
-    )
+def best_flow(report: Report) -> FlowRecord | None:
+    """Return the flow that is within 25 % in the dimmest light, or nearest to it; None if none."""
+
+    def badness(record: FlowRecord) -> tuple[bool, float, float]:
+        is_wrong = record.median_error >= ACCURATE
+        return is_wrong, 0.0 if is_wrong else illuminance_of(record.level), record.median_error
+
+    known = [record for record in report.flow if math.isfinite(record.median_error)]
+    return min(known, key=badness, default=None)
 
 
-class _Reached(NamedTuple):
-    """Errors of a method at one light level, against the reference motion; the best is least."""
-
-    is_wrong: bool
-    """True if the median error is above 25 %"""
-    illuminance_lux: float
-    """0 if it is wrong"""
-    error: float
-    """Median over the blocks, relative"""
-    outliers: float
-    """Share of blocks that are off by more than 25 %"""
-    sensor: str
-    method: str
-    """Name, with ", corrected" on corrected readings"""
-    level: LightLevel
-
-
-def _opening(report: Report) -> Markup:
-    """Return how far down in light motion is found, or the least error, and on which sensor."""
+def outcome(report: Report, best: FlowRecord | None) -> str:
+    """Return one sentence: what was measured, and whether it is good."""
     if not report.exposures:
-        return Markup("")
-    reached: dict[str, list[_Reached]] = {}
-    for record in report.flow:
-        if (truth := record.truth) is None:
-            continue
-        for ending, errors in (("", truth.counts), (", corrected", truth.corrected)):
-            if errors and (median := errors.relative_error_median) is not None:
-                is_wrong = median >= ACCURATE
-                lux = 0.0 if is_wrong else illuminance_of(record.level)
-                where = record.sensor, f"{record.method}{ending}", record.level
-                result = _Reached(is_wrong, lux, median, errors.outlier_fraction or 0.0, *where)
-                reached.setdefault(record.sensor, []).append(result)
-    best = [min(results, key=lambda result: result[:3]) for results in reached.values()]
-    sensor, sentence, rows = report.settings.sensors[0].name, "", []
-    if report.flow:
-        sentence = f"No method stays within 25 % of the {report.motion_name} at any level."
-    if best and not (first := min(best, key=lambda result: result[:3])).is_wrong:
-        sensor = first.sensor
-        sentence = (
-            f"{first.method} on {sensor} stays within 25 % of the {report.motion_name} down to "
-            f"{level_title(first.level)}: the median error of its blocks is "
-            f"{percent(first.error)}, and {percent(first.outliers)} of them are off by more "
-            "than 25 %."
-        )
-    head = ("sensor", "best method", "within 25 % down to", "median error there")
-    for result in best:
-        level, error = level_name(result.level), percent(result.error)
-        reach = ("none", f"{error} at {level}") if result.is_wrong else (level, error)
-        rows.append((result.sensor, result.method, *reach))
-    shown, frames, budgets = report.shown, report.shown.frames, report.of(sensor)
-    bright_first = images.evenly_spaced(budgets, 4)
-    films = [_counts_film(report, budget) for budget in bright_first]
-    if flow := shown.found_flow(budgets[0].sensor, budgets[0].level):
-        films.append(flow.film(frames, f"{flow.name} at {flow.level}"))
-    if shown.rim:
-        films.append(shown.motion(report.motion_name).film(frames))
-    return html.block(
-        "outcome",
-        Markup("<h2>Results</h2>"),
-        html.paragraph(sentence),
-        html.block("strip", *films),
-        html.table("Results", head, rows) if rows else Markup(""),
-        html.paragraph("" if report.has_truth or not report.flow else STAND_IN, "note"),
+        return "The light and its exact motion are rendered; no sensor has been exposed to it yet."
+    if best is None:
+        names = " and ".join(sensor.name for sensor in report.settings.sensors)
+        return f"The light has become {' and '.join(report.units)} of {names}; no motion is scored."
+    lit = next(
+        budget
+        for budget in report.exposures
+        if (budget.sensor.name, budget.level) == (best.sensor, best.level)
     )
+    where = (
+        f"{level_title(best.level)}, {number(lit.detected)} detected photons per pixel and frame"
+    )
+    if best.median_error >= ACCURATE:
+        return (
+            f"No method finds the {report.motion_name} within 25 % in this light: "
+            f"{in_words(best)} on {best.sensor} comes nearest, at {where}."
+        )
+    dimmest = min(map(illuminance_of, report.settings.light_levels))
+    is_dimmest = illuminance_of(best.level) == dimmest
+    below = "the dimmest light tried" if is_dimmest else "in dimmer light every method fails"
+    return (
+        f"{in_words(best)} finds the {report.motion_name} in the {report.unit_of(best.sensor)} of "
+        f"{best.sensor} down to {where}; {below}."
+    )
+
+
+def in_words(record: FlowRecord) -> str:
+    """Return the method of a record by its full and its short name."""
+    return f"{METHODS[record.method].label} ({record.method})"
+
+
+def first_screen(report: Report, best: FlowRecord | None) -> Markup:
+    """Return one film, from light to flow and truth, and one number with its meaning."""
+    shown, films = report.shown, [report.shown.light.film(report.shown.frames)]
+    if report.exposures:
+        budgets = report.of(best.sensor if best else report.settings.sensors[0].name)
+        levels = [budget.level for budget in images.evenly_spaced(budgets, 3)]
+        if best and best.level not in levels:
+            levels[1] = best.level
+        films += [_counts_film(report, budget) for budget in budgets if budget.level in levels]
+    if best:
+        flow = shown.dense_flow(best)
+        films.append(flow.film(shown.frames, f"{flow.name}, {flow.level}"))
+    if shown.rim:
+        films.append(shown.motion(report.motion_name).film(shown.frames))
+    parts = []
+    if best and (truth := best.truth):
+        score = Markup("<b>{}</b>").format(percent(best.median_error))
+        meaning = (
+            f"median error of the flow at {level_name(best.level)}, relative to the true speed; "
+            f"below 25 % is good. {percent(truth.counts.outlier_fraction)} of the blocks are off "
+            f"by more. {'' if report.has_truth else STAND_IN}"
+        )
+        parts.append(html.block("score", score, html.paragraph(meaning)))
+    parts.append(html.block("strip", *films))
+    if shown.rim:
+        parts.append(images.wheel(shown.rim))
+    return html.block("outcome", *parts)
 
 
 def _counts_film(report: Report, budget: Budget) -> Markup:
     """Return the readings of an exposure as a film, with their scale."""
     panel = report.shown.readings(budget.sensor, budget.level)
     return panel.film(report.shown.frames, f"{panel.name} of {panel.sensor}, {panel.level}")
+
+
+def scene_and_light(report: Report) -> str:
+    """Return sentences on scene, camera, and the light before it was scaled."""
+    settings, scene = report.settings, report.settings.scene
+    if isinstance(scene, Pictures):
+        pictures = report.scene["pictures"]
+        return (
+            f"{scene.describe()} {pictures['transfer']} codes are converted to light; white has "
+            f"the spectrum of {scene.white_name(settings.light)}, and the mean reflectance is "
+            f"{percent(scene.reflectance)}. {percent(pictures['saturated'])} of the pixels are "
+            "saturated in the file."
+        )
+    before = f"{len(settings.objects)} objects are added. " if settings.objects else ""
+    return f"{scene.describe()} {before}The {settings.camera} {settings.trajectory}."
 
 
 def light_section(report: Report) -> Section:
@@ -180,7 +186,7 @@ def light_section(report: Report) -> Section:
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
-    shutter, body, rows = report.settings.shutter, [], []
+    shutter, films_of_all, rows = report.settings.shutter, [], []
     if not report.has_truth:
         timing = "The light of a picture is constant during an exposure, but for sub_frames."
     elif shutter.is_instant:
@@ -196,23 +202,35 @@ def light_section(report: Report) -> Section:
         films = (_counts_film(report, budget) for budget in budgets)
         exposure = html.paragraph(f"Exposure: {with_error(sensor.exposure_s, 0, 's')}.", "note")
         parts = html.heading(sensor.name), exposure, html.block("strip", *films)
-        body.append(html.block("card", *parts))
+        films_of_all.append(html.block("card", *parts))
         for budget in budgets:
             cells = map(number, (budget.photons, budget.detected, budget.dark, budget.expected))
             saturated = percent(budget.saturated_fraction)
             noise = number(budget.signal_to_noise), saturated, number(budget.rendering_noise)
             rows.append((f"{sensor.name}, {level_title(budget.level)}", *cells, *noise))
     if light := report.scene.get("illuminance"):
-        timing += f" As rendered, the illuminance in the open is {light['unshaded_lux']:.3g} lux"
+        rendered = light["unshaded_lux"]
+        divided = (
+            f"by {number(rendered / illuminance_of(level))} for {level_name(level)}"
+            for level in report.settings.light_levels
+        )
+        timing += f" The rendered light, {lux(rendered)} in the open"
         if ground := [point["lux"] for point in light["ground"]]:
-            timing += f", and {sum(ground) / len(ground):.2g} lux on the ground below the camera"
-        timing += "."
+            timing += f" and {sum(ground) / len(ground):.2g} lux on the ground below the camera"
+        timing += f", is divided {', '.join(divided)}."
     unit = " or ".join(report.units)
     head = (
         *("Sensor and light", "Photons on the pixel", "Detected", f"Dark {unit}"),
         *(f"Expected {unit}", "Signal-to-noise", "Saturated", "Rendering : shot noise"),
     )
-    body += [html.table("Photon budget", head, rows), html.paragraph(_COLUMNS, "note")]
+    body = [
+        html.folded("Every sensor at every level", *films_of_all),
+        html.folded(
+            "Photon budget",
+            html.table("Photon budget", head, rows),
+            html.paragraph(_COLUMNS, "note"),
+        ),
+    ]
     return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
@@ -226,7 +244,7 @@ def motion_section(report: Report) -> Section:
         known = np.hypot(*flow[np.isfinite(flow).all(axis=-1)].T)
         speed = float(np.median(known)) if known.size else 0.0
     if not report.has_truth:
-        body = html.block("strip", *films) + (images.wheel(shown.rim) if shown.rim else "")
+        body = html.block("strip", *films)
         text = f"{STAND_IN}Its median speed is {speed:.2g} px per frame."
         return Section("Motion of the pictures", text, body=body, name="motion")
     films.append(shown.depth.film(shown.frames))
@@ -243,11 +261,8 @@ def motion_section(report: Report) -> Section:
     if not shown.rim:
         text = "A single frame has no motion; its depth is known exactly."
         return Section("Truth", text, body=body, name="motion")
-    note = (
-        f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic. "
-        "Orange pixels are occluded in the next frame."
-    )
-    body += images.wheel(shown.rim) + html.paragraph(note, "note")
+    note = f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic."
+    body += html.paragraph(note, "note")
     share = percent(float(np.mean([truth.occluded_forward.mean() for truth in truths])))
     text = f"The median speed is {speed:.2g} px per frame; {share} of the pixels are hidden next."
     return Section("True motion", text, body=body, name="motion")
@@ -264,15 +279,12 @@ def making_section(report: Report) -> Section:
         text = (
             f"{'Caution: noisy rendering. ' * is_noisy}The rendering is as noisy as "
             f"{number(noise['equivalent_photons_per_pixel'])} photons per pixel "
-            f"({percent(relative)} of its light). It adds to the errors against the true motion. "
-            f"Light paths per pixel: {report.settings.render.samples_per_pixel}; four times as "
-            "many halve the noise of a frame."
+            f"({percent(relative)} of its light). "
+            f"Light paths per pixel: {report.settings.render.samples_per_pixel}."
         )
         body.insert(0, html.paragraph(text, "warn" if is_noisy else "note"))
     if report.has_truth:
         variant = report.scene.get("variant", "not noted")
         body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
-    folded = Markup("<details><summary>All settings</summary>\n<pre>{}</pre></details>")
-    body.append(folded.format(to_yaml(report.settings)))
-    text = "The settings, with their seeds, reproduce this page, but for the noise of rendering."
+    text = f"{scene_and_light(report)} All settings, with their seeds, are in dataset.yaml."
     return Section("How it was made", text, body=Markup("\n").join(body), name="made")

@@ -14,6 +14,7 @@ from PIL import Image
 from pydantic import TypeAdapter
 
 from megalopta.config.model import LightLevel
+from megalopta.config.sensing import level_text
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import shell_command
@@ -25,6 +26,7 @@ from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import exposure_name
 from megalopta.flow import formats
 from megalopta.flow.color_wheel import flow_to_rgb
+from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
@@ -299,6 +301,20 @@ class SequencePanels:
 
         panel = flow_panel("flow", f"flow by {method}", flow, self.rim)
         return replace(panel, sensor=sensor.name, level=self._level(level))
+
+    def dense_flow(self, record: FlowRecord) -> Panel:
+        """Return the flow of every pixel, measured again, by the method of a record."""
+        detector = velocity_method(record.method)
+        counts = self.sequence.counts(f"{record.sensor}-{level_text(record.level)}")
+
+        def flow(frame: int) -> Floats:
+            last = min(frame + 1, len(self.sequence) - 1)
+            return self.pixels(detector.dense(counts[last - 1], counts[last]))
+
+        is_dense = type(detector).dense is not BlockDetector.dense  # others give blocks
+        name = f"flow by {record.method}{', pixel by pixel' if is_dense else ''}"
+        panel = flow_panel("flow", name, flow, self.rim or 1.0)
+        return replace(panel, sensor=record.sensor, level=self._level(record.level))
 
     def motion(self, name: str) -> Panel:
         """Return the motion to the next frame; of pictures, the flow of the clean ones."""

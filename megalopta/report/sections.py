@@ -39,8 +39,6 @@ class Player:
     sensors: Sequence[str] = ()
     levels: Sequence[str] = ()
     """Sensors and light levels to choose from"""
-    radiance: str = ""
-    """Picture of the light, frames above each other, at the top of the page"""
 
     @property
     def playback_hz(self) -> float:
@@ -68,6 +66,12 @@ def paragraph(text: str, kind: str = "") -> Markup:
 def block(kind: str, *parts: Markup) -> Markup:
     """Return parts inside a box of this style-sheet class."""
     return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(parts))
+
+
+def folded(summary: str, *parts: Markup) -> Markup:
+    """Return parts that show once their summary is clicked."""
+    box = Markup("<details><summary>{}</summary>\n{}\n</details>")
+    return box.format(summary, Markup("\n").join(parts))
 
 
 def heading(title: str) -> Markup:

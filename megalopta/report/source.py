@@ -33,7 +33,7 @@ _BRIGHTER = 0.01
 def select(configuration: Configuration) -> tuple[tuple[int, ...], int]:
     """Choose the frames, and the step between pixels, of a sequence to show."""
     height, width = configuration.camera.height, configuration.camera.width
-    films = len(configuration.sensors) * len(configuration.light_levels) + 6
+    films = 3 * (len(configuration.sensors) * len(configuration.light_levels) + 6)  # 4 MB in all
     most = min(40, 4_000_000 // (height * width))
     candidates = range(max(configuration.trajectory.frames - 1, 1))
     return images.selection(candidates, (height, width), films, 160, most)
@@ -98,6 +98,10 @@ class Report:
         """True if frames were rendered, so that their true motion is known."""
         return self.settings.scene.has_truth
 
+    def unit_of(self, sensor: str) -> str:
+        """Return what a sensor reads, by its name."""
+        return next(one.unit for one in self.settings.sensors if one.name == sensor)
+
     @property
     def motion_name(self) -> str:
         """Name of the reference motion."""
@@ -153,12 +157,10 @@ class Report:
         return sorted(budgets, key=lambda budget: -illuminance_of(budget.level))
 
     def player(self) -> sections.Player:
-        """Return the slider of the page's films, with the light at the top."""
+        """Return the slider of the page's films."""
         trajectory, frames = self.settings.trajectory, self.shown.frames
-        strip = images.film_strip([self.shown.light.picture(frame) for frame in frames])
         return sections.Player(
             [images.frame_label(frame, trajectory.times_s) for frame in frames],
             self.shown.sequence.shape,
             trajectory.frame_rate_hz * len(frames) / trajectory.frames,
-            radiance=images.data_uri(strip),
         )

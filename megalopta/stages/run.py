@@ -34,11 +34,16 @@ def run_stage(
     return run_stages(Path(root), configuration, (name,), redo)
 
 
-def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
-    """Run every stage, after checking that the configuration suits all of them."""
-    for name in STAGES:
+def run_all(
+    root: str | Path,
+    configuration: Configuration,
+    redo: bool = False,
+    stages: Sequence[str] = tuple(STAGES),
+) -> Dataset:
+    """Run stages, by default all, after checking that the configuration suits them."""
+    for name in stages:
         check_stage(name, configuration, Path(root))
-    for name in STAGES:
+    for name in stages:
         dataset = run_stages(Path(root), configuration, (name,), redo, is_checked=True)
     return dataset
 

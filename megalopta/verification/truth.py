@@ -25,7 +25,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import undamaged
 from megalopta.core.progress import progress
-from megalopta.dataset.reprojection import View, motions_of, rederived_flow
+from megalopta.dataset.reprojection import UNKNOWN, View, motions_of, rederived_flow
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, read_attributes, read_radiance, read_truth
 from megalopta.stages.run import require
@@ -77,6 +77,7 @@ def run_check_truth(dataset: Dataset) -> bool:
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
     motions = motions_of(dataset)
+    figures = [number for number, of in motions.items() if of is UNKNOWN]
     residuals: dict[str, list[Floats]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Rederiving flow", frames - 1, "pair") as advance:
@@ -89,9 +90,10 @@ def check_truth(dataset: Dataset) -> list[Residual]:
                 ("forward", truth, truth.flow_forward, forward),
                 ("backward", next_truth, next_truth.flow_backward, backward),
             ):
-                is_moving = np.isin(seen.object_id, list(motions))
+                is_figure = np.isin(seen.object_id, figures)
+                is_moving = np.isin(seen.object_id, list(motions)) & ~is_figure
                 groups = {
-                    "at rest": ~is_moving & (seen.object_id > 0),
+                    "at rest": ~(is_moving | is_figure) & (seen.object_id > 0),
                     "sky": seen.object_id == 0,
                     "moving": is_moving,
                 }

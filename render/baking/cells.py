@@ -287,12 +287,18 @@ def views(camera: Camera, poses: Floats, count: int, seed: int, step: int = 1) -
         yield mi.Ray3f(start, mi.Vector3f(np.ascontiguousarray(directions.T)))
 
 
+HITS_AT_ONCE = 2**24
+"""Hits of a survey that are held until they are counted."""
+
+
 def survey(loaded: Any, finder: CellFinder, rays: Iterable[Any]) -> tuple[UInt32, UInt32, UInt32]:
     """Cells (N,) that the rays of some views see, in ascending order.
 
     Also the number of times (N,) that each is seen, and a place (N,) where, as read by `unpacked`.
     """
-    views_met = [np.zeros(0, np.uint64)]
+    # Of each cell its number, with the largest place below it, and how often it was seen.
+    met, seen = np.zeros(0, np.uint64), np.zeros(0, np.uint32)
+    batch: list[NDArray[np.uint64]] = []
     for number, view_rays in enumerate(rays):
         sight = finder.look(loaded, view_rays, coherent=False)
         # One of the places at random, independent of the order of threads.
@@ -300,15 +306,23 @@ def survey(loaded: Any, finder: CellFinder, rays: Iterable[Any]) -> tuple[UInt32
         i, j = (mi.UInt(dr.clip(x, 0, 1) * (_PLACES - 1) + 0.5) for x in sight.place)
         packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | (i * _PLACES + j)
         dr.eval(sight.cell, packed, sight.shaded)
-        met = np.array(sight.cell, np.uint64) << np.uint64(32) | np.array(packed, np.uint64)
-        views_met.append(met[np.array(sight.shaded)])
-    met = np.concatenate(views_met)
-    del views_met
-    met.sort()
-    cell = (met >> np.uint64(32)).astype(np.uint32)
-    last = np.flatnonzero(np.diff(cell, append=np.uint32(2**32 - 1)))
-    seen = np.diff(last, prepend=-1).astype(np.uint32)
-    return cell[last], seen, met[last].astype(np.uint32)
+        hits = np.array(sight.cell, np.uint64) << np.uint64(32) | np.array(packed, np.uint64)
+        batch.append(hits[np.array(sight.shaded)])
+        if sum(map(len, batch)) > HITS_AT_ONCE:
+            met, seen, batch = *_counted(met, seen, batch), []
+    met, seen = _counted(met, seen, batch)
+    return (met >> np.uint64(32)).astype(np.uint32), seen, met.astype(np.uint32)
+
+
+def _counted(
+    met: NDArray[np.uint64], seen: UInt32, batch: list[NDArray[np.uint64]]
+) -> tuple[NDArray[np.uint64], UInt32]:
+    """Cells met so far, and how often each was seen, with those of a batch of hits."""
+    hits = np.concatenate([met, *batch])
+    order = np.argsort(hits)
+    hits, times = hits[order], np.pad(seen, (0, len(hits) - len(seen)), constant_values=1)[order]
+    last = np.flatnonzero(np.diff(hits >> np.uint64(32), append=2**32))
+    return hits[last], np.diff(np.cumsum(times)[last], prepend=0).astype(np.uint32)
 
 
 def unpacked(places: Any) -> tuple[Any, Any]:

@@ -53,6 +53,11 @@ def path_tracing_reason(
             "integrator 'baked': baked light covers diffuse surfaces and black lamps only, and "
             f"material {shiny[0]!r} is another; use 'auto' or 'path'"
         )
+    if scene.lamps and settings.integrator == "baked":
+        raise ValueError(
+            "integrator 'baked': baked light is that of sun, sky and surfaces, and the scene has "
+            "lamps without size; use 'auto' or 'path'"
+        )
     if settings.integrator in ("path", "plain"):
         return "as asked"
     if any(not scene.materials[name].emission for name in shiny):
@@ -74,13 +79,13 @@ def path_tracing_reason(
     glowing = any(material.emission for material in scene.materials.values())
     if settings.integrator == "auto" and glowing:
         return "surfaces glow; 'auto' bakes only the light of sun and sky"
-    if settings.integrator == "auto" and scene.lighting is None:
-        return "no sun or sky lights the scene"
+    if settings.integrator == "auto" and (scene.lighting is None or scene.lamps):
+        return "the scene is not lit by sun and sky alone"
     if poses is None:
         return "the camera's path is unknown"
     samples = len(poses) * settings.samples_per_pixel
-    passes = settings.max_passes if settings.target_error is not None else 1
-    is_few = samples * passes < _FEWEST_SAMPLES or samples * passes * pixels < FEWEST_IN_ALL
+    most = len(poses) * settings.most_samples
+    is_few = most < _FEWEST_SAMPLES or most * pixels < FEWEST_IN_ALL
     if settings.integrator == "auto" and is_few:
         return (
             f"{samples} samples per pixel in all frames, of {pixels} pixels, are too few for "

@@ -60,7 +60,7 @@ class BakedLightIntegrator:
         self._moving = Neighborhood(meshes)
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
-            loaded = of_shapes(loaded.shapes()[: len(meshes)], scene.lighting)
+            loaded = of_shapes(loaded.shapes()[: len(meshes)], scene)
             if sky_of(loaded):
                 sky_of(loaded).aim(sky_of(whole.loaded).directions)
         positions = poses[:, :3, 3]

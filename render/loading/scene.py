@@ -18,7 +18,7 @@ from megalopta.render.loading.meshes import MergedMesh, MovingMesh, merge
 from megalopta.render.loading.sky import sky_light
 from megalopta.render.mitsuba_loader import is_scalar
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Haze, Lighting, Scene
+from megalopta.scenes.scene import Haze, Scene
 from megalopta.scenes.spectra.spectrum import flat
 
 # Points that represent the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
@@ -70,14 +70,30 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh], sky_weight: float = 1
             glow = {"type": "area", "radiance": emission(material.emission)}
             parts = {"mesh_emitter": mi.load_dict(glow), **parts}
         shapes.append(load_mesh(mesh, **parts))
-    return of_shapes(shapes, scene.lighting, sky_weight)
+    return of_shapes(shapes, scene, sky_weight)
 
 
-def of_shapes(
-    shapes: Sequence[Any], lighting: Lighting | None = None, sky_weight: float = 1.0
-) -> Any:
-    """Return a scene of loaded shapes, in order, under a light."""
-    parts: dict[str, Any] = {"type": "scene"}
+def lamps_of(scene: Scene) -> dict[str, Any]:
+    """Mitsuba's emitters of a scene's lamps, relative to its `origin_m`."""
+    lamps = {}
+    for index, lamp in enumerate(scene.lamps):
+        place = lamp.pose[:3, 3] - scene.origin_m
+        along = -lamp.pose[:3, 2] / np.linalg.norm(lamp.pose[:3, 2])
+        side = np.eye(3)[np.argmin(np.abs(along))]
+        ends = (point.tolist() for point in (place, place + along, side))
+        strength = "irradiance" if lamp.kind == "directional" else "intensity"
+        light: dict[str, Any] = {"type": lamp.kind, strength: spectrum(lamp.light)}
+        light["to_world"] = mi.ScalarTransform4f().look_at(*ends)
+        if lamp.kind == "spot":
+            light["beam_width"], light["cutoff_angle"] = lamp.cone_deg
+        lamps[f"lamp_{index:03d}"] = light
+    return lamps
+
+
+def of_shapes(shapes: Sequence[Any], lit_as: Scene | None = None, sky_weight: float = 1.0) -> Any:
+    """Return a scene of loaded shapes, in order, in the light and by the lamps of another."""
+    parts: dict[str, Any] = {"type": "scene", **(lamps_of(lit_as) if lit_as else {})}
+    lighting = lit_as.lighting if lit_as else None
     sky = sky_light(lighting, sky_weight) if lighting else None
     if sky is not None:
         parts["sky"] = sky
@@ -357,7 +373,7 @@ def fill(
         "interior": medium,
     }
     shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
-    filled = of_shapes([*shapes, mi.load_dict(walls)], scene.lighting)
+    filled = of_shapes([*shapes, mi.load_dict(walls)], scene)
     return Air(filled, medium, haze.extinction_per_m, low, high)
 
 

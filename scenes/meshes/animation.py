@@ -2,14 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation, Slerp
 
 from megalopta.assets_gen import unit
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import quoted
 from megalopta.scenes.motion import Times
 
@@ -132,11 +134,11 @@ class NodeMotion:
 
     def undo(self, points: Floats, time_s: float) -> Floats:
         """Return points (n, 3) of a time, moved back to the object as placed."""
-        return _mapped(_inverse(self.maps(np.array([time_s]))), points)
+        return _mapped(inverse(self.maps(np.array([time_s]))), points)
 
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Return unit normals (n, 3) at a time."""
-        turned = normals @ _inverse(self.maps(np.array([time_s]))[:, :3, :3])[0]
+        turned = normals @ inverse(self.maps(np.array([time_s]))[:, :3, :3])[0]
         return unit(turned)
 
     def record(self) -> dict[str, Any]:
@@ -157,9 +159,142 @@ class NodeMotion:
         return cls(tuple(joints), np.array(record["rest"]), np.array(record["to_world"]))
 
 
-def _inverse(maps: Floats) -> Floats:
+@dataclass(frozen=True)
+class Skeleton:
+    """Nodes that carry a figure, each after the one above it."""
+
+    joints: tuple[Joint, ...]
+    above: tuple[int, ...]
+    """Number of the joint above each; -1: none."""
+    bones: Ints
+    """(B,): joints that carry vertices."""
+    to_bone: Floats
+    """(B, 4, 4): maps from the mesh to the axes of each bone, where the mesh is bound to it."""
+
+    def maps(self, times_s: Floats) -> Floats:
+        """Maps (n, B, 4, 4) from the mesh to the file, of each bone, at times (n,)."""
+        poses: list[Floats] = []
+        for joint, above in zip(self.joints, self.above, strict=True):
+            pose = joint.poses(times_s)
+            poses.append(poses[above] @ pose if above >= 0 else pose)
+        return np.stack([poses[bone] for bone in self.bones], axis=1) @ self.to_bone
+
+    @property
+    def is_moving(self) -> bool:
+        """True if any of its joints moves."""
+        return any(joint.tracks for joint in self.joints)
+
+
+_AT_ONCE = 5000
+"""Vertices that are moved at once, which bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class FigureMotion:
+    """Motion of a skinned or morphed object: every vertex goes its own way.
+
+    v(t) = Σ_b w_b · M_b(t) · (v + Σ_k s_k(t) · d_k) with weights w of its bones, their maps M, and
+    shares s of displacements d (glTF 2.0, 3.7). Only vertices can be carried. They are known by
+    their places in the object as placed, no two of which are the same.
+    """
+
+    skeleton: Skeleton
+    placed: Floats
+    """(V, 3): vertices as placed."""
+    vertices: Floats
+    """(V, 3): vertices of the mesh, in its own axes."""
+    joints: Ints
+    """(V, k): bones of each vertex."""
+    weights: Floats
+    """(V, k): weights of these, which add up to 1."""
+    targets: Floats
+    """(K, V, 3): displacements of the vertices in each shape."""
+    turns: Floats
+    """(K, V, 3): changes of the normals in each shape."""
+    rest_shares: Floats
+    """(K,): shares of the shapes at rest."""
+    shares: Track | None
+    """Shares over time; None: at rest."""
+    to_world: Floats
+    """(4, 4): map from the file to the world."""
+
+    @property
+    def is_moving(self) -> bool:
+        """True if it moves at all."""
+        return self.skeleton.is_moving or self.shares is not None
+
+    def moved(self, matrix: Floats) -> "FigureMotion":
+        """Return the motion of an object that is placed elsewhere by a map (4, 4)."""
+        placed = _mapped(matrix[np.newaxis], self.placed)
+        return replace(self, to_world=matrix @ self.to_world, placed=placed)
+
+    def carry(self, points: Floats, time_s: Times) -> Floats:
+        """Return vertices (n, 3) of the object as placed at one time, or each at its own (n,)."""
+        vertex, times = self._vertex(points), np.atleast_1d(np.asarray(time_s, np.float64))
+        places = np.empty((len(points), 3))
+        for some in range(0, len(points), _AT_ONCE):
+            part = slice(some, some + _AT_ONCE)
+            when = times if len(times) == 1 else times[part]
+            shapes = self._shaped(self.vertices, self.targets, vertex[part], when)
+            places[part] = _mapped(self._maps(vertex[part], when), shapes)
+        return places
+
+    def undo(self, points: Floats, time_s: float) -> Floats:
+        """Return NaN (n, 3): where a point between vertices was is not known."""
+        return np.full_like(points, np.nan)
+
+    def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
+        """Return unit normals (n, 3) at a time, from those at vertices (n, 3) as placed."""
+        vertex, now = self._vertex(points), np.array([time_s])
+        # Back to the mesh, where shapes change them, and out again.
+        own = unit(np.einsum("nij,ni->nj", self.rest_maps()[vertex, :3, :3], normals))
+        change = self._shaped(np.zeros_like(self.vertices), self.turns, vertex, now)
+        change -= np.einsum("k,knj->nj", self.rest_shares, self.turns[:, vertex])
+        maps = inverse(self._maps(vertex, now)[:, :3, :3])
+        return unit(np.einsum("nji,nj->ni", maps, unit(own + change)))
+
+    def record(self) -> dict[str, Any]:
+        """Return its kind: the file has the numbers."""
+        return {"kind": "figure"}
+
+    def at_rest(self) -> Floats:
+        """Vertices (V, 3) of the object as its file poses it without animation."""
+        shapes = self.vertices + np.einsum("k,knj->nj", self.rest_shares, self.targets)
+        return _mapped(self.rest_maps(), shapes)
+
+    def rest_maps(self) -> Floats:
+        """Maps (V, 4, 4) from the mesh to the world, of the pose without animation."""
+        joints = tuple(replace(joint, tracks={}) for joint in self.skeleton.joints)
+        still = replace(self, skeleton=replace(self.skeleton, joints=joints))
+        return still._maps(np.arange(len(self.vertices)), np.zeros(1))
+
+    @cached_property
+    def _places(self) -> cKDTree:
+        return cKDTree(self.placed)
+
+    def _vertex(self, points: Floats) -> Ints:
+        return np.asarray(self._places.query(points)[1])
+
+    def _shaped(self, first: Floats, changes: Floats, vertex: Ints, times_s: Floats) -> Floats:
+        shares = np.broadcast_to(self.rest_shares, (len(times_s), len(changes)))
+        if self.shares is not None:
+            shares = self.shares.at(times_s, False)
+        if len(times_s) == 1:
+            shares = np.broadcast_to(shares, (len(vertex), len(changes)))
+        return np.asarray(first[vertex] + np.einsum("nk,knj->nj", shares, changes[:, vertex]))
+
+    def _maps(self, vertex: Ints, times_s: Floats) -> Floats:
+        """Maps (n, 4, 4) from the mesh to the world."""
+        moments, moment = np.unique(times_s, return_inverse=True)
+        bones = self.to_world @ self.skeleton.maps(moments)
+        chosen = bones[moment.reshape(-1, 1), self.joints[vertex]]
+        return np.asarray(np.einsum("nk,nkij->nij", self.weights[vertex], chosen))
+
+
+def inverse(maps: Floats) -> Floats:
     """Inverse maps; of a shape without size, which nobody sees, the nearest there is."""
-    is_flat = np.linalg.det(maps[:, :3, :3]) == 0
+    with np.errstate(invalid="ignore"):  # maps of a figure are unknown
+        is_flat = np.linalg.det(maps[:, :3, :3]) == 0
     return np.asarray(np.linalg.pinv(maps) if is_flat.any() else np.linalg.inv(maps))
 
 

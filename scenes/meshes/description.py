@@ -72,7 +72,8 @@ class Meshes(SceneDescription, frozen=True):
 
     lights: Literal["own", "file"] = Field(default="own", exclude_if=lambda lights: lights == "own")
     """Light on the scene. own: the configuration's `light`. file: only the area lights of Mitsuba's
-    XML; `light.level` then names their level, from which other levels are scaled."""
+    XML, and the lamps and emission of glTF; `light.level` then names their level, from which other
+    levels are scaled."""
 
     ground: Reflectance | None = None
     """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
@@ -112,20 +113,21 @@ class Meshes(SceneDescription, frozen=True):
             parts.append((_ground_below(parts), ground))
         assets = {placement.asset: asset for asset, placement in parts}
         lit = None if self.is_self_luminous else light.lighting()
-        if not (lit or any(material.emission for material in materials.values())):
+        lamps = [lamp for placed in self.files if lit is None for lamp in placed.lamps()]
+        if not (lit or lamps or any(material.emission for material in materials.values())):
             raise ValueError(
-                "lights 'file': the files have no area light with a radiance as rgb or spectrum; "
-                "use 'own'"
+                "lights 'file': the files have no lamp, and no area light with a radiance as rgb "
+                "or spectrum; use 'own'"
             )
         placements = tuple(placement for _, placement in parts)
-        return Scene(materials, assets, placements, lit, notes=tuple(notes))
+        return Scene(materials, assets, placements, lit, notes=tuple(notes), lamps=tuple(lamps))
 
     def describe(self) -> str:
         """Sentence for the report."""
         names = ", ".join(PurePath(placed.file.path).name for placed in self.files)
-        has_mitsuba = any(placed.file.suffix == ".xml" for placed in self.files)
-        kept = "; those of Mitsuba's XML are as it describes them" if has_mitsuba else ""
-        return f"Meshes of {names}, with opaque, diffuse surfaces{kept}."
+        has_others = any(placed.file.suffix in (".xml", ".glb", ".gltf") for placed in self.files)
+        kept = "; metal, gloss and glass are as the files describe them" if has_others else ""
+        return f"Meshes of {names}, with diffuse surfaces{kept}."
 
 
 def _ground_below(parts: Iterable[tuple[Asset, Placement]]) -> Asset:

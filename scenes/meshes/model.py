@@ -1,5 +1,6 @@
 """Model of a mesh file: its pieces in meters, with z up."""
 
+from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
@@ -11,9 +12,11 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_count, printable, quoted, undamaged
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.record import Record
+from megalopta.scenes.meshes import gltf
 from megalopta.scenes.meshes.mesh_file import FORMATS, REPAIR, MeshFile
 from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, check_triangles
 from megalopta.scenes.motion import Vector
+from megalopta.scenes.scene import Lamp
 
 SMALLEST_M, LARGEST_M = 1e-3, 5000.0
 """Smallest extent of a file, and the one from which it is too large, m."""
@@ -87,6 +90,14 @@ class PlacedMesh(Record, frozen=True):
                 "such surfaces have no color, unless `materials` gives their reflectance"
             )
         return pieces, notes
+
+    def lamps(self) -> list[Lamp]:
+        """Return the lamps of a glTF file, in the world. Raises ValueError if it is damaged."""
+        if self.file.suffix not in (".glb", ".gltf"):
+            return []
+        with undamaged(self.file.path, REPAIR):
+            lamps = gltf.lamps_of(self.file.contents())
+        return [replace(lamp, pose=self.pose @ self._axes @ lamp.pose) for lamp in lamps]
 
     @property
     def _axes(self) -> Floats:

@@ -12,7 +12,7 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_decoded
 from megalopta.core.pictures import decoded
 from megalopta.scenes.material import ColorTexture, Material
-from megalopta.scenes.meshes.animation import NodeMotion
+from megalopta.scenes.meshes.animation import FigureMotion, NodeMotion
 from megalopta.scenes.spectra import color as colors
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
@@ -63,7 +63,7 @@ class Piece:
     """(V, 3): normals of a smooth surface, of any length; None: flat faces."""
     uv: Floats | None = None
     """(V, 2): coordinates of the picture."""
-    motion: NodeMotion | None = None
+    motion: NodeMotion | FigureMotion | None = None
     """Motion with the object's node; None: at rest."""
 
     @property
@@ -137,7 +137,12 @@ def check_pictures(owner: str, pictures: Iterable[NDArray[np.float32]]) -> None:
 
 def weights_of(materials: Iterable[Material | None]) -> Iterator[NDArray[np.float32]]:
     """Yield the pictures of materials."""
-    return (material.texture.weight for material in materials if material and material.texture)
+    for material in filter(None, materials):
+        if material.texture:
+            yield material.texture.weight
+        for plug_in in material.finish.tree() if material.finish else ():
+            if isinstance(picture := plug_in.parts.get("bitmap"), np.ndarray):
+                yield picture.astype(np.float32, copy=False)
 
 
 def linear_picture(content: bytes, material: str) -> NDArray[np.float32]:

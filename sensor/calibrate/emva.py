@@ -37,6 +37,8 @@ from megalopta.sensor.spad.model import Sensor, without
 
 FEWEST_STEPS = 8
 """Levels of light that are needed, without the dark."""
+_STEP, _MOST_ARRIVALS = 1.2, 1e9
+"""Growth of light when saturation is sought, and its limit in detections per exposure."""
 _SIDE = 64
 """Largest side (pixels) of the part of a device, its middle, for which moments are computed."""
 
@@ -163,6 +165,30 @@ def emva(dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1
     )
 
 
+def device_steps(
+    sensor: Sensor, shape: tuple[int, int], wavelength_nm: float
+) -> tuple[Step, list[Step]]:
+    """Return the exact dark step of a device, and 50 steps up to saturation.
+
+    At its exposure, of the middle 64 × 64 pixels of (rows, columns) at most.
+
+    Raises ValueError if its readings do not saturate at any light that can be computed.
+    """
+    device, efficiency = _middle(sensor, shape, wavelength_nm)
+    end, peak, scan = 0.0, 0.0, 1.0
+    while scan * float(efficiency.max()) < _MOST_ARRIVALS:
+        noise = _exact_steps(device, efficiency, [scan])[0].noise
+        if noise > peak:
+            end, peak = scan * _STEP, noise
+        elif noise < 0.5 * peak:
+            break
+        scan *= _STEP
+    else:
+        raise ValueError("readings do not saturate; give the counter a capacity")
+    dark, *steps = _exact_steps(device, efficiency, np.linspace(0, end, 51))
+    return dark, steps
+
+
 def without_dead_time(
     sensor: Sensor, shape: tuple[int, int], wavelength_nm: float, steps: Sequence[Step]
 ) -> tuple[float, float]:
@@ -173,25 +199,29 @@ def without_dead_time(
     """
     if not sensor.dead_time.is_on:
         return 1.0, 1.0
+    device, efficiency = _middle(sensor, shape, wavelength_nm)
     photons = [0.0, *(step.photons for step in steps)]
-    dark, *lit = exact_steps(sensor, shape, wavelength_nm, photons)
+    dark, *lit = _exact_steps(device, efficiency, photons)
     dead = emva(dark, lit)
     # light at which no counter is near its end
     dim = [0.0, 0.01 * dead.saturation_photons]
-    low, high = exact_steps(without(sensor, "dead_time"), shape, wavelength_nm, dim)
+    low, high = _exact_steps(without(device, "dead_time"), efficiency, dim)
     rise = high.level - low.level
     return rise / dim[1] / dead.responsivity, (high.noise - low.noise) / rise / dead.gain
 
 
-def exact_steps(
-    sensor: Sensor, shape: tuple[int, int], wavelength_nm: float, photons: Sequence[float] | Floats
-) -> list[Step]:
-    """Return the exact steps of a device, of the middle 64 × 64 of (rows, columns) at most."""
+def _middle(sensor: Sensor, shape: tuple[int, int], wavelength_nm: float) -> tuple[Sensor, Floats]:
+    """Middle of a device, and the efficiency of its pixels."""
     if sensor.measured.is_on:
         sensor = changed(sensor, measured={"fit": "center"})
     side = min(shape[0], _SIDE), min(shape[1], _SIDE)
     efficiency = float(sensor.photon_detection_efficiency(np.array(wavelength_nm)))
+    return sensor, efficiency * draw_fixed_pattern(sensor, side).efficiency_factor
+
+
+def _exact_steps(
+    device: Sensor, efficiency: Floats, photons: Sequence[float] | Floats
+) -> list[Step]:
     light = np.asarray(photons, np.float64)
-    rates_hz = light[:, None, None] / sensor.exposure_s * efficiency
-    rates_hz = rates_hz * draw_fixed_pattern(sensor, side).efficiency_factor
-    return list(map(Step, light.tolist(), *reading_moments(rates_hz, sensor)))
+    rates_hz = light[:, None, None] / device.exposure_s * efficiency
+    return list(map(Step, light.tolist(), *reading_moments(rates_hz, device)))

@@ -16,7 +16,8 @@ from megalopta.render.environment import (
     under_panorama,
     without_disc,
 )
-from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory
+from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes.moving_objects import MovingObject
 from megalopta.scenes.scene import pattern_directions
 from megalopta.scenes.spectra.spectrum import luminous
 
@@ -91,6 +92,25 @@ def test_a_moving_camera_sees_and_says_rotation_alone(picture):
     still = poses[1].copy()
     still[:3, 3] = poses[0][:3, 3]
     assert view.radiance(poses[1], 0).tobytes() == view.radiance(still, 0).tobytes()
+
+
+def test_objects_before_a_panorama_are_lit_by_it_and_move_on_their_own(picture):
+    """Closed form: under a uniform picture a plain ball has reflectance × radiance everywhere."""
+    ball = MovingObject(
+        shape="ball", position_m=(3, 0, 0), pattern="plain", reflectances=(0.4, 0.4)
+    )
+    ahead = {"position_m": (0, 0, 0), "look_at_m": (1, 0, 0), "velocity_m_s": (0, 0.1, 0)}
+    path = Trajectory(frames=2, frame_rate_hz=1, rotation_deg_s=0, **ahead)
+    around = Panorama(file=picture(np.ones((8, 16, 3))))
+    scene = build_scene(around, LIGHT, CAMERA, path, [ball])
+    settings = RenderSettings(samples_per_pixel=16, bands_nm=BANDS[:1], integrator="plain")
+    view = SceneRenderer(scene, CAMERA, settings)
+    light, truth = view.radiance(path.poses()[0], 0)[..., 0], view.truth(path.poses(), 0)
+    assert light[12, 16] / light[0, 0] == pytest.approx(0.4, rel=0.02)
+    # the nearest point, 2.75 m away, moves 0.1 m to the right; what is at infinity rests
+    near, far = truth.flow_forward[12, 16], truth.flow_forward[0, 0]
+    assert near == pytest.approx([CAMERA.focal_length_px * 0.1 / 2.75, 0], abs=1e-3)
+    assert far == pytest.approx([0, 0], abs=1e-6)
 
 
 def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypatch):

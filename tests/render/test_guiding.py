@@ -10,11 +10,12 @@ from megalopta.render.loading.sky import sky_of
 from megalopta.render.path_tracing import PathIntegrator, SplitPaths
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.material import Material
-from megalopta.scenes.scene import Lighting, Sun
+from megalopta.scenes.scene import Lamp, Lighting, Sun
 from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import scene_of, vectorized
 
+pytestmark = vectorized
 BINS = 128
 CAMERA = PerspectiveCamera(width=24, height=18, fov_deg=70)
 POSES = Trajectory(frames=8, position_m=(-2.6, -1.2, 1.5), look_at_m=(1, 1, 1)).poses()
@@ -23,30 +24,24 @@ POSES = Trajectory(frames=8, position_m=(-2.6, -1.2, 1.5), look_at_m=(1, 1, 1)).
 def room():
     """Bright walls and a window of 1.2 m, with a box on the floor."""
     parts = [
-        [(0, 0, -0.05), (6, 4, 0.1)],
-        [(0, 0, 2.75), (6, 4, 0.1)],
-        [(0, 2.05, 1.35), (6, 0.1, 2.8)],
-        [(0, -2.05, 1.35), (6, 0.1, 2.8)],
-        [(-3.05, 0, 1.35), (0.1, 4, 2.8)],
-        [(3.05, 0, 0.45), (0.1, 4, 0.9)],
-        [(3.05, 0, 2.4), (0.1, 4, 0.6)],
-        [(3.05, -1.3, 1.5), (0.1, 1.4, 1.2)],
-        [(3.05, 1.3, 1.5), (0.1, 1.4, 1.2)],
-        [(-1, 0.8, 0.4), (1.2, 0.8, 0.8)],
-    ]
+        [(0, 0, -0.05), (6, 4, 0.1)], [(0, 0, 2.75), (6, 4, 0.1)],
+        [(0, 2.05, 1.35), (6, 0.1, 2.8)], [(0, -2.05, 1.35), (6, 0.1, 2.8)],
+        [(-3.05, 0, 1.35), (0.1, 4, 2.8)], [(3.05, 0, 0.45), (0.1, 4, 0.9)],
+        [(3.05, 0, 2.4), (0.1, 4, 0.6)], [(3.05, -1.3, 1.5), (0.1, 1.4, 1.2)],
+        [(3.05, 1.3, 1.5), (0.1, 1.4, 1.2)], [(-1, 0.8, 0.4), (1.2, 0.8, 0.8)],
+    ]  # fmt: skip
     boxes = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
              for at, size in parts]  # fmt: skip
     return trimesh.util.concatenate(boxes), Material(flat(0.7))
 
 
-def rendering(lighting, integrator, samples):
+def rendering(lighting, integrator, samples, **more):
     settings = RenderSettings(
         samples_per_pixel=samples, max_depth=32, bands_nm=((500, 600),), integrator=integrator
     )
-    return SceneRenderer(scene_of(lighting, room()), CAMERA, settings, POSES)
+    return SceneRenderer(scene_of(lighting, room(), **more), CAMERA, settings, POSES)
 
 
-@vectorized
 def test_directions_are_drawn_with_the_density_that_is_stated():
     activate(choose_variant("auto"))
     random = np.random.default_rng(1)
@@ -71,7 +66,6 @@ def test_directions_are_drawn_with_the_density_that_is_stated():
 
 
 @pytest.mark.slow
-@vectorized
 @pytest.mark.parametrize(
     "lighting, variance",
     [
@@ -98,10 +92,17 @@ def test_a_guided_room_has_the_light_of_plain_paths_and_less_noise(lighting, var
     assert scatters[0] < variance * scatters[1]
 
 
-@vectorized
 def test_samples_follow_the_noise_and_are_the_same_again():
     shares = [rendering(Lighting(flat(1e-6)), "path", 128)._view._integrator.shares for _ in "ab"]
     assert shares[0] == shares[1]
     # In a room most light and noise comes from walls; forests take 1/16.
     assert shares[0][0] == 1
     assert shares[0][1] > 0.25
+
+
+def test_a_guided_scene_keeps_its_lamps_whose_light_is_not_split():
+    lamps = (Lamp("point", flat(1e-6), np.eye(4)),)
+    renderer = rendering(Lighting(flat(1e-6)), "auto", 128, lamps=lamps)
+    assert isinstance(sky_of(renderer._loaded).directions, OpenSky)
+    assert len(renderer._loaded.emitters()) == 2
+    assert isinstance(renderer._view._integrator, PathIntegrator)

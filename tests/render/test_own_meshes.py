@@ -14,6 +14,7 @@ from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.color import BLUE, GREEN, RED, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
+from ..scenes.meshes import test_figures as figures
 from ..scenes.meshes.files import Gltf
 from .conftest import band_means, down, scene_of, square, vectorized
 from .truth.oracle import Pinhole, triangle_hit
@@ -161,6 +162,29 @@ def written_mill(path):
     ]
     path.write_bytes(file.glb())
     return vertices[blade.faces].astype(np.float64)
+
+
+def test_truth_of_a_skinned_and_morphed_figure_is_that_of_an_independent_ray_caster(tmp_path):
+    (tmp_path / "arm.glb").write_bytes(figures.arm().glb())
+    given = {"file": str(tmp_path / "arm.glb"), "animate": True, "position_m": (-2, 0.2, 0)}
+    scene = build_scene(Meshes(files=given), Light(), CAMERA, VIEW)
+    truth, times = truth_of(scene), VIEW.times_s
+
+    def triangles_at(time_s):
+        x, y, z = np.moveaxis(figures.bent(time_s)[figures.TUBE.faces], -1, 0)
+        return np.stack([x - 2, 0.2 - z, y], axis=-1)
+
+    distance, _, which, weights = cast(triangles_at(times[1]))
+    seen = which >= 0
+    assert seen.sum() > 60
+    np.testing.assert_array_equal(truth.object_id > 0, seen)
+
+    def same_place(other):
+        a, b, c = np.moveaxis(triangles_at(times[other])[which], -2, 0)
+        return a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
+
+    assert_depth_and_flow(truth, distance, seen, same_place)
+    assert np.linalg.norm(truth.flow_forward[seen], axis=-1).max() > 1
 
 
 def test_truth_of_an_animated_file_is_that_of_an_independent_ray_caster(tmp_path):

@@ -1,4 +1,4 @@
-"""Design by bound: scaling with light, its files."""
+"""Design by bound: scaling with light, the limits it names, its files."""
 
 import csv
 import math
@@ -109,6 +109,31 @@ def test_yaw_estimated_from_drawn_counts_scatters_as_predicted():
     assert np.var(-linear / (2 * square)) == pytest.approx(predicted, rel=0.13)
 
 
+LIMITS = {
+    "saturation": ({"counter": {"capacity": 1}}, {"light_levels": ("daylight",)}),
+    "dark counts": ({"dark_counts": {"bulk_mean_hz_um2": 3e4}}, {"light_levels": (0.02,)}),
+    "motion blur": ({}, {"light_levels": (0.002,), "yaw_deg_s": 2000, "error": "0.2px"}),
+    "read noise": (
+        {"counter": {"kind": "analog", "step_v": 0.01, "read_noise_v": 0.1, "adc_bits": 12}},
+        {"light_levels": (0.01,), "exposure_s": (1e-4, 1e-3)},
+    ),
+    "saturation, or a texture of one direction": (
+        {"counter": {"kind": "analog", "step_v": 0.01}},
+        {"light_levels": (1e9,)},
+    ),
+    "too few photons in a frame": ({}, {"light_levels": (1e-6,)}),
+}
+
+
+@pytest.mark.parametrize("cause", LIMITS)
+def test_the_cause_that_keeps_an_error_from_being_reached_is_named(cause):
+    changes, settings = LIMITS[cause]
+    sensor = changed(preset("ideal"), **changes)
+    (row,) = design(sensor, **{**STEADY, **TIMES, **settings}).rows
+    assert row.exposure_s is None
+    assert row.limit == cause
+
+
 def test_the_least_exposure_is_found_between_those_tried():
     assert first_reached((1.0, 100.0), np.array([1.0, 0.1]), 0.1**0.5) == pytest.approx(10.0)
     assert first_reached((1.0, 100.0), np.array([1.0, 0.5]), 0.1) is None
@@ -140,7 +165,7 @@ def test_the_command_writes_a_page_and_its_numbers(tmp_path, capsys):
     words = "--light-levels full_moon 1e-6 --exposure-s 0.001 0.01 --f-number 1.4 2 --error 2deg/s"
     camera = "--camera.width 48 --camera.height 36 --block-px 12"
     cli.main(["design", "ideal", "--out", str(tmp_path), *words.split(), *camera.split()])
-    assert "not reachable" in " ".join(capsys.readouterr().out.split())
+    assert "too few photons in a frame" in " ".join(capsys.readouterr().out.split())
     with (tmp_path / "design.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 8

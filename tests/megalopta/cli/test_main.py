@@ -55,10 +55,10 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(refused, tmp_path):
     assert "seed: 0 → 1" in refused("render", "grating", *SMALL, "--seed", "1", "--out", out)
 
 
-def test_a_quick_demo_of_another_scene_has_no_settings_of_a_forest(tmp_path):
+def test_a_quick_demo_of_another_scene_has_no_settings_of_its_own(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     own = {"scene.kind": "meshes", "scene.files": str(tmp_path / "box.stl")}
     for given in own, {"scene": f"{{kind: meshes, files: {tmp_path / 'box.stl'}}}"}:
         made = load("quick", {**given, "camera.width": "40"})
-        assert (made.scene.kind, made.camera.width, made.camera.height) == ("meshes", 40, 48)
-    assert load("quick", {"scene.trees": "40"}).scene.trees == 40
+        assert (made.scene.kind, made.camera.width, made.objects) == ("meshes", 40, ())
+    assert len(load("quick").objects) == 3

@@ -15,8 +15,10 @@ from megalopta.dataset.reprojection import motions_of
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
 from megalopta.stages.run import run_stage
+from megalopta.verification.truth import check_truth
 
 from ...scenes.meshes.files import Gltf
+from ...scenes.meshes.test_figures import arm
 from ..small import small
 
 WAY = np.float32([[0, 0, 0], [0, 2, 0]])
@@ -86,6 +88,18 @@ def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
     flow = read_truth(dataset.frame("truth", 0)).flow_forward
     middle = flow[6, 8]
     assert middle[1] < -0.1
+
+
+def test_flow_of_a_figure_is_rendered_and_between_others_than_neighbors_unknown(tmp_path):
+    (tmp_path / "a.glb").write_bytes(arm().glb())
+    scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / 'a.glb'}, animate: true}}}}"
+    dataset = run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")
+    (motion,) = motions_of(dataset).values()
+    assert np.isnan(motion.carry(motion.undo(np.zeros((1, 3)), 0.0), 0.5)).all()
+    truth = read_truth(dataset.frame("truth", 0))
+    assert np.isfinite(truth.flow_forward[truth.object_id == 1]).all()
+    names = [row.name for row in check_truth(dataset)]
+    assert names and not any(name.startswith(("moving", "at rest")) for name in names)
 
 
 @pytest.fixture

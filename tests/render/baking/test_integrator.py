@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.baking import light as bake
+from megalopta.render.baking import cells, light as bake
 from megalopta.render.baking.cells import views
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.scenes import PerspectiveCamera, Trajectory
@@ -122,6 +122,7 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
         resumed.radiance(ORBIT[frame], frame)
     frames.append(resumed.radiance(ORBIT[3], 7))
     monkeypatch.setattr(bake, "RAYS_AT_ONCE", 10_000)
+    monkeypatch.setattr(cells, "HITS_AT_ONCE", 10_000)
     frames.append(renderer_of(scene, ORBIT, bake_error=0.3).radiance(ORBIT[3], 7))
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1, bake_error=0.3).radiance(ORBIT[3], 7)

@@ -4,6 +4,8 @@ import io
 import json
 import struct
 
+import DracoPy
+import meshopt
 import numpy as np
 import trimesh
 from PIL import Image
@@ -19,6 +21,7 @@ class Gltf:
     def __init__(self):
         self.header = {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": []}
         self.data = b""
+        self.more_buffers = []
 
     def view(self, content):
         self.header["bufferViews"].append(
@@ -50,8 +53,57 @@ class Gltf:
         meshes.append({"primitives": [part]})
         return len(meshes) - 1
 
+    def with_draco(self, number=0, **how):
+        """Compress the triangles of a mesh, whose accessors keep no data of their own."""
+        (part,) = self.header["meshes"][number]["primitives"]
+        entries = {name: self.header["accessors"][at] for name, at in part["attributes"].items()}
+        values = {name: self.values(entry) for name, entry in entries.items()}
+        corners = self.header["accessors"][part["indices"]]
+        names = [name for name in values if name != "POSITION"]
+        content = DracoPy.encode(
+            values["POSITION"], self.values(corners).reshape(-1, 3), quantization_bits=16,
+            generic_attributes={at: values[name] for at, name in enumerate(names)} or None, **how,
+        )  # fmt: skip
+        mesh = DracoPy.decode(content)
+        for entry in (*entries.values(), corners):
+            del entry["bufferView"]
+        for entry in entries.values():
+            entry["count"] = len(mesh.points)
+        places = {"POSITION": len(names) if names else 0, **{n: at for at, n in enumerate(names)}}
+        packed = {"bufferView": self.view(content), "attributes": places}
+        part["extensions"] = {"KHR_draco_mesh_compression": packed}
+        self.header["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+
+    def with_meshopt(self, number, mode, content=None, filter="NONE"):
+        """Compress the data of an accessor, or replace them by rows compressed for a filter."""
+        entry = self.header["accessors"][number]
+        rows = self.values(entry) if content is None else content
+        packed = meshopt.encode_gltf_buffer(np.ascontiguousarray(rows), mode)
+        stride = rows.nbytes // len(rows)
+        at = self.view(packed)
+        how = {"mode": mode, "filter": filter, "count": len(rows), "byteStride": stride}
+        here = {**self.header["bufferViews"][at], **how}
+        entry["bufferView"] = at
+        self.header["bufferViews"][at] = {
+            "buffer": 1,
+            "byteLength": rows.nbytes,
+            "extensions": {"EXT_meshopt_compression": here},
+        } | ({"byteStride": stride} if mode == "ATTRIBUTES" else {})
+        fallback = {"EXT_meshopt_compression": {"fallback": True}}
+        self.more_buffers = [{"byteLength": 10**6, "extensions": fallback}]
+        self.header["extensionsRequired"] = ["EXT_meshopt_compression"]
+
+    def values(self, entry):
+        """Data of an accessor as written."""
+        kind = next(kind for kind, code in TYPES.items() if code == entry["componentType"])
+        width = next(width for width, name in WIDTHS.items() if name == entry["type"])
+        start = self.header["bufferViews"][entry["bufferView"]]["byteOffset"]
+        rows = np.frombuffer(self.data, kind, entry["count"] * width, start)
+        return rows.reshape(-1, width)
+
     def glb(self):
-        header = {**self.header, "buffers": [{"byteLength": len(self.data)}]}
+        buffers = [{"byteLength": len(self.data)}, *self.more_buffers]
+        header = {**self.header, "buffers": buffers}
         header.setdefault("nodes", [{"mesh": 0}])
         text = json.dumps(header).encode()
         text += b" " * (-len(text) % 4)

@@ -71,7 +71,7 @@ def mill(**changes):
     channels = [
         {"sampler": 0, "target": {"node": 1, "path": "rotation"}},
         {"sampler": 1, "target": {"node": 2, "path": "translation"}},
-        {"sampler": 1, "target": {"node": 2, "path": "weights"}},
+        {"sampler": 1, "target": {"node": 2, "path": "pointer"}},
     ]
     file.header |= {"animations": [{"channels": channels, "samplers": samplers}], **changes}
     return file
@@ -133,4 +133,4 @@ def test_what_of_an_animation_has_no_effect_is_told(tmp_path):
     (tmp_path / "a.glb").write_bytes(mill().glb())
     description = Meshes(files=({"file": str(tmp_path / "a.glb"), "animate": True},))
     notes = " ".join(description.build(Light(), PerspectiveCamera(), Trajectory()).notes)
-    assert "morph weights, extensions (weights)" in notes
+    assert "an animation's extensions (pointer)" in notes

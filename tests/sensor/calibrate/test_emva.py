@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.calibrate.emva import Step, emva, exact_steps, without_dead_time
+from megalopta.sensor.calibrate.emva import Step, device_steps, emva, without_dead_time
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE, DARK, SPREAD, EFFICIENCY, CAPACITY = (64, 64), 9.0, 2.0, 0.3, 1023
@@ -22,14 +22,8 @@ PATTERN = draw_fixed_pattern(DEVICE, SHAPE).dark_counts_hz * DEVICE.exposure_s
 """Mean dark counts of every pixel"""
 
 
-def device_steps(device):
-    photons = np.linspace(0, 1.2 * CAPACITY / EFFICIENCY, 51)
-    dark, *steps = exact_steps(device, SHAPE, 550.0, photons)
-    return dark, steps
-
-
 def test_figures_of_an_ideal_counter():
-    found = emva(*device_steps(DEVICE))
+    found = emva(*device_steps(DEVICE, SHAPE, 550.0))
     # Poisson counts below saturation; the counter's end changes 70 % of its range by nothing
     assert found.gain == pytest.approx(1, rel=1e-6)
     assert found.efficiency == pytest.approx(EFFICIENCY, rel=1e-6)
@@ -50,7 +44,7 @@ def test_dark_noise_below_a_reading_is_that_of_the_standards_lower_limit():
     quiet = changed(
         DEVICE, dark_counts={"bulk_mean_hz_um2": 0.0, "bulk_sigma_hz_um2": 0.0}, counter=counter
     )
-    dark, steps = device_steps(quiet)
+    dark, steps = device_steps(quiet, (2, 2), 550.0)
     found = emva(dark, steps)
     assert dark.noise == 0
     assert found.threshold_photons == pytest.approx((np.sqrt(0.24) + 0.5) / EFFICIENCY, rel=1e-6)
@@ -66,7 +60,7 @@ def _recorded(device, dark, steps, frames):
 
 
 def test_recorded_steps_give_the_figures_of_the_device():
-    dark, steps = device_steps(DEVICE)
+    dark, steps = device_steps(DEVICE, SHAPE, 550.0)
     steps = steps[::4]
     seen = _recorded(DEVICE, dark, steps, frames=200)
     own, found = emva(dark, steps), emva(seen[0], seen[1:])
@@ -82,7 +76,7 @@ def test_nonuniform_efficiency_is_prnu(tmp_path):
     factors = np.random.default_rng(1).normal(1, 0.03, SHAPE)
     np.save(tmp_path / "efficiency.npy", factors)
     device = changed(DEVICE, measured={"efficiency": str(tmp_path / "efficiency.npy")})
-    found = emva(*device_steps(device))
+    found = emva(*device_steps(device, SHAPE, 550.0))
     assert found.prnu == pytest.approx(factors.std() / factors.mean(), rel=1e-6)
 
 
@@ -90,7 +84,7 @@ def test_nonuniform_efficiency_is_prnu(tmp_path):
 def test_efficiency_is_corrected_for_dead_time(kind):
     # a counter that dead time fills to a half: R/K is a fifth too large
     device = changed(DEVICE, dead_time={"kind": kind, "dead_time_s": 1e-6})
-    dark, steps = device_steps(device)
+    dark, steps = device_steps(device, SHAPE, 550.0)
     assert emva(dark, steps).efficiency > 1.2 * EFFICIENCY
     factors = without_dead_time(device, SHAPE, 550.0, steps)
     found = emva(dark, steps, factors=factors)
@@ -104,8 +98,10 @@ def test_efficiency_is_corrected_for_dead_time(kind):
 
 
 def test_what_does_not_suffice_is_refused():
-    dark, steps = device_steps(DEVICE)
+    dark, steps = device_steps(DEVICE, SHAPE, 550.0)
     with pytest.raises(ValueError, match="3 levels of light; EMVA 1288 needs 8"):
         emva(dark, steps[:3])
     with pytest.raises(ValueError, match="no brighter than the dark"):
         emva(dark, [dark] * 8)
+    with pytest.raises(ValueError, match="do not saturate"):
+        device_steps(changed(DEVICE, counter={"capacity": 2**32 - 1}), SHAPE, 550.0)
