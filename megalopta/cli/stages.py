@@ -118,10 +118,8 @@ def _demo(options: Namespace) -> Path:
     dataset = run_all(options.out, settings, options.redo, stages)
     is_ranked = any(METHODS[name].gives == "velocity" for name in settings.methods)
     if is_ranked and not options.quick:
-        with step("ranking"):
-            run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
-    with step("writing the report"):
-        return write_report(dataset)
+        run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
+    return write_report(dataset)
 
 
 def run_later_stage(stage: str, options: Namespace) -> None:

@@ -8,14 +8,8 @@ import numpy as np
 from markupsafe import Markup
 
 from megalopta import __version__
-<<<<<<< HEAD
-from megalopta.config.model import LightLevel
-from megalopta.config.yaml_model import to_yaml
 from megalopta.core.progress import duration, step
-=======
-from megalopta.core.progress import duration
 from megalopta.dataset.flow_record import FlowRecord
->>>>>>> main
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.report import images, sections as html
