@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -199,6 +200,7 @@ def _difference_chart(
     axes.set_yticks(range(len(differences)), [change.name for change in differences])
     axes.set(ylim=(len(differences) - 0.5, -0.5), xlabel="captured more than simulated (%)")
     axes.set_xscale("symlog", linthresh=100 * margin, linscale=2)
+    axes.xaxis.set_major_locator(FixedLocator((-100, -20, -5, -2, 0, 2, 5, 20, 100)))
     axes.xaxis.set_major_formatter(style.NUMBERS)
     return style.to_svg(figure, f"differences-{title.split()[-1]}", f"Differences of {title}")
 

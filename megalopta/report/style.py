@@ -61,7 +61,7 @@ def method_style(name: str) -> dict[str, Any]:
     hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)))
     return {
         "color": METHOD_COLORS.get(name, hue),
-        "marker": MARKERS[number % len(MARKERS)],
+        "marker": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
         "linestyle": "-" if name in THESIS_METHODS else "--",
     }
 
