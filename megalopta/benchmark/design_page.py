@@ -66,9 +66,11 @@ def write_design(folder: Path, design: Design) -> Path:
         chart = _curve_chart(design, of_case, f"errors-{place}")
         charts.append(captioned(chart, _described(case) or design.sensor.name))
     first = [row for row in design.rows if row.case == design.rows[0].case]
-    needed = (f"{_exposure(row)} at {level_name(row.level)}" for row in first)
+    needed = [f"{_exposure(row)} at {level_name(row.level)}" for row in first if row.exposure_s]
+    if never := [level_name(row.level) for row in first if not row.exposure_s]:
+        needed.append(f"not reachable at {', '.join(never)}")
     case = _described(first[0].case)
-    summary = f"{_aim(design).capitalize()}{f', {case}' * bool(case)}: {', '.join(needed)}."
+    summary = f"{_aim(design).capitalize()}{f', {case}' * bool(case)}: {'; '.join(needed)}."
     about = (
         f"Scene: {design.scene}. The camera turns by {settings.yaw_deg_s:g} °/s, at "
         f"{settings.frame_rate_hz:g} frames per second; velocities are from {settings.frames} "

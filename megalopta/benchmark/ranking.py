@@ -54,7 +54,7 @@ class RankingSettings(Record, frozen=True):
 
 
 def cell_name(speed: str, parallax: str) -> str:
-    """Name of the group of blocks of one cell of the atlas."""
+    """Name of the group of blocks of one speed and parallax."""
     return f"speed {speed}, parallax {parallax}"
 
 

@@ -1,28 +1,26 @@
 """The page of a ranking: errors by method and light first, then plots over photons and groups."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, table
 from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
 from megalopta.core.files import write_text
-from megalopta.core.quantities import number, short
-from megalopta.report import sections, style, text
+from megalopta.core.quantities import UNDEFINED, number, percent, short
+from megalopta.report import sections, style
 from megalopta.report.sections import Section
+from megalopta.report.text import level_name
 
-_INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
-"""Text on colors, which is the same on light and dark pages; color where nothing is measured"""
 _LEGEND: dict[str, Any] = {"loc": "outside lower left", "ncols": 4}
 """Below, so that a telephone, where large plots scroll, shows it"""
 _GROUPS = ("visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
@@ -46,10 +44,9 @@ _PLOTS = (
     "block of known texture at a time, or the motion itself if that is smaller. Errors of methods "
     "that share evidence between blocks may be below it."
 )
-_ATLAS = (
-    "Best method and its mean error, by photons per frame. Gray: no method beats the zero-motion "
-    "baseline. Pale: the lead is not significant. Blank: not measured. Parallax is the motion that "
-    "remains without the camera's rotation."
+_BY_MOTION = (
+    "The method with the least mean error (px per frame), bold where surely. Parallax is the "
+    "motion that remains without the camera's rotation."
 )
 
 
@@ -59,12 +56,16 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
     write_text(folder / "ranking.csv", long_table)
     write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
     over_photons = [error_curves(ranking, metric) for metric in (table.MEDIAN, table.FAR)]
-    more = sections.block("pair", *over_photons), sections.block("wide", group_curves(ranking))
-    page = [
-        _errors(ranking),
-        Section("More over photons", body=Markup("\n").join(more)),
-        Section("Best method by motion", _ATLAS, body=sections.block("wide", atlas(ranking))),
+    more = [
+        sections.block("pair", *over_photons),
+        sections.block("wide", group_curves(ranking)),
+        sections.folded(
+            "Best method by motion",
+            sections.paragraph(_BY_MOTION, "note"),
+            best_by_motion(ranking),
+        ),
     ]
+    page = [_errors(ranking), Section("More over photons", body=Markup("\n").join(more))]
     title = "Flow methods on rendered sequences"
     header = sections.paragraph(caution(ranking), "warn")
     return sections.write_sections(
@@ -90,7 +91,9 @@ def verdict(ranking: Ranking) -> str:
     for method, rows in groupby(leaders, key=lambda row: str(row["method"])):
         first, *_, last = [*rows] * 2
         lights = dict.fromkeys(short(row["photons"]) for row in (first, last))
-        interval = f" ({number(last['low'])} to {number(last['high'])})" * np.isfinite(last["low"])
+        interval = f" ({number(last['low'])} to {number(last['high'])})" * math.isfinite(
+            last["low"]
+        )
         error = f"{number(last['value'])}{interval} px at {[*lights][-1]}"
         runs.append(f"{method} at {' to '.join(lights)} photons per frame, {error}")
     text = f"Lowest mean error (95 % CI): {'; '.join(runs)}."
@@ -118,17 +121,12 @@ def _errors(ranking: Ranking) -> Section:
     rows = pd.concat([ranking.rows_of(metric) for metric in _METRICS])
     cells = {(row.metric, row.method, row.photons): row for row in table.records(rows)}
 
-    def value(row: Any, size: float) -> str:
-        return text.percent(size) if row.metric == table.FAR else number(size)
-
-    def cell(metric: str, method: str, flux: float) -> Markup:
-        row = cells[metric, method, flux]
-        return Markup("<b>{}</b>" if row.surely_lowest else "{}").format(value(row, row.value))
-
-    def interval(metric: str, method: str, flux: float) -> str:
-        row = cells[metric, method, flux]
-        ends = f" ({value(row, row.low)} to {value(row, row.high)})" if np.isfinite(row.low) else ""
-        return value(row, row.value) + ends
+    def cell(metric: str, method: str, flux: float, *, has_interval: bool = False) -> Markup:
+        row, write = cells[metric, method, flux], percent if metric == table.FAR else number
+        text = write(row.value)
+        if has_interval and math.isfinite(row.low):
+            text += f" ({write(row.low)} to {write(row.high)})"
+        return Markup("<b>{}</b>" if row.surely_lowest else "{}").format(text)
 
     levels = {
         ranked.photons_at(facts.photons_per_lux_s, level, settings.exposure_s): level
@@ -138,7 +136,7 @@ def _errors(ranking: Ranking) -> Section:
         Markup("<br>").join(
             (
                 short(flux),
-                *([text.level_name(levels[flux])] if flux in levels else []),
+                *([level_name(levels[flux])] if flux in levels else []),
                 f"{number(flux / facts.frame_px)} per px",
             )
         )
@@ -153,7 +151,7 @@ def _errors(ranking: Ranking) -> Section:
         lambda name, flux: Markup("<br>").join(cell(metric, name, flux) for metric in _METRICS)
     )
     with_intervals = [
-        sections.table(label, (label, *heads), lines(partial(interval, metric)))
+        sections.table(label, (label, *heads), lines(partial(cell, metric, has_interval=True)))
         for metric, label in _METRICS.items()
     ]
     count = len(facts.sequences)
@@ -224,40 +222,27 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
     axes.grid(True)
 
 
-@style.in_style
-def atlas(ranking: Ranking) -> Markup:
-    """Draw the best method and its error by photons, a row per speed and parallax of blocks."""
-    cells = [ranked.cell_name(speed, parallax) for speed, parallax in product(RANGES, RANGES)]
-    groups = [group for group in cells if ranking.facts.blocks.get(group)]
-    fluxes = ranking.facts.settings.fluxes
-    size = (max(5.0, 2.6 + 1.0 * len(fluxes)), 0.9 + 0.6 * len(groups))
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.add_subplot()
-    colors = np.full((len(groups), len(fluxes), 4), _BLANK)
-    for row, column in np.ndindex(len(groups), len(fluxes)):
-        best = ranking.best_of(fluxes[column], groups[row])
-        if best is not None:
-            method, share = best["method"], 0.75 if best["surely_lowest"] else 0.3
-            color = style.GRAY if method == STILL else style.method_style(method)["color"]
-            colors[row, column] = *(share * np.array(to_rgb(color)) + 1 - share), 1.0
-            ink = _INK if colors[row, column, :3].mean() > 0.4 else "white"
-            label = f"{method}\n{number(best['value'])} px"
-            axes.text(column, row, label, ha="center", va="center", fontsize=9.5, color=ink)
-    axes.imshow(colors, aspect="auto")
-    axes.set_yticks(range(len(groups)), [_described(group) for group in groups])
-    axes.set_xticks(range(len(fluxes)), [short(flux) for flux in fluxes])
-    axes.set(xlabel="photons per frame")
-    axes.grid(False)
-    return style.to_svg(figure, "atlas", "The best method by photons, speed and parallax")
+def best_by_motion(ranking: Ranking) -> Markup:
+    """Return the best method and its mean error by photons, a line per speed and parallax."""
+    fluxes, lines = ranking.facts.settings.fluxes, []
+    for speed, parallax in product(RANGES, RANGES):
+        group = ranked.cell_name(speed, parallax)
+        if not ranking.facts.blocks.get(group):
+            continue
+        motion = f"speed {_range(speed, ranked.SPEEDS_PX)}, "
+        line = [motion + f"parallax {_range(parallax, ranked.PARALLAX_PX)}"]
+        for flux in fluxes:
+            best = ranking.best_of(flux, group)
+            text = UNDEFINED if best is None else f"{best['method']} {number(best['value'])}"
+            is_sure = best is not None and best["surely_lowest"]
+            line.append(Markup("<b>{}</b>" if is_sure else "{}").format(text))
+        lines.append(line)
+    return sections.table(
+        "Best method by motion", ("photons per frame", *map(short, fluxes)), lines
+    )
 
 
-def _described(group: str) -> str:
-    """Return the name of a cell with its limits in px."""
-    lines = []
-    for part, (low, high) in zip(
-        group.split(", "), (ranked.SPEEDS_PX, ranked.PARALLAX_PX), strict=True
-    ):
-        kind, name = part.split()
-        limits = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"
-        lines.append(f"{kind} {limits[RANGES.index(name)]}")
-    return ",\n".join(lines)
+def _range(name: str, limits: tuple[float, float]) -> str:
+    low, high = limits
+    texts = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"
+    return texts[RANGES.index(name)]

@@ -30,10 +30,6 @@ _PIXELS = (
     "Median over pixels ± median half width of a pixel's 95 % CI, and range of 90 % of them. Rates "
     "include crosstalk and afterpulses; maps of the device file exclude those found below."
 )
-_CURVES = (
-    "The step may change over the swing. If the saturation curve does not determine the kind of "
-    "dead time, record brighter light."
-)
 _DROPS = (
     "A point per pixel and level. On the line, noise is that of single events; points of bright "
     "light lie below it where dead time regularizes events."
@@ -107,7 +103,7 @@ def write_page(
     quantities: Sequence[Quantity],
     sections: Sequence[Section | None],
 ) -> None:
-    """Write a page: the maps and values of quantities, and then sections."""
+    """Write a page: sections, and before the last one maps and values of quantities."""
     rows: list[tuple[str, ...]] = []
     charts = []
     for quantity in quantities:
@@ -122,7 +118,9 @@ def write_page(
     head = ("", "median ± 95 % CI of a pixel", "90 % of the pixels")
     body = folded("Values", table("The pixels", head, rows), paragraph(_PIXELS, "note"))
     pixels = Section("The pixels", _MAPS, charts=tuple(charts), body=body)
-    write_sections(path, f"Calibration of {path.stem}", summary, [pixels, *sections])
+    write_sections(
+        path, f"Calibration of {path.stem}", summary, [*sections[:-1], pixels, sections[-1]]
+    )
 
 
 def neighbors_section(
@@ -159,28 +157,24 @@ def counting_parts(
     device: CountingDevice, quantities: Sequence[Quantity], talk: Crosstalk | None
 ) -> tuple[str, list[Section | None]]:
     """Return the summary and the sections of a camera of counts or bits."""
-    sections: list[Section | None] = []
     switching = device.telegraph.pixels.sum() if device.telegraph else 0
     summary = medians(quantities)
     if (dead := device.dead_time) is not None:
         kind = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
         dead_time = with_error(dead.seconds, 1.96 * dead.error, "s")
         summary += f", dead time {dead_time} ({kind})"
-        rows = ("dead time (95 % CI)", dead_time), ("its kind", kind)
-        sections.append(Section("Dead time", _CURVES, ("", "estimate"), rows))
     summary += (
         f". These are medians of {device.bad.size} pixels ± 95 % CI of a pixel; {device.bad.sum()} "
         f"pixels are bad, {device.hot.sum()} hot{f', {switching} telegraph' if switching else ''}."
     )
     if device.refused:
         summary += f" Not known: {reasons(device)}."
-        sections.append(Section("Not known", f"{reasons(device)}."))
     kinds = ("dead", "stuck", "saturated", "hot")
     counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
     bad = (*counted, ("telegraph", str(switching)))
-    sections.append(Section("Bad and hot pixels", _BAD, ("", "pixels"), bad))
     hot_percent = 100 * talk.mean_fired_neighbors if talk else 0.0
-    return summary, [*sections, neighbors_section(device.kernel, hot_percent)]
+    found = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
+    return summary, [found, neighbors_section(device.kernel, hot_percent)]
 
 
 def curves_section(device: Device) -> Section:
@@ -191,18 +185,17 @@ def curves_section(device: Device) -> Section:
     likely = f"counts are {', '.join(curve_fits(device))}" if kind else ""
     if device.misfit:
         likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
-    decrease = (f"{with_error(slope, error, '%')} (95 %)", seen) if is_known else (UNKNOWN, "")
-    rows = (
-        ("decrease of the step from top to bottom of the swing", *decrease),
-        ("kind of dead time", kind or UNKNOWN, likely),
+    decrease = f"{with_error(slope, error, '%')} (95 % CI; {seen})" if is_known else UNKNOWN
+    text = (
+        f"Kind of dead time: {kind or UNKNOWN}{f' ({likely})' if likely else ''}. Decrease of the "
+        f"step from top to bottom of the swing: {decrease}. If the curve does not determine the "
+        "kind, record brighter light."
     )
     charts = [captioned(_drops_chart(device), _DROPS)]
     if device.efficiency is not None and device.dead_time_s is not None:
         chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
         charts.append(captioned(chart, _SATURATION))
-    head = ("", "estimate", "confidence")
-    body = folded("Step and dead time", table("Step and dead time", head, rows))
-    return Section("Photon transfer and saturation", _CURVES, charts=tuple(charts), body=body)
+    return Section("Photon transfer and saturation", text, charts=tuple(charts))
 
 
 def curve_fits(device: Device) -> list[str]:

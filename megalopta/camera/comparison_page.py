@@ -21,19 +21,13 @@ from megalopta.sensor.compare.two_sample import Difference
 Levels = Sequence[Level]
 
 _LARGEST_Z = 6.0
-_FAULTS = (
-    "Steadiness in time, order of the pixels, rows and columns, single pixels and codes of the "
-    "ADC, before any parameter is fitted. Faults are taken out or masked in all that follows."
-)
 _GUIDE = (
     "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
     "zero is compared with a typical size, which the table names."
 )
 _TESTS = (
-    "Tests of every pixel that is left; false discovery rate by Benjamini and Hochberg. The third "
-    "map is the difference in standard errors of counting and calibration: pale grain is chance; "
-    "strong colors, rows, columns or patches are a difference of the device. Gray pixels are "
-    "saturated, or have too few counts."
+    "False discovery rate by Benjamini and Hochberg. Errors are those of counting and calibration: "
+    "pale grain is chance. Gray pixels are saturated, or have too few counts."
 )
 _TRANSFER = (
     "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
@@ -105,8 +99,7 @@ def levels_page(name: str, compared: Compared) -> Page:
     faults = Section(
         "Faults of the recording",
         f"Found: {found}. The image is {order.name}: rank correlation of the two patterns "
-        f"{order.correlation:.3f}.",
-        body=paragraph(_FAULTS, "note"),
+        f"{order.correlation:.3f}. Faults are found before any parameter is fitted, and taken out.",
     )
     lights = [
         "Dark" if level.is_dark else f"{short(level.light_hz)} photons/s per pixel"
