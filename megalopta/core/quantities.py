@@ -4,8 +4,8 @@ import math
 import re
 
 UNDEFINED = "–"
-_PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G", "T", "P")
-_WITH_PREFIX = ("s", "m", "V", "Hz", "B")
+_PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G")
+_WITH_PREFIX = ("s", "m", "V", "Hz")
 """Units that take a prefix"""
 _THIN = "\u202f"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -47,7 +47,7 @@ def with_error(value: float, error: float, unit: str) -> str:
     has_error = math.isfinite(error) and error > 0
     power, size = 0, max(abs(value), error if has_error else 0.0)
     if unit in _WITH_PREFIX and size and math.isfinite(size):
-        power = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 5)
+        power = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 3)
     value, unit = value / 1000.0**power, f"{_PREFIXES[power + 5] if power else ''}{unit}"
     if not has_error or not math.isfinite(value):
         return f"{short(value)} {unit}".strip()

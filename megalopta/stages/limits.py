@@ -8,7 +8,6 @@ from megalopta.config.model import Configuration
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import SENSED_BYTES
-from megalopta.core.quantities import with_error
 from megalopta.dataset.frames import frames_at_once
 from megalopta.sensor import Sensor
 from megalopta.stages.sense import burst_frames
@@ -84,4 +83,7 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
 
 def size(number: float) -> str:
     """Format an amount of memory, such as "40 GB"."""
-    return with_error(number, 0, "B")
+    for unit, bytes_ in (("PB", 1e15), ("TB", 1e12), ("GB", 1e9)):
+        if number >= bytes_:
+            return f"{number / bytes_:.3g} {unit}"
+    return f"{number / 1e6:.0f} MB"
