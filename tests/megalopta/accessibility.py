@@ -15,6 +15,9 @@ from typing import Any
 import pytest
 
 _PACKAGE = importlib.util.find_spec("axe_playwright_python")
+needs_chromium = pytest.mark.skipif(
+    shutil.which("chromium") is None, reason="chromium is not installed"
+)
 needs_axe = pytest.mark.skipif(
     _PACKAGE is None or shutil.which("chromium") is None, reason="axe or chromium is not installed"
 )
