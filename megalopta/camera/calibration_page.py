@@ -179,18 +179,15 @@ def counting_parts(
 
 def curves_section(device: Device) -> Section:
     """Return photon transfer, and under light the saturation curve, with what they determine."""
-    kind, is_known = device.dead_time_kind, bool(np.isfinite(device.slope_error))
-    slope, error = 100 * device.curve.slope, 196 * device.slope_error
+    decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
     seen = "changes" if device.is_slope_seen else "no change seen"
-    likely = f"counts are {', '.join(curve_fits(device))}" if kind else ""
+    known = f"{decrease} (95 % CI; {seen})" if np.isfinite(device.slope_error) else UNKNOWN
+    text = f"Decrease of the step from top to bottom of the swing: {known}."
     if device.misfit:
-        likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
-    decrease = f"{with_error(slope, error, '%')} (95 % CI; {seen})" if is_known else UNKNOWN
-    text = (
-        f"Kind of dead time: {kind or UNKNOWN}{f' ({likely})' if likely else ''}. Decrease of the "
-        f"step from top to bottom of the swing: {decrease}. If the curve does not determine the "
-        "kind, record brighter light."
-    )
+        share = f"{100 * device.misfit:+.2g} %"
+        text += f" Counts differ from the curves of both kinds of dead time by {share}."
+    elif device.dead_time_kind is None:
+        text += f" Kind of dead time: {UNKNOWN}; record brighter light."
     charts = [captioned(_drops_chart(device), _DROPS)]
     if device.efficiency is not None and device.dead_time_s is not None:
         chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
