@@ -73,19 +73,12 @@ Page = tuple[str, str, list[Section]]
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     comparison = compared.comparison
-    explained, order = comparison.explained, comparison.arrangement
-    if not explained.alone:
-        explanation = "Frames are not independent, or no pixel is left: none is tested."
-    elif not explained.is_different:
-        explanation = "Means, variances and coincidences do not differ significantly."
-    elif not explained.accepted:
-        explanation = "No one or two of them explain the difference."
-    else:
-        sets = (
-            f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
-            for causes in explained.accepted
-        )
-        explanation = f"The difference is explained by {', or else by '.join(sets)}."
+    order = comparison.arrangement
+    sets = [
+        f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
+        for causes in comparison.explained.accepted
+    ]
+    explanation = f"The difference is explained by {', or else by '.join(sets)}." if sets else ""
     device = _differences(
         "The device",
         explanation,
