@@ -11,8 +11,9 @@ from denoised import gray_counts, seen
 from PIL import Image
 
 from megalopta.config.model import Configuration
+from megalopta.core.quantities import number
 from megalopta.report.images import write_sheet
-from megalopta.report.text import level_name, lux, number
+from megalopta.report.text import level_name, lux
 from megalopta.scenes.levels import LEVELS
 
 PRESETS = "open", "dense", "understorey", "clearing", "rainforest", "trail"

@@ -9,9 +9,10 @@ from markupsafe import Markup
 from megalopta.benchmark.design import Design, DesignPoint, DesignRow
 from megalopta.config.model import level_text
 from megalopta.core.files import write_csv
+from megalopta.core.quantities import UNDEFINED, number, short
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned, write_sections
-from megalopta.report.text import UNDEFINED, level_name, number, short
+from megalopta.report.text import level_name
 
 _CHARTS = 4
 _MEASURES = {"error_px": ("flow", "px"), "error_deg_s": ("yaw rate", "°/s")}

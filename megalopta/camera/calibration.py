@@ -15,8 +15,8 @@ from megalopta.camera.sources import Beam, Source, read_recorded
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.quantities import number
 from megalopta.report.sections import Section
-from megalopta.report.text import number
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device

@@ -8,10 +8,10 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
+from megalopta.core.quantities import number, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned, write_sections
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
-from megalopta.report.text import number, with_error
 from megalopta.sensor import Crosstalk, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
 from megalopta.sensor.calibrate.counts import CountingDevice

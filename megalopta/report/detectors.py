@@ -11,19 +11,13 @@ from markupsafe import Markup
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from megalopta.core.errors import shell_command
+from megalopta.core.quantities import UNDEFINED, number, percent, short
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report import sections as html, style as svg
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
 from megalopta.report.style import BLACK, method_style
-from megalopta.report.text import (
-    UNDEFINED,
-    level_name,
-    number,
-    percent,
-    relative_error,
-    short,
-)
+from megalopta.report.text import level_name, relative_error
 
 ACCURATE = 0.25
 """The dissertation's 2-bit accuracy: an error below 2⁻²."""

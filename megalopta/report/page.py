@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from megalopta import __version__
 from megalopta.core.progress import duration
+from megalopta.core.quantities import number, percent, with_error
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.registry import METHODS
@@ -22,15 +23,7 @@ from megalopta.report.detectors import (
 )
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
-from megalopta.report.text import (
-    level_name,
-    level_title,
-    lux,
-    number,
-    percent,
-    title,
-    with_error,
-)
+from megalopta.report.text import level_name, level_title, lux, title
 from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
 

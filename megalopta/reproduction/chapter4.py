@@ -17,11 +17,10 @@ from megalopta.benchmark.trial import Results, Sweep, Trial, load_sweep
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.core.quantities import UNDEFINED, number
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.report import sections
 from megalopta.report.sections import Section
-from megalopta.report.text import UNDEFINED
 from megalopta.reproduction.picture import write_figure, write_numbers
 from megalopta.reproduction.sweep_figure import measure, over_templates, sweep_figure, thresholds
 
@@ -153,11 +152,11 @@ def table_rows(results: Results, is_quick: bool = False) -> pd.DataFrame:
     least = table.loc[table.groupby(keys)["photons_per_frame"].idxmin()].set_index(keys)
     order = pd.MultiIndex.from_product((_SOURCES, PRINTED, METRICS), names=keys)
     rows = least.loc[order].reset_index()
-    ends = rows[["low", "high"]].map(lambda flux: format_flux(flux) if flux > 0 else UNDEFINED)
+    ends = rows[["low", "high"]].map(lambda flux: number(flux) if flux > 0 else UNDEFINED)
     thesis = [PRINTED[row.method][row.images != "synthetic"] for row in records(rows)]
     return rows.assign(
         thesis_photons_per_frame=thesis,
-        interval="[" + ends["low"] + ", " + ends["high"] + "]",
+        interval=ends["low"] + " to " + ends["high"],
         ratio=rows["photons_per_frame"] / thesis,
     )[_COLUMNS]
 
@@ -175,12 +174,12 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
     lines = tuple(
         (
             f"{row.method}, {row.images}",
-            format_flux(row.thesis_photons_per_frame),
-            format_flux(row.photons_per_frame),
+            number(row.thesis_photons_per_frame),
+            number(row.photons_per_frame),
             f"{row.ratio:.2f}",
             row.interval,
             row.found_at,
-            format_flux(ratio),
+            number(ratio),
         )
         for row, ratio in zip(records(literal), by_means["photons_per_frame"], strict=True)
     )

@@ -17,6 +17,7 @@ from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
+from megalopta.core.quantities import number, short, with_error
 from megalopta.dataset import labels, sintel
 from megalopta.dataset.frames import decoded
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
@@ -35,7 +36,6 @@ from megalopta.render import (
     write_truth,
 )
 from megalopta.render.exr import read_headers
-from megalopta.report.text import three_digits
 from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
@@ -295,14 +295,12 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
     """Say how bright the rendering is, what light is missing, and its error."""
     rendering = settings.render
     if light := record["illuminance"]:
-        text = f"{light['requested_lux']:g} lux requested, {three_digits(light['unshaded_lux'])}"
-        if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
-            text += f" ± {light['unshaded_standard_error_lux']:.1g}"
-        text += " measured"
+        measured = with_error(light["unshaded_lux"], light["unshaded_standard_error_lux"], "lux")
+        text = f"{short(light['requested_lux'])} lux requested, {measured} measured"
         if ground := [point["lux"] for point in light["ground"]]:
             text += (
-                f" in the open and {three_digits(np.mean(ground))} on the ground below the camera "
-                f"({three_digits(min(ground))} to {three_digits(max(ground))} along its path)"
+                f" in the open and {number(np.mean(ground))} on the ground below the camera "
+                f"({number(min(ground))} to {number(max(ground))} along its path)"
             )
         say(f"render: {text}")
     shares = record["light_left_out"]

@@ -29,7 +29,10 @@ def forest(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("brighter", "words"),
-    [(1.0, "No difference is statistically significant."), (1.2, "brightness 20 % higher")],
+    [
+        (1.0, "frames agree: no difference is statistically significant; equal within"),
+        (1.2, " % higher (95 % CI)."),
+    ],
 )
 def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
     rate_hz = load("grating", {}).trajectory.frame_rate_hz
