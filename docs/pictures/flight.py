@@ -14,10 +14,11 @@ import numpy as np
 import yaml
 from denoised import denoised, fine_albedo, gray_counts
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 from skimage.measure import block_reduce
 
 from megalopta.config.model import Configuration
+from megalopta.core.quantities import number
 from megalopta.flow import flow_to_rgb, optical_flow
 from megalopta.flow.color_wheel import wheel_legend
 from megalopta.render import SceneRenderer, frame_seed
@@ -30,7 +31,9 @@ from megalopta.stages.render import build
 
 HERE, OUT = Path(__file__).parent, Path("out/pictures/flight")
 PICTURE = HERE.parent / "flight.gif"
-PANEL_PX, LETTERS_PX, FRAME_MS, COLORS, DARKEST = (408, 306), 21, 300, 128, 0.2
+PANEL_PX, FLOW_PX, WHEEL_PX, LETTERS_PX = (408, 306), (272, 204), 80, 20
+FRAME_MS, DARKEST = 300, 0.35
+METHODS = {"PF": "Poisson flow", "DIS": "DIS"}
 ASKED = yaml.safe_load((HERE / "flight.yaml").read_text("utf-8"))
 PAIRS, BINNED_PX, FULL_COLOR_PX = (
     ASKED[name] for name in ("pairs_per_level", "binned_px", "full_color_px")
@@ -54,18 +57,10 @@ def render(settings: Configuration, first: int, path: Path) -> Arrays:
     return dict(np.load(path))
 
 
-def amount(photons: float) -> str:
-    """Return a number of photons in words, to two digits."""
-    name, unit = next(
-        pair for pair in (("million", 1e6), ("thousand", 1e3), ("", 1)) if photons >= pair[1] / 10
-    )
-    return f"{float(f'{photons / unit:.2g}'):g} {name}".strip()
-
-
 def colored(flow: NDArray[Any]) -> Image.Image:
     """Return flow as a panel."""
     picture = Image.fromarray(flow_to_rgb(flow, FULL_COLOR_PX))
-    return picture.resize(PANEL_PX, Image.Resampling.NEAREST)
+    return picture.resize(FLOW_PX, Image.Resampling.NEAREST)
 
 
 def draw_level(name: str, settings: Configuration, seen: Arrays, share: float) -> list[Image.Image]:
@@ -77,26 +72,38 @@ def draw_level(name: str, settings: Configuration, seen: Arrays, share: float) -
     binned = block_reduce(seen["radiance"], (1, BINNED_PX, BINNED_PX, 1), np.mean)
     counts = expose(binned, bands_nm, settings.sensors[0], seed=0, stream=name).counts
     illuminance = lux(settings.light.resolved().illuminance_lux)
-    pictures = []
+    wheel, pictures = Image.fromarray(wheel_legend(WHEEL_PX)), []
+    disk = Image.new("L", wheel.size)
+    ImageDraw.Draw(disk).ellipse((0, 0, WHEEL_PX - 1, WHEEL_PX - 1), fill=255)
     for at, flow in enumerate(seen["flow"]):
         truth = block_reduce(flow, (BINNED_PX, BINNED_PX, 1), np.mean) / BINNED_PX
         light = Image.fromarray((encode_srgb(curve(clean[at])) * brightness).astype(np.uint8))
         photons = gray_counts(counts[at]).resize(PANEL_PX, Image.Resampling.NEAREST)
-        found: Row = [
-            (f"motion by {method}: off by {error:.2g} px", colored(estimate))
-            for method in ("PF", "DIS")
-            for estimate in [optical_flow(counts[at], counts[at + 1], method)]
-            for error in [np.nanmedian(np.linalg.norm(estimate - truth, axis=-1))]
-        ]
-        small = PANEL_PX[0] // 3, PANEL_PX[1] // 3
-        wheel = Image.fromarray(wheel_legend(small[1]))
-        top: Row = [
+        above: Row = [
             (f"light: {name}, {illuminance}", light.resize(PANEL_PX, Image.Resampling.LANCZOS)),
-            (f"photons: {amount(float(counts[at].mean()))} per pixel", photons),
+            (f"photons: {number(float(counts[at].mean()))} per pixel", photons),
         ]
-        below: Row = [("true motion", colored(truth).resize(small)), ("color: direction", wheel)]
-        pictures.append(sheet([top, found, below], LETTERS_PX).quantize(COLORS, dither=0))
+        motion = colored(truth)
+        motion.paste(
+            wheel, (0, FLOW_PX[1] - WHEEL_PX), wheel.convert("L").point(lambda v: 255 * (v < 255))
+        )
+        below = [("true motion", motion)]
+        for method, title in METHODS.items():
+            estimate = optical_flow(counts[at], counts[at + 1], method)
+            error_px = np.median(np.linalg.norm(estimate - truth, axis=-1))
+            below.append((f"{title}: off by {error_px:.2g} px", colored(estimate)))
+        pictures.append(sheet([above, below], LETTERS_PX))
     return pictures
+
+
+def few_colors(picture: Image.Image) -> Image.Image:
+    """Return a picture of 256 colors, half of them for light and photons, half for motion."""
+    split = PANEL_PX[1] + 2 * LETTERS_PX
+    parts = (0, 0, picture.width, split), (0, split, *picture.size)
+    colors = [picture.crop(part).quantize(128).getpalette() for part in parts]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for half in colors for value in (half or [])[: 3 * 128]])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 if __name__ == "__main__":
@@ -110,6 +117,5 @@ if __name__ == "__main__":
         seen = render(settings, index * PAIRS, OUT / f"{name}.npz")
         share = float((decades[index] - decades[-1]) / (decades[0] - decades[-1]))
         images += draw_level(name, settings, seen, share)
-        images[-1].convert("RGB").save(OUT / f"{name}.png")
-    PICTURE.write_bytes(gif(images, FRAME_MS))
+    PICTURE.write_bytes(gif([few_colors(each) for each in images], FRAME_MS))
     print(f"{PICTURE}: {PICTURE.stat().st_size / 1e6:.1f} MB, {len(images)} frames")
