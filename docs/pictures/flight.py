@@ -31,8 +31,8 @@ from megalopta.stages.render import build
 
 HERE, OUT = Path(__file__).parent, Path("out/pictures/flight")
 PICTURE = HERE.parent / "flight.gif"
-PANEL_PX, FLOW_PX, WHEEL_PX, LETTERS_PX = (408, 306), (272, 204), 80, 20
-FRAME_MS, DARKEST = 300, 0.35
+PANEL_PX, FLOW_PX, WHEEL_PX, LETTERS_PX = (408, 306), (272, 204), 80, 23
+FRAME_MS, DARKEST, COLORS = 300, 0.35, (96, 96, 64)
 METHODS = {"PF": "Poisson flow", "DIS": "DIS"}
 ASKED = yaml.safe_load((HERE / "flight.yaml").read_text("utf-8"))
 PAIRS, BINNED_PX, FULL_COLOR_PX = (
@@ -91,18 +91,20 @@ def draw_level(name: str, settings: Configuration, seen: Arrays, share: float) -
         for method, title in METHODS.items():
             estimate = optical_flow(counts[at], counts[at + 1], method)
             error_px = np.median(np.linalg.norm(estimate - truth, axis=-1))
-            below.append((f"{title}: off by {error_px:.2g} px", colored(estimate)))
+            below.append((f"{title}: {error_px:.2g} px off", colored(estimate)))
         pictures.append(sheet([above, below], LETTERS_PX))
     return pictures
 
 
 def few_colors(picture: Image.Image) -> Image.Image:
-    """Return a picture of 256 colors, half of them for light and photons, half for motion."""
+    """Return a picture of as many colors for light and photons, motion, and the wheel as asked."""
     split = PANEL_PX[1] + 2 * LETTERS_PX
     parts = (0, 0, picture.width, split), (0, split, *picture.size)
-    colors = [picture.crop(part).quantize(128).getpalette() for part in parts]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([value for half in colors for value in (half or [])[: 3 * 128]])
+    seen = [*(picture.crop(part) for part in parts), Image.fromarray(wheel_legend(WHEEL_PX))]
+    palette, colors = Image.new("P", (1, 1)), []
+    for part, count in zip(seen, COLORS, strict=True):
+        colors += (part.quantize(count).getpalette() or [])[: 3 * count]
+    palette.putpalette(colors)
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
