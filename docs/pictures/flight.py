@@ -32,7 +32,7 @@ from megalopta.stages.render import build
 HERE, OUT = Path(__file__).parent, Path("out/pictures/flight")
 PICTURE = HERE.parent / "flight.gif"
 PANEL_PX, FLOW_PX, WHEEL_PX, LETTERS_PX = (408, 306), (272, 204), 80, 23
-FRAME_MS, DARKEST, COLORS = 300, 0.35, (96, 96, 64)
+FRAME_MS, DARKEST, COLORS = 300, 0.35, (72, 96, 64)
 METHODS = {"PF": "Poisson flow", "DIS": "DIS"}
 ASKED = yaml.safe_load((HERE / "flight.yaml").read_text("utf-8"))
 PAIRS, BINNED_PX, FULL_COLOR_PX = (
