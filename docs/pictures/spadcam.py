@@ -14,17 +14,15 @@ from pathlib import Path
 DOCS = Path(__file__).parent.parent
 OUT, PICTURE = Path("out/pictures/spadcam"), DOCS / "spadcam.png"
 CHARTS = {
-    "Emulated camera: output of one photon": ("device.html", "Photon transfer"),
-    "Emulated camera: dead time": ("device.html", "Saturation curve"),
-    "Emulated camera and its model: noise": ("comparison.html", "Photon transfer"),
-    "Emulated camera and its model: differences": ("comparison.html", "Differences"),
+    "An emulated camera, calibrated: dead time": ("device.html", "Saturation curve"),
+    "The emulated camera against its model": ("comparison.html", "Differences"),
 }
 """By title: page, and start of the chart's label"""
-WIDTH_PX, HEIGHT_PX = 960, 790
+WIDTH_PX, HEIGHT_PX = 600, 890
 BROWSERS = "chromium", "chromium-browser", "google-chrome"
 STYLE = """
-body { margin: 8px; display: grid; grid-template-columns: 1fr 1fr; gap: 16px }
-figure { margin: 0; font: 20px sans-serif }
+body { margin: 8px; font: 24px sans-serif }
+figure { margin: 0 0 16px }
 svg { width: 100%; height: auto; --rule: #e3e3e3 }
 """
 
