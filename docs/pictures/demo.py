@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
+from megalopta.flow import METHODS
 from megalopta.report.style import BLACK, NUMBERS, house_style, method_style
 from megalopta.sensor import open_counts
 from megalopta.stages.run import run_all
@@ -26,7 +27,7 @@ def photons(dataset: Dataset, path: Path) -> None:
             color = method_style(curve["method"])["color"]
             axis.plot([low, high], [place, place], color=color, linewidth=5, alpha=0.35)
             axis.plot(needed["flux"], place, "o", color=color, markersize=9)
-        axis.set_yticks(range(len(chosen)), [curve["label"] for curve in chosen])
+        axis.set_yticks(range(len(chosen)), [METHODS[curve["method"]].label for curve in chosen])
         axis.invert_yaxis()
         ideal = dataset.configuration.sensors[-1]
         for level in dataset.configuration.light_levels:
