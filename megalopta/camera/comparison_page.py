@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -20,19 +21,13 @@ from megalopta.sensor.compare.two_sample import Difference
 Levels = Sequence[Level]
 
 _LARGEST_Z = 6.0
-_FAULTS = (
-    "Steadiness in time, order of the pixels, rows and columns, single pixels and codes of the "
-    "ADC, before any parameter is fitted. Faults are taken out or masked in all that follows."
-)
 _GUIDE = (
     "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
     "zero is compared with a typical size, which the table names."
 )
 _TESTS = (
-    "Tests of every pixel that is left; false discovery rate by Benjamini and Hochberg. The third "
-    "map is the difference in standard errors of counting and calibration: pale grain is chance; "
-    "strong colors, rows, columns or patches are a difference of the device. Gray pixels are "
-    "saturated, or have too few counts."
+    "False discovery rate by Benjamini and Hochberg. Errors are those of counting and calibration: "
+    "pale grain is chance. Gray pixels are saturated, or have too few counts."
 )
 _TRANSFER = (
     "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
@@ -78,19 +73,12 @@ Page = tuple[str, str, list[Section]]
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     comparison = compared.comparison
-    explained, order = comparison.explained, comparison.arrangement
-    if not explained.alone:
-        explanation = "Frames are not independent, or no pixel is left: none is tested."
-    elif not explained.is_different:
-        explanation = "Means, variances and coincidences do not differ significantly."
-    elif not explained.accepted:
-        explanation = "No one or two of them explain the difference."
-    else:
-        sets = (
-            f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
-            for causes in explained.accepted
-        )
-        explanation = f"The difference is explained by {', or else by '.join(sets)}."
+    order = comparison.arrangement
+    sets = [
+        f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
+        for causes in comparison.explained.accepted
+    ]
+    explanation = f"The difference is explained by {', or else by '.join(sets)}." if sets else ""
     device = _differences(
         "The device",
         explanation,
@@ -104,8 +92,7 @@ def levels_page(name: str, compared: Compared) -> Page:
     faults = Section(
         "Faults of the recording",
         f"Found: {found}. The image is {order.name}: rank correlation of the two patterns "
-        f"{order.correlation:.3f}.",
-        body=paragraph(_FAULTS, "note"),
+        f"{order.correlation:.3f}. Faults are found before any parameter is fitted, and taken out.",
     )
     lights = [
         "Dark" if level.is_dark else f"{short(level.light_hz)} photons/s per pixel"
@@ -199,6 +186,7 @@ def _difference_chart(
     axes.set_yticks(range(len(differences)), [change.name for change in differences])
     axes.set(ylim=(len(differences) - 0.5, -0.5), xlabel="captured more than simulated (%)")
     axes.set_xscale("symlog", linthresh=100 * margin, linscale=2)
+    axes.xaxis.set_major_locator(FixedLocator((-100, -20, -5, -2, 0, 2, 5, 20, 100)))
     axes.xaxis.set_major_formatter(style.NUMBERS)
     return style.to_svg(figure, f"differences-{title.split()[-1]}", f"Differences of {title}")
 

@@ -34,7 +34,7 @@ def short(value: float) -> str:
 
 def _grouped(value: float, decimals: int) -> str:
     """Round, and put thin spaces between the thousands of five digits or more."""
-    text = f"{round(value, decimals):,.{max(decimals, 0)}f}"
+    text = f"{round(value, decimals) + 0.0:,.{max(decimals, 0)}f}"
     return text.replace(",", _THIN if abs(value) >= 9999.5 else "")
 
 

@@ -50,9 +50,7 @@ _CURVES = (
     "Dotted lines: photons that a sensor detects per frame at a light level; a curve that falls "
     "below 25 % on their left needs fewer."
 )
-_UNITS = Markup(
-    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes."
-)
+_INTERVALS = "Intervals are over draws of photons, not over scenes."
 
 
 def absent(report: Report, stage: str, what: str) -> Markup:
@@ -194,7 +192,7 @@ def threshold_section(report: Report) -> Section:
         html.folded(
             "N_2b in photons per frame, with 95 % CI",
             pivoted("N_2b in photons per frame", "Detector", needs),
-            html.paragraph(_UNITS, "note"),
+            html.paragraph(_INTERVALS, "note"),
         ),
     ]
     text = _NEEDED.format(settings.repeats, ", ".join(dark))

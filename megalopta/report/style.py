@@ -58,10 +58,10 @@ def method_style(name: str) -> dict[str, Any]:
     A Python function, which is not in the list, gets a hue by its name.
     """
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
-    hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)))
+    hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)).tolist())
     return {
         "color": METHOD_COLORS.get(name, hue),
-        "marker": MARKERS[number % len(MARKERS)],
+        "marker": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
         "linestyle": "-" if name in THESIS_METHODS else "--",
     }
 

@@ -48,7 +48,7 @@ PRINTED: Mapping[str, tuple[float, float]] = {
 NOTE = (
     "Each line is the least N_2b, in photons per frame of 60 × 60 px, over all spatial frequencies "
     "f and velocities v (synthetic), or over all velocities with and without motion blur, mean of "
-    "the forests (natural; photo: in gray values). Brackets: 95 % CI of the named experiment, "
+    "the forests (natural; photo: in gray values). Ranges: 95 % CI of the named experiment, "
     "which is not one of the least of many, or range over the forests. Σ|Δ|/Σ|R|: N_2b by the "
     "quotient of means, which does not divide by responses near zero."
 )
@@ -194,6 +194,8 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
         Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
-    summary = _SUMMARY + (quick if is_quick else "")
+    near = literal["ratio"].between(0.5, 2).sum()
+    verdict = f" {near} of {len(literal)} agree with the printed ones within a factor of two."
+    summary = _SUMMARY + verdict + (quick if is_quick else "")
     title = "Photons that motion detectors need"
     return sections.write_sections(out / "chapter-4.html", title, summary, page)

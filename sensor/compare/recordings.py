@@ -112,8 +112,8 @@ def agreement(what: str, differences: Sequence[two_sample.Difference]) -> str:
     text = f"Captured and simulated {what} agree: no difference is statistically significant"
     if equal:
         most = max(max(abs(change.low), abs(change.high)) for change in equal)
-        names = ", ".join(change.name for change in equal)
-        text += f"; equal within {with_error(100 * most, 0, '%')} (95 % CI): {names}"
+        names = f": {', '.join(change.name for change in equal)}" if open_ else ""
+        text += f"; equal within {with_error(100 * most, 0, '%')} (95 % CI){names}"
     return text + (f"; too uncertain to tell: {', '.join(open_)}" if open_ else "")
 
 

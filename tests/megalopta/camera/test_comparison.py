@@ -111,7 +111,7 @@ def test_a_camera_of_half_the_signal_responds_half_as_much():
     # a sum of responses halves, a product is a quarter; halves are rounded down
     assert sizes["NDS"] == pytest.approx(-0.5, abs=0.05)
     assert sizes["NDM"] == pytest.approx(-0.75, abs=0.05)
-    assert "NDM response at 5 mm/s" in motion_page("half", responses)[1]
+    assert "NDM response at 5 mm/s" in motion_page("half", responses, 0.05)[1]
 
 
 def test_a_recording_may_begin_anywhere():

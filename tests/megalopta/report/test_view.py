@@ -14,7 +14,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.report.view import ViewOptions, view
 
-from ..accessibility import needs_axe, violations
+from ..accessibility import needs_axe, needs_chromium, violations
 from ..small import made, small
 
 SMALL = small(32, 24, 4, sensors="spadcam, ideal", levels="starlight, 10") | {
@@ -85,7 +85,7 @@ def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_pat
     assert "sums of 2 frames" not in (tmp_path / "out" / "view.html").read_text("utf-8")
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+@needs_chromium
 def test_sliders_choose_light_sensor_and_time(page, tmp_path):
     """As a browser runs it: the darkest light, the second sensor, the last moment."""
     script = """<script>
