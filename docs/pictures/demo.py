@@ -19,7 +19,7 @@ def photons(dataset: Dataset, path: Path) -> None:
     rows, columns = max(curve["shape"] for curve in curves)
     chosen = [c for c in curves if c["shape"] == [rows, columns] and c["metric"] == "ratio"]
     with house_style({"axes.grid.axis": "x"}):
-        figure = Figure(figsize=(8.3, 3.2), layout="constrained")
+        figure = Figure(figsize=(6, 2.8), layout="constrained")
         axis = figure.subplots()
         for place, curve in enumerate(chosen):
             needed = curve["thresholds"]["N_2b"]
@@ -35,14 +35,14 @@ def photons(dataset: Dataset, path: Path) -> None:
             flux = events.mean() * events.shape[1] * events.shape[2]
             name = level.replace("_", " ") if isinstance(level, str) else f"{level:g} lux"
             axis.axvline(flux, color=BLACK, linestyle="--", linewidth=1.2)
-            at = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
-            axis.annotate(name, (flux, 1), xycoords=axis.get_xaxis_transform(), **at)
+            axis.annotate(name, (flux, 1), xycoords=axis.get_xaxis_transform(), xytext=(0, 4),
+                          textcoords="offset points", ha="center")  # fmt: skip
         axis.set_xscale("log")
         axis.set_xlabel("photons per frame for an error of 25 %")
         axis.xaxis.set_major_formatter(NUMBERS)
         axis.tick_params(axis="y", length=0)
         axis.spines["left"].set_visible(False)
-        figure.savefig(path, dpi=100)
+        figure.savefig(path, dpi=140)
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ for detector in detectors:
     MEASURED.write_text(json.dumps(needed))
 order = sorted(detectors, key=lambda detector: -needed[detector.name].photons)
 with house_style({"axes.grid.axis": "x"}):
-    figure, axes = plt.subplots(figsize=(8.3, 1.4 + 0.33 * len(order)), layout="constrained")
+    figure, axes = plt.subplots(figsize=(6, 1.6 + 0.3 * len(order)), layout="constrained")
     for place, detector in enumerate(order):
         photons, low, high = (min(value, FLUXES[-1]) for value in needed[detector.name])
         color = method_style(detector.name)["color"]
@@ -177,7 +177,7 @@ with house_style({"axes.grid.axis": "x"}):
         covariance = cramer_rao_covariance(information, frames)
         photons = bound_photons(covariance, SPEED_PX, LEVEL)
         axes.axvline(photons, color=BLACK, linestyle="--", linewidth=1.2)
-        axes.annotate(f"bound, {frames} frames", (photons, 1), xycoords=axes.get_xaxis_transform(),
+        axes.annotate(f"bound,\n{frames} frames", (photons, 1), xycoords=axes.get_xaxis_transform(),
                       xytext=(0, 4), textcoords="offset points", ha="center")  # fmt: skip
     axes.set(xscale="log", xlabel="photons per frame for a median error of 25 %", xlim=(200, 2e7))
     names = [f"{each.label}, 8 frames" if each.memory_frames > 1 else each.label for each in order]
@@ -185,4 +185,4 @@ with house_style({"axes.grid.axis": "x"}):
     axes.xaxis.set_major_formatter(NUMBERS)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
-    figure.savefig(Path(__file__).parent.parent / "leaderboard.png", dpi=100)
+    figure.savefig(Path(__file__).parent.parent / "leaderboard.png", dpi=140)

@@ -31,7 +31,7 @@ table = table[(table["metric"] == "literal") & (table["bits"] == 2)]
 least = table.groupby(["method", "template"])["photons_per_frame"].min()
 names = {point.trial.template: point.template for point in points}
 with house_style():
-    figure, axes = plt.subplots(figsize=(8.3, 5.2), layout="constrained")
+    figure, axes = plt.subplots(figsize=(6, 5.6), layout="constrained")
     for method in PRINTED:
         look = method_style(method) | {"linestyle": "none"}
         products, all_information = [], []
@@ -55,5 +55,5 @@ with house_style():
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(NUMBERS)
     axes.yaxis.set_major_formatter(NUMBERS)
-    figure.legend(loc="outside lower center", ncols=2)
-    figure.savefig(Path(__file__).parent.parent / "natural-information.png", dpi=100)
+    figure.legend(loc="outside lower center")
+    figure.savefig(Path(__file__).parent.parent / "natural-information.png", dpi=140)

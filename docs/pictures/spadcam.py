@@ -40,8 +40,8 @@ def draw() -> None:
     sheet, figures = OUT / "sheet.html", ""
     for title, (page, label) in CHARTS.items():
         chart = rf'<svg[^>]*aria-label="{label}.*?</svg>'
-        svg = re.search(chart, (OUT / page).read_text("utf-8"), re.DOTALL)
-        figures += f"<figure><figcaption>{title}</figcaption>{svg[0]}</figure>"
+        svg, *_ = re.findall(chart, (OUT / page).read_text("utf-8"), re.DOTALL)
+        figures += f"<figure><figcaption>{title}</figcaption>{svg}</figure>"
     sheet.write_text(f"<meta charset=utf-8><style>{STYLE}</style>{figures}", "utf-8")
     browser = next(each for each in BROWSERS if shutil.which(each))
     asked = f"--headless --no-sandbox --hide-scrollbars --window-size={WIDTH_PX},{HEIGHT_PX}"
