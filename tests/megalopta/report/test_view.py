@@ -121,7 +121,7 @@ def test_bursts_of_a_dataset_are_shown_at_their_rate_by_a_sampling_that_is_told(
     labels = [label for label, _ in panels(page)]
     assert labels == ["light", "counts", "counts", "burst", "burst", "true flow"]
     text = page.read_text("utf-8")
-    assert "4 frames of 30 × 24 pixels at 10.0 Hz, 30 binary frames in each at 300 Hz." in text
+    assert "4 frames of 30 × 24 pixels at 10 Hz, 30 binary frames in each at 300 Hz." in text
     assert "The page shows one in 2 of 90 frames, the film all." in text
     view(next(root.glob("counts/*/*.burst.npy")), page.parent, ViewOptions(summed=2))
     assert "120 binary frames of 30 × 24 pixels at 300 Hz." in page.read_text("utf-8")
