@@ -127,7 +127,7 @@ def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"extensionsRequired": ["KHR_texture_basisu"]}, "needs the extension KHR_texture_basisu"),
+        ({"extensionsRequired": ["EXT_texture_dds"]}, "needs the extension EXT_texture_dds"),
         ({"asset": {"version": "1.0"}}, "version 1.0 of glTF"),
         ({"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, "node 1 has two parents"),
         ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "node 0 has two parents"),
