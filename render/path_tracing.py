@@ -88,6 +88,9 @@ def keyed_sampler() -> Any:
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
 """Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in
 place of Mitsuba's 5 costs a third and adds a tenth of noise."""
+CAUSTIC = 10.0
+"""Brightest caustic of sun, moon and lamps without size, over a white surface in their light. What
+gloss concentrates more, paths would find as few and bright pixels: it is left out, and stated."""
 _MOST_RECORDINGS = 4
 """Recordings of the loop that are kept, and number of them after which a failure ends recording."""
 
@@ -96,11 +99,14 @@ class LightPaths:
     """Paths of at most `max_depth` hits in a vectorized variant.
 
     They intersect the layers, whose moving meshes do not emit; without these, the scene that lights
-    them.
+    them. Only whole paths follow caustics that are brighter than `CAUSTIC`.
     """
 
-    def __init__(self, max_depth: int, layers: Layers | None = None) -> None:
+    def __init__(
+        self, max_depth: int, layers: Layers | None = None, is_whole: bool = False
+    ) -> None:
         self._max_depth = dr.opaque(mi.UInt32, max_depth)
+        self._most = dr.opaque(mi.Float, math.inf if is_whole else CAUSTIC / math.pi)
         self._layers = layers
         # Python traces the loop once; later frames launch its kernels. Only the kinds of objects
         # among the arguments may be called.
@@ -131,7 +137,9 @@ class LightPaths:
         scenes = self._layers.scenes if self._layers else (scene,)
         for trace, numbers in (self._trace, sampler), (_traced, sampler.clone()):
             try:
-                light, valid = trace(scene, scenes, self._max_depth, numbers, first, active)
+                light, valid = trace(
+                    scene, scenes, self._max_depth, self._most, numbers, first, active
+                )
                 break
             except RuntimeError as problem:
                 if _is_interrupt(problem):
@@ -153,13 +161,13 @@ def _is_interrupt(problem: BaseException | None) -> bool:
 
 @dr.syntax
 def _traced(
-    scene: Any, scenes: Any, max_depth: Any, sampler: Any, ray: Any, active: Any
+    scene: Any, scenes: Any, max_depth: Any, most: Any, sampler: Any, ray: Any, active: Any
 ) -> tuple[Any, Any]:
     context = mi.BSDFContext()
     light, throughput = mi.Spectrum(0.0), mi.Spectrum(1.0)
     eta, depth, valid = mi.Float(1.0), mi.UInt32(0), mi.Bool(False)
     before, before_pdf = dr.zeros(mi.SurfaceInteraction3f), mi.Float(1.0)
-    before_delta = mi.Bool(True)
+    before_delta, is_spread = mi.Bool(True), mi.Bool(False)
     layers = Layers(*scenes)
     while active:
         hit = layers.ray_intersect_preliminary(ray, active=active)
@@ -177,6 +185,7 @@ def _traced(
             goes_on,
         )  # fmt: skip
         share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
+        value = dr.select(is_spread & toward.delta, dr.minimum(value, most), value)
         light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
         ray = point.spawn_ray(point.to_world(drawn.wo))
         throughput *= drawn_weight
@@ -184,13 +193,14 @@ def _traced(
         valid |= active & point.is_valid()
         before, before_pdf = point, drawn.pdf
         before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
+        is_spread |= ~before_delta
         depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
-        most: Any = dr.max(throughput)
-        stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
+        brightest: Any = dr.max(throughput)
+        stays = dr.minimum(brightest * eta * eta, _MOST_LIKELY)
         roulette = depth >= ROULETTE_DEPTH
         throughput = dr.select(roulette, throughput * dr.rcp(stays), throughput)
         survives = sampler.next_1d() < stays
-        active = goes_on & (~roulette | survives) & (most != 0)
+        active = goes_on & (~roulette | survives) & (brightest != 0)
     return light, valid
 
 
@@ -382,10 +392,10 @@ _SCALAR_RAYS = 4
 class PathIntegrator:
     """Frames by path tracing of any surfaces, in clear air or through haze.
 
-    In haze, scattering by droplets counts as a hit.
+    In haze, scattering by droplets counts as a hit. Only whole paths follow bright caustics.
     """
 
-    def __init__(self, max_depth: int, air: Air | None = None) -> None:
+    def __init__(self, max_depth: int, air: Air | None = None, is_whole: bool = False) -> None:
         self._air = air
         self._is_scalar = is_scalar()
         self._trace: Any
@@ -395,7 +405,7 @@ class PathIntegrator:
             described = {"type": kind, "max_depth": depth, "rr_depth": ROULETTE_DEPTH}
             self._trace = mi.load_dict(described)
         else:
-            self._trace = LightPaths(max_depth)
+            self._trace = LightPaths(max_depth, is_whole=is_whole)
 
     def move_to(self, time_s: float) -> None:
         """Expect that objects are elsewhere from here on."""

@@ -90,9 +90,8 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
 
     effective = *gltf_file.EFFECTIVE, *gltf_surfaces.EFFECTIVE, *[LIGHTS] * shines
     scenes, clips = named("scene", "scenes"), named("animation", "animations")
-    for name in header.get("extensionsUsed", ()):
-        if name not in effective:
-            yield "extensions", name
+    extensions = [name for name in header.get("extensionsUsed", ()) if name not in effective]
+    yield from (("extensions", name) for name in extensions)
     yield from (("cameras", name) for name, _ in named("camera", "cameras"))
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in clips[playing:])

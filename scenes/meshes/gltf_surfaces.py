@@ -178,8 +178,31 @@ class Looks:
         if base.size > 3:
             tint = Finish("bitmap", {"bitmap": base})
         side = Finish("diffuse", {"reflectance": tint})
-        if not is_dull:
-            side = self._glossy(material, tint, rough, metal, through, coated, values)
+        is_solid = _of(material, "volume").get("thicknessFactor", 0) > 0
+        ior = float(_of(material, "ior").get("ior", 1.5)) or 1.5
+        share = values("specular", _of(material, "specular").get("specularFactor", 1), 3)
+        low, high = _GLOSS
+        width = values("coat's roughness", coat.get("clearcoatRoughnessFactor", 0), 1) ** 2
+        shares = {
+            "roughness": rough,
+            "metallic": metal,
+            "clearcoat": coated,
+            "clearcoat_gloss": ((low - width) / (low - high)).clip(0, 1),
+            "specular": (((ior - 1) / (ior + 1)) ** 2 * share / _SPECULAR).clip(1e-3, 1),
+        }
+        if through.any():
+            shares = {"eta": np.full((1, 1, 1), ior), "spec_trans": through, **shares}
+            del shares["specular"]
+        look = {"base_color": tint, **{name: _share(image) for name, image in shares.items()}}
+        if (through == 1).all() and not (rough.any() or metal.any() or is_solid):
+            side = Finish("thindielectric", {"int_ior": ior, "specular_transmittance": tint})
+        elif (through == 1).all() and not (rough.any() or metal.any()) and base.min() == 1:
+            side = Finish("dielectric", {"int_ior": ior})
+        elif through.any() and not is_solid:
+            thin = "base_color", "roughness", "eta", "spec_trans"
+            side = Finish("principledthin", {name: look[name] for name in thin})
+        elif not is_dull:
+            side = Finish("principled", look)
         if "normal" in entries:
             normals = values("normal", np.ones(3), range(3)) * 2 - 1
             normals[..., :2] *= entries["normal"].get("scale", 1.0)
@@ -187,33 +210,6 @@ class Looks:
             side = Finish("normalmap", {"normalmap": _share((normals + 1) / 2), "bsdf": side})
         finish = side if through.any() else Finish("twosided", {"bsdf": side})
         return Material(dull.reflectance, dull.texture, known_nm=finish.known_nm, finish=finish)
-
-    def _glossy(
-        self, material: Json, tint: Part, rough: Image, metal: Image, through: Image,
-        coated: Image, values: Any,
-    ) -> Finish:  # fmt: skip
-        ior = float(_of(material, "ior").get("ior", 1.5)) or 1.5
-        look: dict[str, Part] = {"base_color": tint, "roughness": _share(rough)}
-        is_solid = _of(material, "volume").get("thicknessFactor", 0) > 0
-        if through.any():
-            look |= {"spec_trans": _share(through), "eta": ior}
-        else:
-            share = values("specular", _of(material, "specular").get("specularFactor", 1), 3)
-            reflected = ((ior - 1) / (ior + 1)) ** 2 * share
-            look["specular"] = _share((reflected / _SPECULAR).clip(1e-3, 1))
-        if (through == 1).all() and not (rough.any() or metal.any()):
-            if not is_solid:
-                clear = {"int_ior": ior, "specular_transmittance": tint}
-                return Finish("thindielectric", clear)
-            if isinstance(tint, Spectrum) and min(tint.values) > 0.999:
-                return Finish("dielectric", {"int_ior": ior})
-        if through.any() and not is_solid:
-            return Finish("principledthin", look)
-        coat, (low, high) = _of(material, "clearcoat"), _GLOSS
-        width = values("coat's roughness", coat.get("clearcoatRoughnessFactor", 0), 1) ** 2
-        smooth = ((low - width) / (low - high)).clip(0, 1)
-        look |= {"metallic": _share(metal), "clearcoat": _share(coated)}
-        return Finish("principled", {**look, "clearcoat_gloss": _share(smooth)})
 
 
 def _share(image: Image) -> Part:
@@ -242,24 +238,28 @@ def _from_gloss(diffuse: Image, specular: Image) -> tuple[Image, Image]:
     return base.astype(np.float32), metal.astype(np.float32)
 
 
+_READ = {
+    *("name", "extras", "extensions", "doubleSided", "alphaMode", "alphaCutoff"),
+    *("pbrMetallicRoughness", "normalTexture", "emissiveFactor", "emissiveTexture"),
+    *("clearcoatFactor", "clearcoatTexture", "clearcoatRoughnessFactor"),
+    *("clearcoatRoughnessTexture", "emissiveStrength", "ior", "transmissionFactor"),
+    *("transmissionTexture", "thicknessFactor", "specularFactor", "specularTexture"),
+    *("diffuseFactor", "diffuseTexture", "glossinessFactor", "specularGlossinessTexture"),
+}
+"""Properties of materials and their extensions that have an effect, or one of their own."""
+
+
 def unused_of(material: Json, shines: bool) -> Iterator[str]:
     """Yield what of a material has no effect, if it `shines` or not."""
-    volume, specular = _of(material, "volume"), _of(material, "specular")
     if material.get("alphaMode", "OPAQUE") != "OPAQUE":
         yield "transparency"
     if any(material.get("emissiveFactor", ())) and not (shines and _emission(material).any()):
         yield "emission" + " in a picture" * ("emissiveTexture" in material)
-    if "occlusionTexture" in material:
-        yield "occlusion maps"
-    if {"attenuationColor", "attenuationDistance"} & volume.keys():
-        yield "absorption in glass"
-    if "clearcoatNormalTexture" in _of(material, "clearcoat"):
-        yield "normals of a clearcoat"
-    if {"specularColorTexture", "specularColorFactor"} & specular.keys():
-        yield "colors of a specular share"
+    effective = (_of(material, name) for name in _NAMES)
+    yield from sorted({key for entry in (material, *effective) for key in entry} - _READ)
     entries = list(pictures_of(material).values())
     if any(_place(entry) != _place(entries[0]) for entry in entries):
         yield "pictures that lie on other coordinates than the first"
-    model = material.get("pbrMetallicRoughness", {})
+    model, volume = material.get("pbrMetallicRoughness", {}), _of(material, "volume")
     if _of(material, "transmission") and not volume and model.get("metallicFactor", 1) > 0:
         yield "metal of panes"
