@@ -88,9 +88,9 @@ def keyed_sampler() -> Any:
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
 """Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in
 place of Mitsuba's 5 costs a third and adds a tenth of noise."""
-CAUSTIC = 10.0
-"""Brightest caustic of sun, moon and lamps without size, over a white surface in their light. What
-gloss concentrates more, paths would find as few and bright pixels: it is left out, and stated."""
+GLINT = 100.0
+"""Brightest highlight of sun, moon and lamps without size, over a white surface in their light. Few
+and bright samples would find more: that is left out, and the scene record states its share."""
 _MOST_RECORDINGS = 4
 """Recordings of the loop that are kept, and number of them after which a failure ends recording."""
 
@@ -99,14 +99,14 @@ class LightPaths:
     """Paths of at most `max_depth` hits in a vectorized variant.
 
     They intersect the layers, whose moving meshes do not emit; without these, the scene that lights
-    them. Only whole paths follow caustics that are brighter than `CAUSTIC`.
+    them. Only whole paths have highlights that are brighter than `GLINT`.
     """
 
     def __init__(
         self, max_depth: int, layers: Layers | None = None, is_whole: bool = False
     ) -> None:
         self._max_depth = dr.opaque(mi.UInt32, max_depth)
-        self._most = dr.opaque(mi.Float, math.inf if is_whole else CAUSTIC / math.pi)
+        self._most = dr.opaque(mi.Float, math.inf if is_whole else GLINT / math.pi)
         self._layers = layers
         # Python traces the loop once; later frames launch its kernels. Only the kinds of objects
         # among the arguments may be called.
@@ -167,7 +167,7 @@ def _traced(
     light, throughput = mi.Spectrum(0.0), mi.Spectrum(1.0)
     eta, depth, valid = mi.Float(1.0), mi.UInt32(0), mi.Bool(False)
     before, before_pdf = dr.zeros(mi.SurfaceInteraction3f), mi.Float(1.0)
-    before_delta, is_spread = mi.Bool(True), mi.Bool(False)
+    before_delta = mi.Bool(True)
     layers = Layers(*scenes)
     while active:
         hit = layers.ray_intersect_preliminary(ray, active=active)
@@ -185,7 +185,7 @@ def _traced(
             goes_on,
         )  # fmt: skip
         share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
-        value = dr.select(is_spread & toward.delta, dr.minimum(value, most), value)
+        value = dr.select(toward.delta, dr.minimum(value, most), value)
         light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
         ray = point.spawn_ray(point.to_world(drawn.wo))
         throughput *= drawn_weight
@@ -193,7 +193,6 @@ def _traced(
         valid |= active & point.is_valid()
         before, before_pdf = point, drawn.pdf
         before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
-        is_spread |= ~before_delta
         depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
         brightest: Any = dr.max(throughput)
         stays = dr.minimum(brightest * eta * eta, _MOST_LIKELY)
@@ -392,7 +391,8 @@ _SCALAR_RAYS = 4
 class PathIntegrator:
     """Frames by path tracing of any surfaces, in clear air or through haze.
 
-    In haze, scattering by droplets counts as a hit. Only whole paths follow bright caustics.
+    In haze, scattering by droplets counts as a hit. Only whole paths have highlights
+    beyond `GLINT`.
     """
 
     def __init__(self, max_depth: int, air: Air | None = None, is_whole: bool = False) -> None:
