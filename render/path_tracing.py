@@ -88,9 +88,6 @@ def keyed_sampler() -> Any:
 ROULETTE_DEPTH, _MOST_LIKELY = 2, 0.95
 """Hits after which a path continues by chance. Leaves reflect a tenth of the visible light: 2 in
 place of Mitsuba's 5 costs a third and adds a tenth of noise."""
-GLINT = 100.0
-"""Brightest highlight of sun, moon and lamps without size, over a white surface in their light. Few
-and bright samples would find more: that is left out, and the scene record states its share."""
 _MOST_RECORDINGS = 4
 """Recordings of the loop that are kept, and number of them after which a failure ends recording."""
 
@@ -99,14 +96,11 @@ class LightPaths:
     """Paths of at most `max_depth` hits in a vectorized variant.
 
     They intersect the layers, whose moving meshes do not emit; without these, the scene that lights
-    them. Only whole paths have highlights that are brighter than `GLINT`.
+    them.
     """
 
-    def __init__(
-        self, max_depth: int, layers: Layers | None = None, is_whole: bool = False
-    ) -> None:
+    def __init__(self, max_depth: int, layers: Layers | None = None) -> None:
         self._max_depth = dr.opaque(mi.UInt32, max_depth)
-        self._most = dr.opaque(mi.Float, math.inf if is_whole else GLINT / math.pi)
         self._layers = layers
         # Python traces the loop once; later frames launch its kernels. Only the kinds of objects
         # among the arguments may be called.
@@ -137,9 +131,7 @@ class LightPaths:
         scenes = self._layers.scenes if self._layers else (scene,)
         for trace, numbers in (self._trace, sampler), (_traced, sampler.clone()):
             try:
-                light, valid = trace(
-                    scene, scenes, self._max_depth, self._most, numbers, first, active
-                )
+                light, valid = trace(scene, scenes, self._max_depth, numbers, first, active)
                 break
             except RuntimeError as problem:
                 if _is_interrupt(problem):
@@ -161,7 +153,7 @@ def _is_interrupt(problem: BaseException | None) -> bool:
 
 @dr.syntax
 def _traced(
-    scene: Any, scenes: Any, max_depth: Any, most: Any, sampler: Any, ray: Any, active: Any
+    scene: Any, scenes: Any, max_depth: Any, sampler: Any, ray: Any, active: Any
 ) -> tuple[Any, Any]:
     context = mi.BSDFContext()
     light, throughput = mi.Spectrum(0.0), mi.Spectrum(1.0)
@@ -185,7 +177,6 @@ def _traced(
             goes_on,
         )  # fmt: skip
         share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
-        value = dr.select(toward.delta, dr.minimum(value, most), value)
         light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
         ray = point.spawn_ray(point.to_world(drawn.wo))
         throughput *= drawn_weight
@@ -194,12 +185,12 @@ def _traced(
         before, before_pdf = point, drawn.pdf
         before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
         depth += dr.select(point.is_valid(), mi.UInt32(1), mi.UInt32(0))
-        brightest: Any = dr.max(throughput)
-        stays = dr.minimum(brightest * eta * eta, _MOST_LIKELY)
+        most: Any = dr.max(throughput)
+        stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
         roulette = depth >= ROULETTE_DEPTH
         throughput = dr.select(roulette, throughput * dr.rcp(stays), throughput)
         survives = sampler.next_1d() < stays
-        active = goes_on & (~roulette | survives) & (brightest != 0)
+        active = goes_on & (~roulette | survives) & (most != 0)
     return light, valid
 
 
@@ -391,11 +382,10 @@ _SCALAR_RAYS = 4
 class PathIntegrator:
     """Frames by path tracing of any surfaces, in clear air or through haze.
 
-    In haze, scattering by droplets counts as a hit. Only whole paths have highlights
-    beyond `GLINT`.
+    In haze, scattering by droplets counts as a hit.
     """
 
-    def __init__(self, max_depth: int, air: Air | None = None, is_whole: bool = False) -> None:
+    def __init__(self, max_depth: int, air: Air | None = None) -> None:
         self._air = air
         self._is_scalar = is_scalar()
         self._trace: Any
@@ -405,7 +395,7 @@ class PathIntegrator:
             described = {"type": kind, "max_depth": depth, "rr_depth": ROULETTE_DEPTH}
             self._trace = mi.load_dict(described)
         else:
-            self._trace = LightPaths(max_depth, is_whole=is_whole)
+            self._trace = LightPaths(max_depth)
 
     def move_to(self, time_s: float) -> None:
         """Expect that objects are elsewhere from here on."""

@@ -101,7 +101,7 @@ class SceneRenderer:
                 whole = self._whole = guided(whole, camera, local, samples, its_seed)
                 self._loaded = whole.loaded
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
-            integrator: Integrator = PathIntegrator(settings.max_depth, air, is_plain)
+            integrator: Integrator = PathIntegrator(settings.max_depth, air)
             exposing = split = None
             if can_split(scene, meshes) and not is_plain:
                 integrator = split = SplitPaths(whole, settings)

@@ -191,9 +191,7 @@ class SurfaceView:
         # The other's sampler serves light: the path tracer is compiled for each.
         settings = self._settings.model_copy(update={"sampler": "independent"})
         film, depth = Film(self._camera, settings, samples), self._settings.max_depth
-        is_whole = self._settings.integrator == "plain"
-        short = PathIntegrator(depth, self._air, is_whole)
-        long = PathIntegrator(depth + _MORE_HITS, self._air, is_whole=True)
+        short, long = (PathIntegrator(hits, self._air) for hits in (depth, depth + _MORE_HITS))
         light = film.expose(short.render, self._loaded, pose, seed=0)
         longer = film.expose(long.measured, self._loaded, pose, seed=0)
         bands, shows_surfaces = light.shape[-1], longer[..., -1] == 0
