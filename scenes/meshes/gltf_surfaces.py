@@ -105,8 +105,8 @@ class Looks:
             return self._looks.get(number, Look())
         material: Json = {"name": "colors", "pbrMetallicRoughness": {"metallicFactor": 0}}
         if number is not None:
-            material = {"name": f"material {number}", **self._file.header["materials"][number]}
-        name, entries = str(material["name"]), pictures_of(material)
+            material = self._file.header["materials"][number]
+        name, entries = str(material.get("name") or f"material {number}"), pictures_of(material)
         place = _place(next(iter(entries.values()), {}))
         entries = {key: entry for key, entry in entries.items() if _place(entry) == place}
         to_picture, turn = np.eye(3), place.get("rotation", 0.0)

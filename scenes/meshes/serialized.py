@@ -7,7 +7,6 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import PurePosixPath
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,20 +19,11 @@ _COLUMNS = (0x1, 3), (0x2, 2), (_COLORS, 3)
 """Flags and numbers a vertex of normals, uv and colors."""
 
 
-class _Shape(NamedTuple):
-    """A shape's compressed data, and what they begin with."""
+def _shapes(name: str, content: bytes) -> Iterator[tuple[memoryview, str, int, int, int]]:
+    """Yield compressed data, name, flags, vertices and triangles of each shape of a file.
 
-    packed: memoryview
-    flags: int
-    name: str
-    start: int
-    """Bytes before the vertices."""
-    vertices: int
-    triangles: int
-
-
-def _shapes(name: str, content: bytes) -> Iterator[_Shape]:
-    """Yield the shapes of a file. Raises any exception if it is damaged."""
+    Raises any exception if it is damaged.
+    """
     (count,) = struct.unpack_from("<I", content, len(content) - 4)
     check_count(name, "shapes", count, MOST_OBJECTS)
     size = 0
@@ -43,13 +33,11 @@ def _shapes(name: str, content: bytes) -> Iterator[_Shape]:
         packed = memoryview(content)[place + 4 :]
         head = zlib.decompressobj().decompress(packed, _LONGEST_NAME + 21)
         title = head[4:].partition(b"\0")[0]
-        (flags,), counts = (
-            struct.unpack_from("<I", head),
-            struct.unpack_from("<2Q", head, 5 + len(title)),
-        )
-        size += counts[1] + counts[0] // 2
+        vertices, triangles = struct.unpack_from("<2Q", head, 5 + len(title))
+        size += triangles + vertices // 2
         check_triangles(name, size)
-        yield _Shape(packed, flags, title.decode("utf-8"), 21 + len(title), *counts)
+        flags = int.from_bytes(head[:4], "little")
+        yield packed, title.decode("utf-8"), flags, vertices, triangles
 
 
 def pieces_of(
@@ -57,24 +45,23 @@ def pieces_of(
 ) -> Iterator[Piece]:
     """Yield the piece of each shape, or of that of an index. Raises any exception if damaged."""
     file, content = next(iter(contents.items()))
-    for number, shape in enumerate(_shapes(file, content)):
+    for number, (packed, name, flags, count, triangles) in enumerate(_shapes(file, content)):
         if index not in (None, number):
             continue
-        kind = np.dtype("<f8" if shape.flags & _DOUBLE else "<f4")
-        widths = [3, *(n * bool(shape.flags & bit) for bit, n in _COLUMNS)]
-        size = shape.start + shape.vertices * sum(widths) * kind.itemsize
-        data = zlib.decompressobj().decompress(shape.packed, size + 12 * shape.triangles)
-        values = np.frombuffer(data, kind, shape.vertices * sum(widths), shape.start)
-        ends = shape.vertices * np.cumsum(widths)[:-1]
-        columns = zip(np.split(values.astype(np.float64), ends), widths, strict=True)
+        kind = np.dtype("<f8" if flags & _DOUBLE else "<f4")
+        widths = [3, *(width * bool(flags & bit) for bit, width in _COLUMNS)]
+        start = 21 + len(name.encode())
+        end = start + count * sum(widths) * kind.itemsize
+        data = zlib.decompressobj().decompress(packed, end + 12 * triangles)
+        values = np.frombuffer(data, kind, count * sum(widths), start).astype(np.float64)
+        columns = zip(np.split(values, count * np.cumsum(widths)[:-1]), widths, strict=True)
         vertices, normals, uv, _ = (part.reshape(-1, n) if n else None for part, n in columns)
-        faces = np.frombuffer(data, "<u4", 3 * shape.triangles, size).reshape(-1, 3)
-        normals = None if shape.flags & _FLAT else normals
-        name = shape.name or PurePosixPath(file).stem
-        yield Piece(number, name, vertices, faces.astype(np.int64), normals=normals, uv=uv)
+        faces = np.frombuffer(data, "<u4", 3 * triangles, end).reshape(-1, 3).astype(np.int64)
+        normals, name = None if flags & _FLAT else normals, name or PurePosixPath(file).stem
+        yield Piece(number, name, np.asarray(vertices), faces, normals=normals, uv=uv)
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> list[Unused]:
     """Return what has no effect. Raises any exception if the file is damaged."""
     shapes = _shapes(*next(iter(contents.items())))
-    return [("colors of vertices", shape.name) for shape in shapes if shape.flags & _COLORS]
+    return [("colors of vertices", name) for _, name, flags, *_ in shapes if flags & _COLORS]
