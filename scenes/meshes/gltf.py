@@ -204,7 +204,8 @@ class _Nodes:
         check_count(self._name, "nodes above moving ones", self._steps, _MOST_STEPS)
         above = tuple(order.get(self._above.get(step, -1), -1) for step in order)
         at_bones, skeletons = np.array([order[bone] for bone in bones]), []
-        for tracks in ({}, self._tracks) if self._tracks.keys() & order.keys() else ({},):
+        played: list[Mapping[int, animation.Joint]] = [{}]
+        for tracks in [*played, self._tracks][: 1 + bool(self._tracks.keys() & order.keys())]:
             joints = tuple(_joint(self.entries[step], tracks.get(step, {})) for step in order)
             skeleton = animation.Skeleton(joints, above, at_bones, to_bone)
             keys = [track.times_s for joint in joints for track in joint.values()]

@@ -141,10 +141,10 @@ class Looks:
         number = image_of(self._file.header, entry)
         if self._last[0] != number:
             codes = codes_of(self._file.image(number), name)[::-1]
-            codes = codes if codes.dtype == np.uint8 else (codes >> 8).astype(np.uint8)
-            codes = codes.repeat(3, axis=-1) if codes.shape[2] == 1 else codes
-            alpha = np.full_like(codes[..., :1], 255)
-            self._last = number, np.concatenate([codes, alpha], axis=-1)[..., :4]
+            codes = (codes >> 8 * (codes.itemsize - 1)).astype(np.uint8)
+            if codes.shape[2] == 1:
+                codes = np.insert(codes.repeat(3, axis=-1), 3, 255, axis=-1)
+            self._last = number, codes
         return self._last[1]
 
     def _surface(self, material: Json, name: str, entries: Json, colors: Image | None) -> Material:
@@ -191,7 +191,7 @@ class Looks:
             "specular": (((ior - 1) / (ior + 1)) ** 2 * share / _SPECULAR).clip(1e-3, 1),
         }
         if through.any():
-            shares = {"eta": np.full((1, 1, 1), ior), "spec_trans": through, **shares}
+            shares = {"eta": np.full((1, 1, 1), ior, np.float32), "spec_trans": through, **shares}
             del shares["specular"]
         look = {"base_color": tint, **{name: _share(image) for name, image in shares.items()}}
         if (through == 1).all() and not (rough.any() or metal.any() or is_solid):

@@ -160,14 +160,14 @@ def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[n
     Raises DamagedFileError.
     """
     codes = codes_of(content, material)
-    values = np.arange(2**16 if codes.dtype == np.uint16 else 2**8)
-    shares = values / values[-1]
+    levels = 2 ** (8 * codes.itemsize)
+    shares = np.arange(levels) / (levels - 1)
     table = (colors.linear_of_srgb(shares) if is_coded else shares).astype(np.float32)
     return np.asarray(table[codes[..., :3]])
 
 
 def codes_of(content: bytes, material: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Return codes (H, W, 1, 3 or 4) of a material's picture, alpha last; errors as above."""
+    """Return codes (H, W, 1), or with alpha (H, W, 4), of a material's picture; errors as above."""
     name = f"the picture of material {material!r}"
     if content.startswith(_KTX2):
         import opengl_basisu
@@ -177,14 +177,8 @@ def codes_of(content: bytes, material: str) -> NDArray[np.uint8] | NDArray[np.ui
             check_decoded(name, (packed.height, packed.width), TEXEL_BYTES)
             return np.asarray(packed.transcode("rgba8").data)
     with decoded(io.BytesIO(content), name, TEXEL_BYTES) as image:
-        if image.mode.startswith("I;16"):
-            codes = np.asarray(image, np.uint16)
-        else:
-            is_gray, has_alpha = (
-                image.mode in _GRAY,
-                "A" in image.mode or "transparency" in image.info,
-            )
-            codes = np.asarray(image.convert("L" if is_gray else "RGBA" if has_alpha else "RGB"))
+        is_deep, is_gray = image.mode.startswith("I;16"), image.mode in _GRAY
+        codes = np.asarray(image if is_deep else image.convert("L" if is_gray else "RGBA"))
     return codes.reshape(*codes.shape[:2], -1)
 
 
