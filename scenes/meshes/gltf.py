@@ -255,9 +255,9 @@ def _figure(file: GltfFile, number: int, parts: list[Part], nodes: _Nodes) -> li
                 if f"{kind}_{n}" in values:
                     held[mine, 4 * n : 4 * n + 4] = values[f"{kind}_{n}"]
         for shape, target in enumerate(entry.get("targets", ())):
-            for kind, name in enumerate(("POSITION", "NORMAL")):
+            for row, name in enumerate(("POSITION", "NORMAL")):
                 if name in target:
-                    changes[kind, shape, mine] = file.values(target[name])
+                    changes[row, shape, mine] = file.values(target[name])
     weights[:, 0] += weights.sum(axis=1) == 0  # by the first joint, or the node
     weights /= weights.sum(axis=1, keepdims=True)
     if joints.max(initial=0) >= len(bones):
@@ -270,7 +270,7 @@ def _figure(file: GltfFile, number: int, parts: list[Part], nodes: _Nodes) -> li
     vertices = np.concatenate([piece.vertices for piece, _, _ in parts])
     skeletons = nodes.skeletons(bones, to_bone)
     at_rest = animation.Figure(
-        skeletons[0], vertices, joints.astype(np.int64), weights, *changes, resting
+        skeletons[0], vertices, joints.astype(np.int64), weights, changes[0], changes[1], resting
     )
     every, now, motion = np.arange(len(vertices)), np.zeros(1), None
     placed = at_rest.places(every, now)

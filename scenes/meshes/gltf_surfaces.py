@@ -130,9 +130,9 @@ class Looks:
             return factors.reshape(1, 1, -1)
         key = image_of(self._file.header, entry), is_color, str(channels), *factors.tolist()
         if key not in self._pictures:
-            values = self._codes(entry, name)[..., np.r_[channels]] / np.float32(255)
-            values = linear_of_srgb(values).astype(np.float32) if is_color else values
-            self._pictures[key] = values * factors
+            shares = self._codes(entry, name)[..., np.r_[channels]] / np.float32(255)
+            linear = linear_of_srgb(shares) if is_color else shares
+            self._pictures[key] = np.asarray(linear * factors, np.float32)
             check_pictures(self._file.name, self._pictures.values())
         return self._pictures[key]
 
@@ -212,7 +212,7 @@ class Looks:
         return Material(dull.reflectance, dull.texture, known_nm=finish.known_nm, finish=finish)
 
 
-def _share(image: Image) -> Part:
+def _share(image: NDArray[Any]) -> Part:
     """Number, or texture of values that are no colors."""
     if image.size == 1:
         return float(image[0, 0, 0])
@@ -226,7 +226,7 @@ def _from_gloss(diffuse: Image, specular: Image) -> tuple[Image, Image]:
         ratio = np.divide(diffuse.shape[:2], specular.shape[:2])
         specular = zoom(specular, (*ratio, 1), order=0)
     seen, shiny = (
-        np.sqrt(color**2 @ np.float32([[0.299], [0.587], [0.114]])) for color in (diffuse, specular)
+        np.sqrt(color**2 @ np.array([[0.299], [0.587], [0.114]])) for color in (diffuse, specular)
     )
     left = (1 - specular.max(axis=-1, keepdims=True)) / (1 - least)
     slope = seen * left + shiny - 2 * least
