@@ -203,8 +203,8 @@ _FERN = _leaf("young leaf dark * 0.9", "young leaf light")
 _BILBERRY = _leaf("leaf dark * 0.9", "leaf light")
 _GRASS = _leaf("grass dark", "grass light")
 _MOSSY_BARK = _coat("spruce bark dark * 1.5", "moss * 0.8", "mossy")
-_PETAL = _coat("white petal * 0.75", "white petal")
-_LITTER = _coat("soil * 1.6", "litter")
+_PETAL = _coat("violet petal * 0.6", "violet petal")
+_LITTER = _coat("soil * 1.6", "litter * 0.8")
 _LOG = {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")}
 _STONE = _coat("stone dark", "stone light", "stone")
 
@@ -230,10 +230,10 @@ LAYERS = {name: plant.layer for name, plant in PLANTS.items() if plant.layer}
 """Places of the undergrowth, by kind."""
 
 COVERS: Mapping[str, Coat] = {
-    "litter": _coat("soil", "litter", "litter"),
-    "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
-    "moss": _coat("soil * 0.5", "moss", "turf"),
-    "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
-    "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
+    "litter": _coat("soil * 0.8", "litter * 0.7", "litter"),
+    "meadow": _coat("soil", "grass dark * 0.6", "turf"),
+    "moss": _coat("soil * 0.5", "moss * 0.7", "turf"),
+    "moss patch": _coat("soil * 0.6", "moss * 0.75", "moss"),
+    "trodden": _coat("soil * 0.8", "litter * 0.6", "trodden"),
 }
 """Ground covers: for all of the ground, or patches and a path."""

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
+from megalopta.assets_gen.plants.foliage import TONES
 from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
@@ -203,9 +204,10 @@ class Planting:
         to_world = np.tile(np.eye(4), (len(points), 1, 1))
         to_world[:, :3, :3] = scales[:, None, None] * turns
         to_world[:, :3, 3] = np.column_stack([points, heights])
+        tones = (rng.integers(TONES, size=len(points)) / TONES).tolist()
         for index, plant in enumerate(plants):
             asset = f"{plant.name} {numbers[index]} {LODS[levels[index]].name}"
-            yield Placement(asset, plant.name, to_world[index])
+            yield Placement(asset, plant.name, to_world[index], leaf_shift=tones[index])
 
     def _slopes(self, points: Floats) -> Floats:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
