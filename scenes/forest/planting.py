@@ -33,11 +33,11 @@ REGULARITY = 0.72
 """Smallest distance between trees in units of 1/√density; 0.83 is the largest possible."""
 LEAST_DEPTH_M = 8.0
 """Smallest extent of the stand beyond the clearance, on all sides."""
-BELT_M = 16.0
+BELT_M = 24.0
 """Width of the belt of trees, bushes and saplings around the stand (m)."""
 TRUNK_M, SMALL_M = 0.35, 0.1
 """Smallest distance of a trunk's middle, and of a small plant, from the edge of a trodden path."""
-THICKET_PER_M2 = 0.14
+THICKET_PER_M2 = 0.2
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
 """Kinds and shares of these if there is no bush in the undergrowth."""
