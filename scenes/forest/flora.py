@@ -65,12 +65,14 @@ class Coat:
     texture: str
     transmittances: Spectra | None = None
     """Transmittances; None: opaque."""
+    gloss: float | None = None
+    """RMS slope of the interface's facets; None: dull."""
 
     @classmethod
-    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
+    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str, gloss: float = 0.35) -> "Coat":
         """Return the coat of leaves, which transmit light."""
         through = dark.transmittance, light.transmittance
-        return cls((dark.reflectance, light.reflectance), texture, through)
+        return cls((dark.reflectance, light.reflectance), texture, through, gloss)
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,7 @@ def materials(
         coat = coats[part]
         (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
         mixed = Texture(texture(seed, coat.texture), second, more)
-        result[part] = Material(first, mixed, transmittance=through)
+        result[part] = Material(first, mixed, transmittance=through, gloss=coat.gloss)
     return result
 
 
