@@ -99,7 +99,7 @@ def _blades(marks: FloatArray, rng: np.random.Generator) -> FloatArray:
     """
     blotches = tileable_noise(marks.shape, (8.0 * TONES, 8.0), (0.05, 0.8), 1.0, rng)
     tones = rng.uniform(-0.5, 0.5, (TONES, ATLAS_TILES, ATLAS_TILES))
-    tones += np.linspace(-0.7, 0.5, TONES)[:, None, None] + np.linspace(-0.4, 0.4, ATLAS_TILES)
+    tones += np.linspace(-0.9, 0.3, TONES)[:, None, None] + np.linspace(-0.4, 0.4, ATLAS_TILES)
     tones = tones.reshape(-1, ATLAS_TILES)
     shades = tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
     return shades + marks + 0.25 * blotches
@@ -120,13 +120,17 @@ def needle_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return tileable granite: speckled grain, stains, round spots of pale lichen."""
+    """Return granite, 0, with grain, stains and spots of lichen, under moss, 1, at its top."""
     shape, size = (512, 512), (STONE_TILE_M, STONE_TILE_M)
     grain = tileable_noise(shape, size, (0.005, 0.03), 0.2, rng)
     stains = tileable_noise(shape, size, (0.06, 1.2), 1.2, rng)
     lichen = strew(shape, size, 60, Marks((0.03, 0.12), 0.9), rng)
-    stone = 0.35 * grain + 0.55 * stains - 0.3
-    return to_weight(np.where(np.isnan(lichen), stone, 0.7 + lichen + 0.3 * grain))
+    stone = 0.15 * grain + 0.2 * stains - 1.1
+    stone = np.where(np.isnan(lichen), stone, stone + 0.4 + 0.3 * lichen)
+    # Boulders reach from −0.3 at the ground, which is 0.7, to 0.65 at their top.
+    height = (np.arange(shape[0])[:, None] / shape[0] + 0.3) % 1
+    cushions = 2.5 * (height - 0.62) / 0.3 + 0.8 * stains + 0.3 * grain
+    return to_weight(np.maximum(stone, np.minimum(cushions, 0.9 + 0.3 * grain)))
 
 
 def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:
