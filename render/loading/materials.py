@@ -77,7 +77,7 @@ def interface(point: Any, to: Any, slope: Any) -> Any:
     far = dr.maximum(dr.abs(point.wi.z), dr.abs(to.z))
     across, along = (x - dr.floor(x) - 0.5 for x in (point.uv * mi.Point2f(*materials.BLADES)))
     vein = VEIN * dr.cos(2 * dr.pi * VEINS * (along - 1.2 * dr.abs(across)))
-    half *= dr.sign(half.z) / up
+    half *= dr.select(half.z < 0, -1.0, 1.0) / up
     x, y = half.x - 2 * ARCH * across, half.y - 2 * ARCH * along - vein
     wide = slope * slope
     facets = dr.exp(-(x * x + y * y) / wide) / (dr.pi * wide * up**4)

@@ -108,7 +108,7 @@ class _Member(NamedTuple):
                 f"asset {self.placement.asset!r}: material {material!r} is patterned, but its mesh "
                 "has no uv"
             )
-        return np.add(uv, (0.0, self.placement.leaf_shift * is_leaf))
+        return np.asarray(uv + np.array([0.0, self.placement.leaf_shift * is_leaf]))
 
 
 def merge(scene: Scene) -> list[MergedMesh]:

@@ -79,10 +79,11 @@ def grown(
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (tree.wood, tree.leaves) if is_full else coarsened(tree, lod.detail, rng)
-            organs_of.append({"bark": wood, "leaf": leaves})
+            organs = {"bark": wood, "leaf": leaves}
             if lod.moss_m and not plant.layer:
                 mossy = generator(seed, "moss", plant.name, number)
-                organs_of[-1] |= {"moss": moss_on(tree.tubes[0], lod.moss_m, mossy)}
+                organs["moss"] = moss_on(tree.tubes[0], lod.moss_m, mossy)
+            organs_of.append(organs)
     else:
         key = int(rng.integers(2**63))
         organs_of = [plant.drawn(lod, np.random.default_rng(key)) for lod in lods]
