@@ -179,7 +179,7 @@ with house_style({"axes.grid.axis": "x"}):
         axes.axvline(photons, color=BLACK, linestyle="--", linewidth=1.2)
         axes.annotate(f"bound,\n{frames} frames", (photons, 1), xycoords=axes.get_xaxis_transform(),
                       xytext=(0, 4), textcoords="offset points", ha="center")  # fmt: skip
-    axes.set(xscale="log", xlabel="photons per frame for a median error of 25 %", xlim=(200, 2e7))
+    axes.set(xscale="log", xlabel="photons for a median error of 25 %", xlim=(200, 2e7))
     names = [f"{each.label}, 8 frames" if each.memory_frames > 1 else each.label for each in order]
     axes.set_yticks(range(len(order)), names)
     axes.xaxis.set_major_formatter(NUMBERS)
