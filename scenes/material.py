@@ -129,7 +129,7 @@ class ColorTexture:
 
 INTERFACE = 0.035
 """Share of light that the surface of a leaf reflects, before pigments take part: PROSPECT's mean in
-a cone of 40° for a refractive index of 1.42; its tables are no lower in the visible."""
+a cone of 40° for a refractive index of 1.45; its tables are no lower in the visible."""
 BLADES = ATLAS_TILES, ATLAS_TILES * TONES
 """Leaves that the texture of a glossy material shows side by side, and one above the other."""
 
