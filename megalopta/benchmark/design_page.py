@@ -69,8 +69,8 @@ def write_design(folder: Path, design: Design) -> Path:
     needed = [f"{_exposure(row)} at {level_name(row.level)}" for row in first if row.exposure_s]
     if never := [level_name(row.level) for row in first if not row.exposure_s]:
         needed.append(f"not reachable at {', '.join(never)}")
-    case = _described(first[0].case)
-    summary = f"{_aim(design).capitalize()}{f', {case}' * bool(case)}: {'; '.join(needed)}."
+    aim = ", ".join(filter(None, (_aim(design).capitalize(), _described(first[0].case))))
+    summary = f"{aim}: {'; '.join(needed)}."
     about = (
         f"Scene: {design.scene}. The camera turns by {settings.yaw_deg_s:g} °/s, at "
         f"{settings.frame_rate_hz:g} frames per second; velocities are from {settings.frames} "

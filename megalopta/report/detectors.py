@@ -47,8 +47,7 @@ _NEEDED = Markup(
 )
 _CURVES = (
     "Bands are ± 2 standard errors. The first {} frames, in which filters settle, are not scored. "
-    "Dotted lines: photons that a sensor detects per frame at a light level; a curve that falls "
-    "below 25 % on their left needs fewer."
+    "Dotted lines: photons that a sensor detects per frame at a light level."
 )
 _INTERVALS = "Intervals are over draws of photons, not over scenes."
 
