@@ -65,6 +65,8 @@ class TruthError:
     """Standard deviation of the difference in x and y (px per frame)"""
     relative_error_median: float
     """Median of |difference| / |truth|, where the truth is not 0"""
+    relative_error_interval: tuple[float, float]
+    """95 % interval of that median by order statistics, as if blocks were independent"""
     outlier_fraction: float
     """Fraction with a relative error above 25 %, where the truth is not 0"""
 
@@ -139,7 +141,9 @@ def truth_error(
     endpoint = np.hypot(*difference.T)
     speed = np.hypot(*truth.T)
     relative = np.hypot(*(measured - truth)[speed > 0].T) / speed[speed > 0]
-    relative = np.where(np.isnan(relative), 1.0, relative)
+    relative = np.sort(np.where(np.isnan(relative), 1.0, relative))
+    ranks = len(relative) / 2 + np.array((-0.98, 0.98)) * math.sqrt(len(relative))
+    low, high = ranks.round().astype(int).clip(0, max(len(relative) - 1, 0))
     return TruthError(
         blocks=len(truth),
         missing_fraction=_of(np.mean, ~defined),
@@ -149,6 +153,7 @@ def truth_error(
         bias_px=(_of(np.mean, difference[:, 0]), _of(np.mean, difference[:, 1])),
         spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
         relative_error_median=_of(np.median, relative),
+        relative_error_interval=(_of(np.max, relative[: low + 1]), _of(np.min, relative[high:])),
         outlier_fraction=_of(np.mean, relative > _OUTLIER),
     )
 

@@ -30,6 +30,7 @@ class BlockErrors(_Record, frozen=True):
     bias_px: tuple[Number, Number]
     spread_px: tuple[Number, Number]
     relative_error_median: Number
+    relative_error_interval: tuple[Number, Number] = (None, None)
     outlier_fraction: Number
 
 

@@ -73,11 +73,17 @@ def best_flow(report: Report) -> FlowRecord | None:
     """Return the flow that is within 25 % in the dimmest light, or nearest to it; None if none."""
 
     def badness(record: FlowRecord) -> tuple[bool, float, float]:
-        is_wrong = record.median_error >= ACCURATE
+        is_wrong = not is_accurate(record)
         return is_wrong, 0.0 if is_wrong else illuminance_of(record.level), record.median_error
 
     known = [record for record in report.flow if math.isfinite(record.median_error)]
     return min(known, key=badness, default=None)
+
+
+def is_accurate(record: FlowRecord) -> bool:
+    """Return whether the median error is below 25 % by the whole of its interval."""
+    high = record.truth.counts.relative_error_interval[1] if record.truth else None
+    return (record.median_error if high is None else high) < ACCURATE
 
 
 def outcome(report: Report, best: FlowRecord | None) -> str:
@@ -95,7 +101,7 @@ def outcome(report: Report, best: FlowRecord | None) -> str:
     where = (
         f"{level_title(best.level)}, {number(lit.detected)} detected photons per pixel and frame"
     )
-    if best.median_error >= ACCURATE:
+    if not is_accurate(best):
         return (
             f"No method finds the {report.motion_name} within 25 % in this light: "
             f"{in_words(best)} on {pixels_of(best.sensor)} comes nearest, at {where}."
@@ -136,10 +142,12 @@ def first_screen(report: Report, best: FlowRecord | None) -> Markup:
     parts = []
     if best and (truth := best.truth):
         score = Markup("<b>{}</b>").format(percent(best.median_error))
+        low, high = map(percent, truth.counts.relative_error_interval)
         meaning = (
-            f"median error of the flow at {level_name(best.level)}, relative to the true speed; "
-            f"below 25 % is good. {percent(truth.counts.outlier_fraction)} of the blocks are off "
-            f"by more. {'' if report.has_truth else STAND_IN}"
+            f"median error of the flow at {level_name(best.level)}, relative to the true speed "
+            f"(95 %: {low} to {high}); below 25 % is good. "
+            f"{percent(truth.counts.outlier_fraction)} of the blocks are off by more. "
+            f"{'' if report.has_truth else STAND_IN}"
         )
         parts.append(html.block("score", score, html.paragraph(meaning)))
     parts.append(html.block("strip", *films))
