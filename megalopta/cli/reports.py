@@ -22,13 +22,8 @@ from megalopta.cli.command import (
 @verb(
     "info",
     "show versions, the rendering variant and what would make it faster",
-    switch("--schema", "write JSON schemas of configurations and plans here, for editors"),
 )
-def _info(options: Namespace) -> str | list[Path]:
-    if options.schema:
-        from megalopta.config.schema import write_schemas
-
-        return write_schemas(Path())
+def _info(_: Namespace) -> str:
     from megalopta.stages.versions import describe
 
     return describe()
