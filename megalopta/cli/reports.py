@@ -19,10 +19,7 @@ from megalopta.cli.command import (
 )
 
 
-@verb(
-    "info",
-    "show versions, the rendering variant and what would make it faster",
-)
+@verb("info", "show versions, the rendering variant and what would make it faster")
 def _info(_: Namespace) -> str:
     from megalopta.stages.versions import describe
 

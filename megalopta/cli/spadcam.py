@@ -64,12 +64,7 @@ def _list(options: Namespace) -> list[str]:
     option("--seconds", "stop after this time (s)", positive),
     option("--exposure", "exposure of a frame, s", within(1e-6, 4000.0), 0.05, dest="exposure_s"),
     option("--rate", "frames per second", within(1e-3, 4000.0), 10.0, dest="frame_rate_hz"),
-    option(
-        "--step-bias",
-        "code of the DAC for the counters' step, 0 to 4095",
-        at_least(0),
-        2048,
-    ),
+    option("--step-bias", "code of the DAC for the counters' step, 0 to 4095", at_least(0), 2048),
     option(
         "--rows",
         "rows to read (default: 0 16, all)",
