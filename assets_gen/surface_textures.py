@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import FloatArray
 from megalopta.assets_gen.bodies import STONE_TILE_M
 from megalopta.assets_gen.plants import bark
-from megalopta.assets_gen.plants.foliage import ATLAS_TILES
+from megalopta.assets_gen.plants.foliage import ATLAS_TILES, TONES
 from megalopta.assets_gen.terrain import GROUND_TILE_M
 from megalopta.assets_gen.tileable_noise import Marks, strew, tileable_noise, to_weight
 from megalopta.core.compiling import compiled
@@ -88,40 +88,49 @@ def trodden_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
     """Position along the midrib and distance from it, in leaves, of every texel of the atlas."""
     place = (np.arange(ATLAS_TILES * LEAF_TEXELS) + 0.5) / LEAF_TEXELS % 1
-    v, u = np.meshgrid(place, place, indexing="ij")
+    v, u = np.meshgrid(np.tile(place, TONES), place, indexing="ij")
     return v, np.abs(u - 0.5)
 
 
 def _blades(marks: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return an atlas of blades with the marks, each with its own shade, and blotches over all."""
-    blotches = tileable_noise(marks.shape, (8.0, 8.0), (0.05, 0.8), 1.0, rng)
-    tones = rng.uniform(-0.7, 0.7, (ATLAS_TILES, ATLAS_TILES))
+    """Return atlases of blades with the marks, each with its own shade, and blotches over all.
+
+    They are lighter from atlas to atlas, and from old to young leaves.
+    """
+    blotches = tileable_noise(marks.shape, (8.0 * TONES, 8.0), (0.05, 0.8), 1.0, rng)
+    tones = rng.uniform(-0.5, 0.5, (TONES, ATLAS_TILES, ATLAS_TILES))
+    tones += np.linspace(-0.9, 0.3, TONES)[:, None, None] + np.linspace(-0.4, 0.4, ATLAS_TILES)
+    tones = tones.reshape(-1, ATLAS_TILES)
     shades = tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
     return shades + marks + 0.25 * blotches
 
 
 def leaf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return an atlas of leaves of many shades with veins and blotches; 1 is lightest."""
+    """Return atlases of leaves of many shades with veins and blotches; 1 is lightest."""
     v, off = _leaf_coordinates()
     veins = 0.8 * (off < 0.03) + 0.45 * ((7 * (v - 1.2 * off)) % 1 < 0.16)
     return to_weight(_blades(veins, rng) - 0.15)
 
 
 def needle_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return an atlas of needle sprays: bright needles over dark gaps, slanted off the twig."""
+    """Return atlases of needle sprays: bright needles over dark gaps, slanted off the twig."""
     v, off = _leaf_coordinates()
     needles = np.cos(2 * np.pi * 11 * (v - 0.9 * off)) - 1.0 * (off < 0.04)
     return to_weight(_blades(0.6 * needles, rng))
 
 
 def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return tileable granite: speckled grain, stains, round spots of pale lichen."""
+    """Return granite, 0, with grain, stains and spots of lichen, under moss, 1, at its top."""
     shape, size = (512, 512), (STONE_TILE_M, STONE_TILE_M)
     grain = tileable_noise(shape, size, (0.005, 0.03), 0.2, rng)
     stains = tileable_noise(shape, size, (0.06, 1.2), 1.2, rng)
     lichen = strew(shape, size, 60, Marks((0.03, 0.12), 0.9), rng)
-    stone = 0.35 * grain + 0.55 * stains - 0.3
-    return to_weight(np.where(np.isnan(lichen), stone, 0.7 + lichen + 0.3 * grain))
+    stone = 0.15 * grain + 0.2 * stains - 1.1
+    stone = np.where(np.isnan(lichen), stone, stone + 0.4 + 0.3 * lichen)
+    # Boulders reach from −0.3 at the ground, which is 0.7, to 0.65 at their top.
+    height = (np.arange(shape[0])[:, None] / shape[0] + 0.3) % 1
+    cushions = 2.5 * (height - 0.62) / 0.3 + 0.8 * stains + 0.3 * grain
+    return to_weight(np.maximum(stone, np.minimum(cushions, 0.9 + 0.3 * grain)))
 
 
 def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:

@@ -296,10 +296,10 @@ class SplitPaths:
         self._bands, self._sampler = settings.bands_nm, settings.sampler
         self._index = MeshIndex(*self._layers.scenes)
         self._textures = shading.Textures(scene, meshes)
-        scattering = shading.Scattering(
-            [scene.materials[mesh.material] for mesh in meshes], self._bands
-        )
-        self._bounces = shading.Bounces(scattering, len(self._bands))
+        materials = [scene.materials[mesh.material] for mesh in meshes]
+        scattering = shading.Scattering([look.body for look in materials], self._bands)
+        shine = shading.Shine(materials)
+        self._bounces = shading.Bounces(scattering, len(self._bands), shine)
         self._sky = shading.SkyLight(
             scene.lighting, sky_of(loaded), scattering, self._bounces, self._bands
         )
@@ -361,7 +361,7 @@ class SplitPaths:
         place = sampler.next_1d()
         dr.eval(sight, weights, rays, through, place)
         arriving = self._paths.radiance(self._loaded, rays, place, sampler, sight.shaded)
-        light = self._bounces.reflected(sight, through, weights, place, arriving)
+        light = self._bounces.reflected(sight, rays, through, weights, place, arriving)
         return [*light, sight.sky]
 
     def _look(self, ray: Any) -> tuple[shading.Sight, shading.Weights]:

@@ -47,12 +47,13 @@ class RenderSettings(Record, frozen=True):
     and 64 more are allowed: enough down to a visibility of 20 m."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
-        (400.0, 475.0),
-        (475.0, 550.0),
-        (550.0, 625.0),
-        (625.0, 700.0),
+        (400.0, 500.0),
+        (500.0, 580.0),
+        (580.0, 640.0),
+        (640.0, 700.0),
     )
-    """Spectral bands, lower and upper edge (nm). Direct light is known for each band as a whole;
+    """Spectral bands, lower and upper edge (nm): by default the peak of green leaves is one, which
+    an edge near 550 nm would turn olive. Direct light is known for each band as a whole;
     paths over other surfaces are traced for four bands at a time."""
 
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"

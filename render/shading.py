@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands, dr, mi
-from megalopta.render.loading.materials import bitmap
+from megalopta.render.loading.materials import bitmap, interface
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.loading.sky import EvenDirections, SkyPatterns
@@ -183,6 +183,21 @@ class Textures:
         return list(values) if self._colors else [values]
 
 
+class Shine:
+    """Response of glossy leaves' interface, in addition to what is diffuse."""
+
+    def __init__(self, materials: Sequence[Material]) -> None:
+        slopes = [material.gloss or 0.0 for material in materials]
+        self._slopes = mi.Float(slopes) if any(slopes) else None
+
+    def toward(self, sight: Sight, directions: Any) -> Any:
+        """Response (1/sr) of the surfaces seen to light from directions."""
+        if self._slopes is None:
+            return mi.Float(0.0)
+        slope = dr.gather(mi.Float, self._slopes, sight.mesh, sight.shaded)
+        return interface(sight.point, sight.point.to_local(directions), slope)
+
+
 class SunLight:
     """Direct light from the disc of sun or moon, also through a surface."""
 
@@ -199,8 +214,11 @@ class SunLight:
         table = [
             [np.mean(spectrum(grid) * sun.irradiance(grid)) / np.pi for grid in grids]
             for material in materials
-            for spectrum in scattered(material, spectra)
+            for spectrum in scattered(material.body, spectra)
         ]
+        self._shine = Shine(materials)
+        means = [float(np.mean(sun.irradiance(grid))) for grid in grids]
+        self._irradiance = [dr.opaque(mi.Float, mean) for mean in means]
         self._transmits = mi.Bool([material.transmits for material in materials])
         self._facing = Table(np.array(table), self._bands, spectra)
 
@@ -218,7 +236,10 @@ class SunLight:
         lit &= ~through | dr.gather(mi.Bool, self._transmits, sight.mesh, lit)
         lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
         cosine = dr.select(lit, dr.abs(cosine), 0.0)
-        return [cosine * x for x in self._facing.read(side_of(sight, through), weights, lit)]
+        facing = self._facing.read(side_of(sight, through), weights, lit)
+        shine = self._shine.toward(sight, self._center)
+        parts = zip(facing, self._irradiance, strict=True)
+        return [cosine * dr.fma(shine, light, diffuse) for diffuse, light in parts]
 
 
 def leaving(point: Any, front: Any, share: Any, sample: Any) -> tuple[Any, Any]:
@@ -237,7 +258,8 @@ def leaving(point: Any, front: Any, share: Any, sample: Any) -> tuple[Any, Any]:
 class Bounces:
     """Rays along which light arrives at the surfaces seen, on both sides of translucent ones."""
 
-    def __init__(self, scattering: Scattering, bands: int) -> None:
+    def __init__(self, scattering: Scattering, bands: int, shine: Shine) -> None:
+        self._shine = shine
         self._through = mi.Float(scattering.through.astype(np.float32))
         self._scattered = Table(scattering.of_rays(), bands, scattering.spectra)
 
@@ -251,13 +273,25 @@ class Bounces:
         through, share = (cosine > 0) != sight.front, self._share(sight)
         return dr.abs(cosine) / dr.pi * dr.select(through, share, 1 - share), through
 
+    def shine(self, sight: Sight, directions: Any) -> Any:
+        """Weight of the light that rays bring to the interface, as they are distributed."""
+        response = self._shine.toward(sight, directions)
+        return dr.pi * response / (1 - self._share(sight))
+
     def reflected(
-        self, sight: Sight, through: Any, weights: Weights, place: Any, arriving: list[Any]
+        self,
+        sight: Sight,
+        rays: Any,
+        through: Any,
+        weights: Weights,
+        place: Any,
+        arriving: list[Any],
     ) -> list[Any]:
         """Radiance of each band due to light that arrives at a place, 0 to 1, in the band."""
+        shine = self.shine(sight, rays.d)
         step = dr.minimum(mi.UInt(place * WAVELENGTHS), WAVELENGTHS - 1)
         shares = self._scattered.read(side_of(sight, through), weights, sight.shaded, step)
-        return [light * share for light, share in zip(arriving, shares, strict=True)]
+        return [light * (share + shine) for light, share in zip(arriving, shares, strict=True)]
 
     def _share(self, sight: Sight) -> Any:
         return dr.gather(mi.Float, self._through, sight.mesh, sight.shaded)
@@ -311,10 +345,14 @@ class SkyLight:
             count = dr.select(both > 0, density / both, 0.0)
         free = sight.shaded & ~scene.ray_test(rays, sight.shaded)
         values = self._values(rays.d, free)
-        light = [mi.Float(0.0)] * self._bands
+        light, shine = [mi.Float(0.0)] * self._bands, self._bounces.shine(sight, rays.d)
         for sky, value in enumerate(values):
             row = side_of(sight, through) * self._skies + sky
-            shares = self._under.read(row, weights, free)
+            first = sky * self._bands
+            shares = [
+                dr.fma(shine, dr.gather(mi.Float, self._emitted, first + band, free), share)
+                for band, share in enumerate(self._under.read(row, weights, free))
+            ]
             light = [a + count * value * b for a, b in zip(light, shares, strict=True)]
         return light
 

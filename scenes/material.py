@@ -1,12 +1,13 @@
 """Surfaces that reflect, transmit or emit light; others than diffuse are Mitsuba plug-ins."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.assets_gen.plants.foliage import ATLAS_TILES, TONES
 from megalopta.core.arrays import Floats
 from megalopta.scenes.spectra.color import KNOWN_NM
 from megalopta.scenes.spectra.spectrum import Spectrum, common_range, flat, total
@@ -126,6 +127,12 @@ class ColorTexture:
         return tuple((reflectance, None) for reflectance in self.reflectances)
 
 
+INTERFACE = 0.035
+"""Share of light that the surface of a leaf reflects, before pigments take part: PROSPECT's mean in
+a cone of 40° for a refractive index of 1.45; its tables are no lower in the visible."""
+BLADES = ATLAS_TILES, ATLAS_TILES * TONES
+"""Leaves that the texture of a glossy material shows side by side, and one above the other."""
+
 _Scattered = tuple[Spectrum, Spectrum | None]
 
 
@@ -150,10 +157,23 @@ class Material:
     finish: Finish | None = None
     """Surface that is not diffuse, or that of a lamp; of all others only `emission` and `known_nm`
     then count."""
+    gloss: float | None = None
+    """RMS slope of the facets of leaves whose interface reflects `INTERFACE` of the light as a
+    mirror would, at random tilts, and not in all directions; None: it does. Both sides do."""
 
     def __post_init__(self) -> None:
         """Reject a surface that would return more light than it receives."""
         _check_energy("material", self.reflectance, self.transmittance)
+
+    @property
+    def body(self) -> "Material":
+        """What is diffuse of it: without the interface of glossy leaves."""
+        if self.gloss is None:
+            return self
+        texture = self.texture
+        if isinstance(texture, Texture):
+            texture = replace(texture, reflectance=_below(texture.reflectance))
+        return replace(self, reflectance=_below(self.reflectance), texture=texture)
 
     @property
     def range_nm(self) -> tuple[float, float]:
@@ -175,6 +195,11 @@ class Material:
         return not self.emission and any(
             spectrum and max(spectrum.values) > 0 for spectrum in spectra
         )
+
+
+def _below(reflectance: Spectrum) -> Spectrum:
+    values = tuple(max(value - INTERFACE, 0.0) for value in reflectance.values)
+    return replace(reflectance, values=values)
 
 
 def _check_energy(surface: str, reflectance: Spectrum, transmittance: Spectrum | None) -> None:

@@ -72,6 +72,8 @@ class Placement:
     """Rotation, uniform scale and translation (m)."""
     motion: Motion | None = None
     """Motion or bending of the placed object; None: at rest."""
+    leaf_shift: float = 0.0
+    """Added to the second texture coordinate of translucent parts: a plant's own tone of leaves."""
 
 
 @dataclass(frozen=True)

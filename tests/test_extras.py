@@ -15,7 +15,7 @@ import sys
 
 class Refused:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun", "DracoPy", "meshopt"}:
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs", "av", "ptufile", "rerun", "DracoPy", "meshopt", "opengl_basisu"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Refused())

@@ -11,7 +11,9 @@ from megalopta.assets_gen.plants.skeleton import IndexArray
 from megalopta.assets_gen.plants.species import Foliage
 
 ATLAS_TILES = 8
-"""Number of leaves in a row and a column of leaf textures; every leaf shows one of them."""
+"""Number of leaves in a row and a column of leaf textures, from old to young in each row."""
+TONES = 4
+"""Leaf textures, from dark to light, one above the other; each plant shows one of them."""
 
 
 class Blade(NamedTuple):
@@ -55,7 +57,7 @@ def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -
     direction = unit(direction + rng.normal(0, 0.15, direction.shape))
     normal = UP + foliage.tilt * rng.normal(0, 0.7, direction.shape)
     size = (1 - (1 - foliage.shrink) * share) * rng.uniform(0.75, 1.2, len(share))
-    leaves = blades(base, direction, normal, size, foliage, rng)
+    leaves = blades(base, direction, normal, size, foliage, rng, age=1 - share)
     return replace(leaves, clusters=np.repeat(axis + 1, 2))
 
 
@@ -86,11 +88,12 @@ def blades(
     size: FloatArray,
     foliage: Foliage | Blade,
     rng: np.random.Generator,
+    age: FloatArray | None = None,
 ) -> Surface:
     """Return one folded diamond per leaf, with a random tile of the leaf texture.
 
     Its base (n, 3) (m), its direction along the midrib, the direction that its upper side faces,
-    and its size (n,), a factor on length and width, are given.
+    its size (n,), a factor on length and width, and its age (n,), 0 to 1, are given; null: any.
     """
     across = unit(cross(facing, direction))
     normal = cross(direction, across)
@@ -102,6 +105,14 @@ def blades(
     first = 4 * np.arange(len(base))[:, None, None]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     tile = rng.integers(0, ATLAS_TILES, (len(base), 1, 2))
+    if age is not None:
+        youth = (1 - age + rng.normal(0, 0.2, len(base))).clip(0, 0.99)
+        tile[:, 0, 0] = youth * ATLAS_TILES
     w = foliage.widest
     local = np.array([[0.5, 0.02], [0.98, w], [0.5, 0.98], [0.02, w]])
-    return Surface(corners.reshape(-1, 3), faces, ((tile + local) / ATLAS_TILES).reshape(-1, 2))
+    return Surface(corners.reshape(-1, 3), faces, atlas_uv(tile, local))
+
+
+def atlas_uv(tile: IndexArray, local: FloatArray) -> FloatArray:
+    """Return texture coordinates (n·k, 2) of points (k, 2) in the tiles (n, 1, 2) of leaves."""
+    return ((tile + local) / (ATLAS_TILES, ATLAS_TILES * TONES)).reshape(-1, 2)

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
-from megalopta.assets_gen import FloatArray, Surface, join, lengths, unit
+from megalopta.assets_gen import FloatArray, Surface, grid_faces, join, lengths, unit
 from megalopta.assets_gen.plants import bark, branching
 from megalopta.assets_gen.plants.bark import TILE_M, Furrows
 from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, Branching, outward, sideways
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii, swept_tube
 from megalopta.assets_gen.plants.species import Climbing, Colonized, Fronded, Species
+from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.core.arrays import Mask
 
 
@@ -134,6 +136,38 @@ def _stem(
     if furrows:
         axis, rings = furrows.carved(axis, rings, TILE_M, origin)
     return swept_tube(axis, rings, TILE_M, origin, whole_tiles=True)
+
+
+MOSS_M, MOSS_TOP_M = 0.02, 1.4
+"""Typical thickness of moss on bark, and height where it ends (m)."""
+
+
+def moss_on(stem: Surface, step_m: float, rng: np.random.Generator) -> Surface:
+    """Return moss around the foot of a stem made by `swept_tube`: a sleeve with steps of a size.
+
+    Where it is thin, it is inside the stem, so that it ends in a ragged border.
+    """
+    columns = int(np.argmax(stem.uv[:, 1] != stem.uv[0, 1]))
+    assert stem.normals is not None
+    grid = np.concatenate([stem.vertices, stem.normals], axis=1)[:-1].reshape(-1, columns, 6)
+    height = grid[:, :, 2].mean(axis=1)
+    levels = np.arange(height[0], min(MOSS_TOP_M, height[-1]), step_m)
+    girth_m = float(lengths(np.diff(grid[0, :, :3], axis=0)).sum())
+    around = np.linspace(0, columns - 1, int(np.clip(girth_m / step_m, 10, 72)))
+    rings = np.interp(levels, height, np.arange(len(height)))
+    place = np.stack(np.meshgrid(rings, around, indexing="ij"))
+    values = [map_coordinates(grid[..., axis], place, order=1) for axis in range(6)]
+    points, normals = np.stack(values[:3], axis=-1), unit(np.stack(values[3:], axis=-1))
+    z = points[..., 2]
+    # A field of the plane, sheared with the height, has no seam around the stem.
+    sheared = points[..., :2] + z[..., None] * (0.8, -0.6)
+    cushions = plane_waves((0.06, 0.5), 1.0, 40, rng)(sheared)
+    ample = rng.uniform(0.2, 1.2) + 0.6 * normals[..., 0] - 2.2 * np.maximum(z, 0) / MOSS_TOP_M
+    thick = MOSS_M * np.tanh(0.7 * cushions + ample)
+    faces = grid_faces(len(levels), len(around))
+    uv = np.stack([points[..., :2].sum(axis=-1), z], axis=-1).reshape(-1, 2)
+    vertices = (points + thick[..., None] * normals).reshape(-1, 3)
+    return Surface(vertices, faces, uv, normals.reshape(-1, 3))
 
 
 def _sides(radius_m: FloatArray, chord_m: float) -> IndexArray:

@@ -5,7 +5,7 @@ import numpy as np
 from megalopta.assets_gen import FloatArray, Surface, cross, join, unit
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import UP, outward
-from megalopta.assets_gen.plants.foliage import ATLAS_TILES, Blade, blades
+from megalopta.assets_gen.plants.foliage import ATLAS_TILES, Blade, atlas_uv, blades
 from megalopta.assets_gen.plants.skeleton import rotation_minimizing_frames, swept_tube
 
 PINNA = Blade(length_m=0.2, width_m=0.055, widest=0.3, fold_deg=8)
@@ -115,8 +115,8 @@ def grow_grass(rng: np.random.Generator, merged: int = 1) -> Surface:
     corners = np.stack([root - half, root + half, middle + half, middle - half, tip], axis=1)
     faces = 5 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]])
     local = np.array([[0.4, 0.02], [0.6, 0.02], [0.6, 0.5], [0.4, 0.5], [0.5, 0.98]])
-    uv = (rng.integers(0, ATLAS_TILES, (count, 1, 2)) + local) / ATLAS_TILES
-    return Surface(corners.reshape(-1, 3), faces.reshape(-1, 3), uv.reshape(-1, 2))
+    uv = atlas_uv(rng.integers(0, ATLAS_TILES, (count, 1, 2)), local)
+    return Surface(corners.reshape(-1, 3), faces.reshape(-1, 3), uv)
 
 
 def strew_litter(rng: np.random.Generator) -> Surface:

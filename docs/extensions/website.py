@@ -31,9 +31,14 @@ class NotebookParser(MystParser):
     def parse(self, inputstring: str, document: document) -> None:
         """Parse the cells as one page."""
         name, pages = Path(document["source"]).name, []
-        for cell in json.loads(inputstring)["cells"]:
+        for place, cell in enumerate(json.loads(inputstring)["cells"]):
             text = "".join(cell["source"])
             pages.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+            output = Path(document["source"]).with_name(f"{Path(name).stem}-{place}.txt")
+            if output.exists():
+                pages.append(f"```{{literalinclude}} {output.name}\n```")
+            if (picture := output.with_suffix(".png")).exists():
+                pages.append(f"![What this cell draws]({picture.name})")
         super().parse("\n\n".join([*pages, f"{{download}}`Download {name} <{name}>`"]), document)
 
 

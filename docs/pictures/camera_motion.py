@@ -18,8 +18,10 @@ from megalopta.flow import METHODS, draw_counts, likely_camera_motion
 from megalopta.flow.camera_motion import motion_of_flow
 from megalopta.flow.detectors.registry import velocity_method
 from megalopta.flow.metrics.endpoint_error import angles_deg
+from megalopta.report.style import BLACK, GRAY, NUMBERS, house_style, method_style
 
 FLUXES, WARM_UP, HALF = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0), 16, 47
+DASHES = {"summed": ":", "fitted": "--", "2 frames": "--", "8 frames": "-"}
 MIDDLES = np.arange(HALF, FRAMES - 4, 8)
 CENTERS = velocity_method("PPF").grid((CAMERA.height, CAMERA.width)).centers
 
@@ -68,12 +70,24 @@ for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
             for name, motion in found.items():
                 yaw_errors[name, flux].append(motion.rotation_deg[1] - yaw_deg[at])
                 angles[name, flux].append(angles_deg(np.array(motion.heading), steps[at]))
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
-for name in dict.fromkeys(name for name, _ in yaw_errors):
-    rms = [np.sqrt(np.mean(np.square(yaw_errors[name, flux]))) for flux in FLUXES]
-    left.loglog(FLUXES, 100 * np.array(rms) / np.sqrt(np.mean(yaw_deg[HALF:] ** 2)), label=name)
-    right.loglog(FLUXES, [np.median(angles[name, flux] or np.nan) for flux in FLUXES])
-left.set(xlabel="photons per pixel", ylabel="RMS error of the yaw rate (%)")
-right.set(xlabel="photons per pixel", ylabel="median error of the heading (°)")
-left.legend()
-figure.savefig(Path(__file__).parent.parent / "camera-motion.png", dpi=150)
+with house_style():
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.3, 4.8), layout="constrained")
+    for name in dict.fromkeys(name for name, _ in yaw_errors):
+        method, _, how = name.partition(", ")
+        look = method_style(method) if method in METHODS else {"color": BLACK, "marker": "o"}
+        look["linestyle"] = (
+            "--" if how in ("fitted", "2 frames") else ":" if how == "summed" else "-"
+        )
+        rms = [np.sqrt(np.mean(np.square(yaw_errors[name, flux]))) for flux in FLUXES]
+        yaw_percent = 100 * np.array(rms) / np.sqrt(np.mean(yaw_deg[HALF:] ** 2))
+        left.loglog(FLUXES, yaw_percent, label=name, **look)
+        heading = [np.median(angles[name, flux] or np.nan) for flux in FLUXES]
+        right.loglog(FLUXES, heading, **look)
+    left.set(xlabel="photons per pixel", title="error of the yaw rate (%)")
+    right.set(xlabel="photons per pixel", title="error of the heading (°)")
+    for axes in (left, right):
+        axes.axhline(5, color=GRAY, linewidth=1)
+        axes.xaxis.set_major_formatter(NUMBERS)
+        axes.yaxis.set_major_formatter(NUMBERS)
+    figure.legend(loc="outside lower center", ncols=3)
+    figure.savefig(Path(__file__).parent.parent / "camera-motion.png", dpi=100)

@@ -1,4 +1,4 @@
-"""A rendered view for gallery.py and views.py, denoised for display, with the counts of a sensor.
+"""Rendered views for flight.py, gallery.py and views.py, denoised for display, and their counts.
 
 Intel Open Image Denoise (`pip install pyoidn`) estimates the light, guided by the albedo, which is
 known without noise. The estimate is biased, so it is never data: counts come from the light as
@@ -14,11 +14,33 @@ from pyoidn import denoise
 from skimage.measure import block_reduce
 
 from megalopta.config.model import Configuration
-from megalopta.render import SceneRenderer, frame_seed
+from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.report.images import gray_scale
 from megalopta.scenes import preview
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.scene import Scene
 from megalopta.sensor import expose
 from megalopta.stages.render import build
+
+
+def fine_albedo(
+    scene: Scene, camera: Camera, settings: RenderSettings, poses: NDArray[Any]
+) -> NDArray[np.float32]:
+    """Return the albedo (T, H, W, bands) at poses, a mean of four points of each pixel."""
+    size = {"width": 2 * camera.width, "height": 2 * camera.height}
+    finer = SceneRenderer(scene, camera.model_copy(update=size), settings)
+    return np.stack([block_reduce(finer.albedo(pose), (2, 2, 1), np.mean) for pose in poses])
+
+
+def denoised(radiance: NDArray[Any], albedo: NDArray[Any]) -> NDArray[np.float32]:
+    """Return radiance (H, W, bands) without its noise; three bands at a time, as those of color."""
+    light, mean = np.empty_like(radiance), radiance.mean()
+    for first in range(0, radiance.shape[-1], 3):
+        three = np.arange(first, first + 3) % radiance.shape[-1]
+        scaled = np.ascontiguousarray(radiance[..., three] / mean)
+        clean = denoise(scaled, albedo[..., three], hdr=True, clean_aux=True)
+        light[..., three] = mean * clean
+    return light
 
 
 def seen(settings: Configuration) -> tuple[Image.Image, NDArray[Any], float]:
@@ -27,17 +49,7 @@ def seen(settings: Configuration) -> tuple[Image.Image, NDArray[Any], float]:
     camera, bands_nm, sensor = settings.camera, settings.render.bands_nm, settings.sensors[0]
     renderer = SceneRenderer(scene, camera, settings.render, pose)
     radiance = renderer.radiance(pose[0], frame_seed(settings.seed, 0))
-    light = radiance
-    if scene.lighting and not scene.environment:
-        size = {"width": 2 * camera.width, "height": 2 * camera.height}
-        finer = SceneRenderer(scene, camera.model_copy(update=size), settings.render)
-        albedo = block_reduce(finer.albedo(pose[0]), (2, 2, 1), np.mean).astype(np.float32)
-        light, mean = np.empty_like(radiance), radiance.mean()
-        for first in range(0, len(bands_nm), 3):  # three at a time, as those of a color
-            three = np.arange(first, first + 3) % len(bands_nm)
-            scaled = np.ascontiguousarray(radiance[..., three] / mean)
-            clean = denoise(scaled, albedo[..., three], hdr=True, clean_aux=True)
-            light[..., three] = mean * clean
+    light = denoised(radiance, fine_albedo(scene, camera, settings.render, pose)[0])
     view = Image.fromarray(preview(light, bands_nm, settings.scene.white(settings.light)))
     counts = expose(radiance[None], bands_nm, sensor, seed=settings.seed, stream="view").counts
     return view, counts[0], sensor.exposure_s

@@ -1,24 +1,24 @@
-"""Draw views.jpg: forests under natural skies, denoised for display, and counts by starlight.
+"""Draw views.jpg: forests under natural skies, denoised for display.
 
-Every view is exposed for its own light, unlike any eye or camera at night. Counts are drawn from
-the light as rendered.
+Every view is exposed for its own light, unlike any eye or camera at night. One view has a row of
+its own, in which its middle third is shown.
 """
 
 from pathlib import Path
 
 import yaml
-from denoised import gray_counts, seen
+from denoised import seen
 
 from megalopta.config.model import Configuration
-from megalopta.report.images import sheet
+from megalopta.report.images import Row, sheet
 
 HERE = Path(__file__).parent
-pictures = []
-for title, parts in yaml.safe_load((HERE / "views.yaml").read_text("utf-8"))["views"].items():
-    view, counts, exposure_s = seen(Configuration.model_validate(parts))
-    pictures.append((title, view))
-    if "sensors" in parts:
-        mean = f"{counts.mean():.2g} photons per pixel in {exposure_s:g} s"
-        pictures.append((f"{title}: {mean}", gray_counts(counts)))
-rows = [pictures[at : at + 2] for at in range(0, len(pictures), 2)]
-sheet(rows).save(HERE.parent / "views.jpg", "JPEG", quality=88)
+rows: list[Row] = []
+for row in yaml.safe_load((HERE / "views.yaml").read_text("utf-8"))["rows"]:
+    parts = {name: Configuration.model_validate(each) for name, each in row.items()}
+    pictures = [(name, seen(settings)[0]) for name, settings in parts.items()]
+    if len(pictures) == 1:
+        ((name, wide),) = pictures
+        pictures = [(name, wide.crop((0, wide.height // 6, wide.width, wide.height * 5 // 6)))]
+    rows.append(pictures)
+sheet(rows, 20).save(HERE.parent / "views.jpg", "JPEG", quality=88)

@@ -71,11 +71,13 @@ _DIRECTIONS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1,
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
-_LONGEST_STEP_PX = 1.0
+_LONGEST_STEP_PX, _STILL_PX = 1.0, 1e-4
+"""Longest change of a step, and the one below which steps end, px of a level"""
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
-_TOLERANCE, _MOST_ITERATIONS = 1e-6, 40
-"""Relative residual at which conjugate gradients stop, and steps after which factors are cheaper"""
+_TOLERANCE, _MOST_ITERATIONS, _FEW_NODES = 1e-6, 40, 200
+"""Relative residual at which conjugate gradients stop; steps after which, and nodes up to which,
+factors are cheaper"""
 
 Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
@@ -160,7 +162,10 @@ def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps:
         for _ in range(_PRIOR_STEPS):
             weights = _links(best, smoothness)
             best, factors = most_likely(information, target, weights, best, factors)
-        flow = flow + np.clip(best - flow, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
+        change = np.clip(best - flow, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
+        flow = flow + change
+        if np.abs(change).max() < _STILL_PX:
+            break
     return flow
 
 
@@ -316,9 +321,9 @@ def with_large_motion(level: Level, times: Floats, flow: Floats) -> Floats:
     middles = (NODE_PX * np.arange(count) + NODE_PX // 2 for count in explained.shape)
     places = ((centers + shifts) // NODE_PX for centers in middles)
     rows, columns = (place.clip(0, place[REACH_PX, -1]) for place in places)
-    for label in range(messages.SIDE**2):
-        row, column = rows[label // messages.SIDE], columns[label % messages.SIDE]
-        costs[..., label] += _CLAIM * explained[np.ix_(row, column)]
+    for down, row in enumerate(rows):
+        to_right = costs[..., down * messages.SIDE : (down + 1) * messages.SIDE]
+        to_right += _CLAIM * explained[row[:, np.newaxis, np.newaxis], columns.T]
     total = costs.copy()
     for down, right in _DIRECTIONS:
         messages.add_messages(costs, flow, down, right, total)
@@ -357,7 +362,7 @@ def most_likely(
         entries.append((second + offset, first + offset, -weight))
     rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
     matrix = coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
-    if factors is not None:
+    if factors is not None and nodes > _FEW_NODES:
         similar = LinearOperator(matrix.shape, factors.solve, dtype=target.dtype)
         options: dict[str, Any] = {"rtol": _TOLERANCE, "maxiter": _MOST_ITERATIONS, "M": similar}
         velocities, failed = cg(matrix, target, start.ravel(), **options)

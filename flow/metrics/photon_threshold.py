@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field, PositiveInt, TypeAdapter
 
 from megalopta.core.arrays import Floats
+from megalopta.core.quantities import number, short
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.metrics.response_error import Metric, error_parts, for_json, quotient
 from megalopta.sensor.sampling.streams import generator
@@ -31,7 +32,6 @@ _LOWEST_ERROR = 1e-3
 """Smaller errors, in levels, are raised to this (block matching reaches 0, without logarithm)."""
 _LARGEST_EXPONENT = 50.0
 """Perturbations beyond a factor exp(50) are equal: the error is unknown there."""
-_UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """Validated when read from a file"""
@@ -41,7 +41,7 @@ Error = Annotated[float, BeforeValidator(lambda value: math.nan if value is None
 
 @dataclass(frozen=True)
 class Threshold:
-    """A flux, or the reason why there is none; prints as "41.2k [39.0k, 43.5k]"."""
+    """A flux, or the reason why there is none; prints as "41 200 (39 000 to 43 500)"."""
 
     kind: Literal["crossing", "above", "below", "undefined"]
     """Kind of curve: it crosses the level, stays above it, starts below it, or does not exist"""
@@ -60,16 +60,16 @@ class Threshold:
 
     def __str__(self) -> str:
         if self.kind == "undefined" or self.flux is None:
-            outside = {"above": _bound(">", self.range_max), "below": _bound("<", self.range_min)}
+            outside = {"above": f"> {short(self.range_max)}", "below": f"< {short(self.range_min)}"}
             return outside.get(self.kind, "undefined")
-        return f"{format_flux(self.flux)} {self.interval}"
+        return f"{number(self.flux)} ({self.interval})"
 
     @property
     def interval(self) -> str:
-        """Interval of a crossing as text: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
-        low = _bound("<", self.range_min) if self.low is None else format_flux(self.low)
-        high = _bound(">", self.range_max) if self.high is None else format_flux(self.high)
-        return f"[{low}, {high}]"
+        """Interval of a crossing: "39 000 to 43 500", or open "39 000 to > 1 billion"."""
+        low = f"< {short(self.range_min)}" if self.low is None else number(self.low)
+        high = f"> {short(self.range_max)}" if self.high is None else number(self.high)
+        return f"{low} to {high}"
 
 
 def threshold(
@@ -124,18 +124,6 @@ def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
     crossing = fluxes[after - 1] * (fluxes[after] / fluxes[after - 1]) ** share
     crossing = np.where(below[..., 0], 0.0, crossing)
     return np.where(below.any(axis=-1), crossing, np.inf)
-
-
-def format_flux(flux: float) -> str:
-    """Format a flux with three digits and a unit prefix: 41.2k, 154M."""
-    unit, prefix = next((pair for pair in _UNITS if flux >= 0.9995 * pair[0]), _UNITS[-1])
-    value = flux / unit
-    decimals = 2 if value < 9.995 else 1 if value < 99.95 else 0
-    return f"{value:.{decimals}f}{prefix}"
-
-
-def _bound(sign: str, flux: float) -> str:
-    return f"{sign} {flux:g}".replace("e+0", "e").replace("e+", "e")
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
+from megalopta.core.quantities import number, percent, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, block, table, write_sections
-from megalopta.report.text import number, percent, with_error
 from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.color import band_means
 from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation

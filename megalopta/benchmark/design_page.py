@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -9,9 +10,10 @@ from markupsafe import Markup
 from megalopta.benchmark.design import Design, DesignPoint, DesignRow
 from megalopta.config.model import level_text
 from megalopta.core.files import write_csv
+from megalopta.core.quantities import UNDEFINED, number, short, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned, write_sections
-from megalopta.report.text import UNDEFINED, level_name, number, short
+from megalopta.report.text import level_name
 
 _CHARTS = 4
 _MEASURES = {"error_px": ("flow", "px"), "error_deg_s": ("yaw rate", "°/s")}
@@ -42,10 +44,13 @@ def table_cells(design: Design, row: DesignRow) -> tuple[str, ...]:
     """Return a line of that table."""
     _, unit = _MEASURES[design.settings.measure]
     values = (short(value * _QUANTITIES[name][2]) for name, value in row.case.items())
-    exposure = f"{number(1e3 * row.exposure_s)} ms" if row.exposure_s else "not reachable"
-    least = f"{number(row.best_error)} {unit} at {number(1e3 * row.best_exposure_s)} ms"
+    least = f"{number(row.best_error)} {unit} at {with_error(row.best_exposure_s, 0, 's')}"
     least = least if np.isfinite(row.best_error) else UNDEFINED
-    return (level_name(row.level), *values, exposure, least, row.limit)
+    return (level_name(row.level), *values, _exposure(row), least, row.limit or UNDEFINED)
+
+
+def _exposure(row: DesignRow) -> str:
+    return with_error(row.exposure_s, 0, "s") if row.exposure_s else "not reachable"
 
 
 def write_design(folder: Path, design: Design) -> Path:
@@ -60,15 +65,21 @@ def write_design(folder: Path, design: Design) -> Path:
         of_case = [point for point in design.points if point.case == case]
         chart = _curve_chart(design, of_case, f"errors-{place}")
         charts.append(captioned(chart, _described(case) or design.sensor.name))
-    sections = [
-        Section(_aim(design).capitalize(), _GUIDE, table_head(design), rows),
-        Section("Error over exposure", charts=tuple(charts)),
-    ]
-    summary = (
+    first = [row for row in design.rows if row.case == design.rows[0].case]
+    needed = [f"{_exposure(row)} at {level_name(row.level)}" for row in first if row.exposure_s]
+    if never := [level_name(row.level) for row in first if not row.exposure_s]:
+        needed.append(f"not reachable at {', '.join(never)}")
+    aim = ", ".join(filter(None, (_aim(design).capitalize(), _described(first[0].case))))
+    summary = f"{aim}: {'; '.join(needed)}."
+    about = (
         f"Scene: {design.scene}. The camera turns by {settings.yaw_deg_s:g} °/s, at "
         f"{settings.frame_rate_hz:g} frames per second; velocities are from {settings.frames} "
         f"frames, flow in blocks of {settings.block_px} px."
     )
+    sections = [
+        Section("Error over exposure", about, charts=tuple(charts)),
+        Section(_aim(design).capitalize(), _GUIDE, table_head(design), rows),
+    ]
     title = f"Design of {design.sensor.name}"
     return write_sections(folder / "design.html", title, summary, sections)
 
@@ -76,7 +87,7 @@ def write_design(folder: Path, design: Design) -> Path:
 @style.in_style
 def _curve_chart(design: Design, points: Sequence[DesignPoint], name: str) -> Markup:
     """Draw errors over exposures, a line per light level."""
-    figure, axes = style.new_axes(*style.CHART_PT)
+    figure, axes = style.new_axes(style.CHART_PT[0], 320)
     quantity, unit = _MEASURES[design.settings.measure]
     for place, level in enumerate(design.settings.light_levels):
         line = [point for point in points if point.level == level]
@@ -88,7 +99,8 @@ def _curve_chart(design: Design, points: Sequence[DesignPoint], name: str) -> Ma
     style.logarithmic(axes, "x", style.NUMBERS)
     style.logarithmic(axes, "y", style.NUMBERS)
     axes.set(xlabel="exposure (ms)", ylabel=f"standard error of {quantity} ({unit})")
-    return style.with_legend(figure, name, "Error over exposure, a line per light level")
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
+    return style.with_legend(figure, name, "Error over exposure, a line per light level", **below)
 
 
 def _described(case: Mapping[str, float]) -> str:

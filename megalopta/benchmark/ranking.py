@@ -54,7 +54,7 @@ class RankingSettings(Record, frozen=True):
 
 
 def cell_name(speed: str, parallax: str) -> str:
-    """Name of the group of blocks of one cell of the atlas."""
+    """Name of the group of blocks of one speed and parallax."""
     return f"speed {speed}, parallax {parallax}"
 
 
@@ -94,8 +94,10 @@ class Ranking:
         """Return the rows of a metric, of one group."""
         return self.rows[(self.rows["metric"] == metric) & (self.rows["group"] == group)]
 
-    def best_of(self, flux: float, group: str = "all") -> "pd.Series[Any] | None":
-        """Return the row of the least mean error; None if the group has no blocks."""
-        errors = self.rows_of(table.MEAN, group)
+    def best_of(
+        self, flux: float, group: str = "all", metric: str = table.MEAN
+    ) -> "pd.Series[Any] | None":
+        """Return the row of the least error; None if the group has no blocks."""
+        errors = self.rows_of(metric, group)
         errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
         return None if errors.empty else errors.iloc[int(errors["value"].argmin())]

@@ -1,35 +1,39 @@
 """The page of a ranking: errors by method and light first, then plots over photons and groups."""
 
-from itertools import product
+import math
+from collections.abc import Callable
+from functools import partial
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, table
 from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
 from megalopta.core.files import write_text
-from megalopta.report import sections, style, text
+from megalopta.core.quantities import UNDEFINED, number, percent, short
+from megalopta.report import sections, style
 from megalopta.report.sections import Section
+from megalopta.report.text import level_name
 
-_INK, _BLANK = "#1b1b1b", (0.0, 0.0, 0.0, 0.0)
-"""Text on colors, which is the same on light and dark pages; color where nothing is measured"""
-_SIZE_IN = (10.5, 4.8)
-"""Width and height of large plots"""
 _LEGEND: dict[str, Any] = {"loc": "outside lower left", "ncols": 4}
 """Below, so that a telephone, where large plots scroll, shows it"""
 _GROUPS = ("visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
-_METRICS = table.MEAN, table.MEDIAN, table.FAR
+_METRICS = {
+    table.MEAN: "mean endpoint error (px per frame)",
+    table.MEDIAN: "median endpoint error (px per frame)",
+    table.FAR: "share of blocks off by more than 3 px",
+}
 _ERRORS = (
-    "Mean · median endpoint error of blocks (px per frame) · share of blocks off by more than 3 "
-    "px. Bold: surely lower than those of all other methods (95 % CI of every ratio)."
+    "In each cell the mean and the median endpoint error of blocks (px per frame) and the share of "
+    "blocks off by more than 3 px. Bold: surely lower than those of all other methods (95 % CI of "
+    "every ratio)."
 )
 _SCOPE = (
     "Pixels are perfect. A block without a velocity counts as zero motion. Sequences: {}; frames: "
@@ -40,10 +44,9 @@ _PLOTS = (
     "block of known texture at a time, or the motion itself if that is smaller. Errors of methods "
     "that share evidence between blocks may be below it."
 )
-_ATLAS = (
-    "Best method and its mean error, by photons per frame. Gray: no method beats the zero-motion "
-    "baseline. Pale: the lead is not significant. Blank: not measured. Parallax is the motion that "
-    "remains without the camera's rotation."
+_BY_MOTION = (
+    "The method with the least mean error (px per frame), bold where surely. Parallax is the "
+    "motion that remains without the camera's rotation."
 )
 
 
@@ -52,33 +55,51 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
     long_table = ranking.rows.to_csv(index=False, float_format="%.9g")
     write_text(folder / "ranking.csv", long_table)
     write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
-    over_photons = [
-        error_curves(ranking, table.MEAN, "mean endpoint error (px per frame)"),
-        error_curves(ranking, table.FAR, "share of blocks beyond 3 px"),
-        group_curves(ranking),
+    over_photons = [error_curves(ranking, metric) for metric in (table.MEDIAN, table.FAR)]
+    more = [
+        sections.block("pair", *over_photons),
+        sections.block("wide", group_curves(ranking)),
+        sections.folded(
+            "Best method by motion",
+            sections.paragraph(_BY_MOTION, "note"),
+            best_by_motion(ranking),
+        ),
     ]
-    page = [
-        _errors(ranking),
-        Section("Errors over photons", _PLOTS, body=sections.block("wide", *over_photons)),
-        Section("Best method by motion", _ATLAS, body=sections.block("wide", atlas(ranking))),
-    ]
+    page = [_errors(ranking), Section("More over photons", body=Markup("\n").join(more))]
     title = "Flow methods on rendered sequences"
     header = sections.paragraph(caution(ranking), "warn")
     return sections.write_sections(
-        folder / "ranking.html", title, best_methods(ranking), page, header=header
+        folder / "ranking.html", title, verdict(ranking), page, header=header
     )
 
 
-def best_methods(ranking: Ranking) -> str:
-    """Return a sentence with the method of the lowest error at each number of photons."""
-    leaders = []
+def verdict(ranking: Ranking) -> str:
+    """Return who is first by mean error at which light, with its error, and where not by median."""
+    leaders, exceptions, unsure = [], [], []
     for flux in ranking.facts.settings.fluxes:
-        best = ranking.best_of(flux)
-        if best is not None:
-            name = "zero-motion baseline" if best["method"] == STILL else best["method"]
-            sure = "" if best["surely_lowest"] else " (not significant)"
-            leaders.append(f"{text.short(flux)}: {name}{sure}")
-    return f"Lowest mean error by photons per frame: {', '.join(leaders)}."
+        by_mean, by_median = (
+            ranking.best_of(flux, metric=metric) for metric in (table.MEAN, table.MEDIAN)
+        )
+        if by_mean is None or by_median is None:
+            continue
+        leaders.append(by_mean)
+        if by_median["method"] != by_mean["method"]:
+            exceptions.append(f"{by_median['method']} at {short(flux)}")
+        if not by_mean["surely_lowest"]:
+            unsure.append(short(flux))
+    runs = []
+    for method, rows in groupby(leaders, key=lambda row: str(row["method"])):
+        first, *_, last = [*rows] * 2
+        lights = dict.fromkeys(short(row["photons"]) for row in (first, last))
+        interval = f" ({number(last['low'])} to {number(last['high'])})" * math.isfinite(
+            last["low"]
+        )
+        error = f"{number(last['value'])}{interval} px at {[*lights][-1]}"
+        runs.append(f"{method} at {' to '.join(lights)} photons per frame, {error}")
+    text = f"Lowest mean error (95 % CI): {'; '.join(runs)}."
+    median = f", but {', '.join(exceptions)}" if exceptions else ""
+    text += f" By median error the same{median}."
+    return text + (f" The lead may be chance at {', '.join(unsure)}." if unsure else "")
 
 
 def caution(ranking: Ranking) -> str:
@@ -88,57 +109,71 @@ def caution(ranking: Ranking) -> str:
     if equal is None or not noisy:
         return ""
     return (
-        f"Caution: the rendering is as noisy as {text.number(equal)} photons per pixel. From "
-        f"{text.short(noisy[0])} photons per frame on, errors are due to it at least as much as to "
+        f"Caution: the rendering is as noisy as {number(equal)} photons per pixel. From "
+        f"{short(noisy[0])} photons per frame on, errors are due to it at least as much as to "
         "photons; render with more light paths per pixel."
     )
 
 
 def _errors(ranking: Ranking) -> Section:
-    """Return the table of mean, median and share beyond 3 px, by method and light."""
+    """Return the errors by method and light beside their plot, and folded with intervals."""
     facts, settings = ranking.facts, ranking.facts.settings
     rows = pd.concat([ranking.rows_of(metric) for metric in _METRICS])
     cells = {(row.metric, row.method, row.photons): row for row in table.records(rows)}
 
-    def cell(metric: str, method: str, flux: float) -> Markup:
-        row = cells[metric, method, flux]
-        value = text.percent(row.value) if metric == table.FAR else text.number(row.value)
-        return Markup("<b>{}</b>" if row.surely_lowest else "{}").format(value)
+    def cell(metric: str, method: str, flux: float, *, has_interval: bool = False) -> Markup:
+        row, write = cells[metric, method, flux], percent if metric == table.FAR else number
+        text = write(row.value)
+        if has_interval and math.isfinite(row.low):
+            text += f" ({write(row.low)} to {write(row.high)})"
+        return Markup("<b>{}</b>" if row.surely_lowest else "{}").format(text)
 
     levels = {
         ranked.photons_at(facts.photons_per_lux_s, level, settings.exposure_s): level
         for level in settings.light_levels
     }
     heads = [
-        f"{text.short(flux)} photons, {text.number(flux / facts.frame_px)} per px"
-        + (f", {text.level_name(levels[flux])}" if flux in levels else "")
+        Markup("<br>").join(
+            (
+                short(flux),
+                *([level_name(levels[flux])] if flux in levels else []),
+                f"{number(flux / facts.frame_px)} per px",
+            )
+        )
         for flux in settings.fluxes
     ]
-    lines = tuple(
-        (
-            name,
-            *(
-                Markup(" · ").join(cell(m, name, flux) for m in _METRICS)
-                for flux in settings.fluxes
-            ),
-        )
-        for name in (*settings.methods, STILL)
+    methods, head = (*settings.methods, STILL), ("photons per frame", *heads)
+
+    def lines(of_light: Callable[[str, float], str]) -> list[list[str]]:
+        return [[name, *(of_light(name, flux) for flux in settings.fluxes)] for name in methods]
+
+    together = lines(
+        lambda name, flux: Markup("<br>").join(cell(metric, name, flux) for metric in _METRICS)
     )
+    with_intervals = [
+        sections.table(label, (label, *heads), lines(partial(cell, metric, has_interval=True)))
+        for metric, label in _METRICS.items()
+    ]
     count = len(facts.sequences)
     units = "sequences" if count >= ranked.FEWEST_SEQUENCES else "segments of these sequences only"
-    per_lux_s = text.number(facts.photons_per_lux_s)
-    scope = sections.paragraph(_SCOPE.format(count, facts.frames, units, per_lux_s), "note")
-    return Section("Errors", _ERRORS, ("method", *heads), lines, body=scope)
+    scope = _SCOPE.format(count, facts.frames, units, number(facts.photons_per_lux_s))
+    curves = error_curves(ranking, table.MEAN)
+    body = [
+        sections.block("pair", sections.table("Errors", head, together), curves),
+        sections.folded("With 95 % intervals", *with_intervals),
+        sections.paragraph(f"{_PLOTS} {scope}", "note"),
+    ]
+    return Section("Errors", _ERRORS, body=Markup("\n").join(body))
 
 
 @style.in_style
-def error_curves(ranking: Ranking, metric: str, label: str) -> Markup:
+def error_curves(ranking: Ranking, metric: str) -> Markup:
     """Draw a metric of all blocks over photons, a curve per method with its interval."""
-    figure = Figure(figsize=_SIZE_IN, layout="constrained")
+    figure, label = Figure(figsize=(6.3, 5.2), layout="constrained"), _METRICS[metric]
     axes = figure.add_subplot()
     _curves(axes, ranking, metric, "all")
     axes.set(xlabel="photons per frame", ylabel=label)
-    figure.legend(*axes.get_legend_handles_labels(), **_LEGEND)
+    figure.legend(*axes.get_legend_handles_labels(), **_LEGEND | {"ncols": 3})
     return style.to_svg(figure, f"errors-{metric.replace('_', '-')}", f"{label}, over photons")
 
 
@@ -150,11 +185,11 @@ def group_curves(ranking: Ranking) -> Markup:
     if not groups:
         return Markup()
     rows = -(-len(groups) // 2)
-    figure = Figure(figsize=(_SIZE_IN[0], 2.7 * rows + 0.4), layout="constrained")
+    figure = Figure(figsize=(10.5, 3.6 * rows + 0.4), layout="constrained")
     panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
     for axes, group in zip(panels.flat, groups, strict=False):
         _curves(axes, ranking, table.MEAN, group)
-        axes.set_title(f"{group}: {blocks[group]} blocks", loc="left")
+        axes.set_title(f"{group}: {number(blocks[group])} blocks", loc="left")
     for axes in panels.flat[len(groups) :]:
         axes.set_axis_off()
     figure.supxlabel("photons per frame", fontsize=10)
@@ -168,8 +203,8 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
     for name, curve in rows.sort_values("photons").groupby("method", sort=False):
         photons, value = curve["photons"], curve["value"]
         if name in (STILL, BOUND):
-            dash = ":" if name == STILL else "--"
-            axes.plot(photons, value, color=style.BLACK, linestyle=dash, linewidth=1.2, label=name)
+            color, dash = (style.GRAY, ":") if name == STILL else (style.BLACK, "--")
+            axes.plot(photons, value, color=color, linestyle=dash, linewidth=1.2, label=name)
         else:
             look = style.method_style(str(name))
             band = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
@@ -177,7 +212,7 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
             axes.plot(photons, value, **look, markersize=4, label=name)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(style.NUMBERS)
-    if metric == table.MEAN:
+    if metric != table.FAR:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(style.NUMBERS)
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -187,40 +222,27 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
     axes.grid(True)
 
 
-@style.in_style
-def atlas(ranking: Ranking) -> Markup:
-    """Draw the best method and its error by photons, a row per speed and parallax of blocks."""
-    cells = [ranked.cell_name(speed, parallax) for speed, parallax in product(RANGES, RANGES)]
-    groups = [group for group in cells if ranking.facts.blocks.get(group)]
-    fluxes = ranking.facts.settings.fluxes
-    size = (max(5.0, 2.6 + 1.0 * len(fluxes)), 0.9 + 0.6 * len(groups))
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.add_subplot()
-    colors = np.full((len(groups), len(fluxes), 4), _BLANK)
-    for row, column in np.ndindex(len(groups), len(fluxes)):
-        best = ranking.best_of(fluxes[column], groups[row])
-        if best is not None:
-            method, share = best["method"], 0.75 if best["surely_lowest"] else 0.3
-            color = style.GRAY if method == STILL else style.method_style(method)["color"]
-            colors[row, column] = *(share * np.array(to_rgb(color)) + 1 - share), 1.0
-            ink = _INK if colors[row, column, :3].mean() > 0.4 else "white"
-            label = f"{method}\n{best['value']:.2g} px"
-            axes.text(column, row, label, ha="center", va="center", fontsize=9.5, color=ink)
-    axes.imshow(colors, aspect="auto")
-    axes.set_yticks(range(len(groups)), [_described(group) for group in groups])
-    axes.set_xticks(range(len(fluxes)), [text.short(flux) for flux in fluxes])
-    axes.set(xlabel="photons per frame")
-    axes.grid(False)
-    return style.to_svg(figure, "atlas", "The best method by photons, speed and parallax")
+def best_by_motion(ranking: Ranking) -> Markup:
+    """Return the best method and its mean error by photons, a line per speed and parallax."""
+    fluxes, lines = ranking.facts.settings.fluxes, []
+    for speed, parallax in product(RANGES, RANGES):
+        group = ranked.cell_name(speed, parallax)
+        if not ranking.facts.blocks.get(group):
+            continue
+        motion = f"speed {_range(speed, ranked.SPEEDS_PX)}, "
+        line = [motion + f"parallax {_range(parallax, ranked.PARALLAX_PX)}"]
+        for flux in fluxes:
+            best = ranking.best_of(flux, group)
+            text = UNDEFINED if best is None else f"{best['method']} {number(best['value'])}"
+            is_sure = best is not None and best["surely_lowest"]
+            line.append(Markup("<b>{}</b>" if is_sure else "{}").format(text))
+        lines.append(line)
+    return sections.table(
+        "Best method by motion", ("photons per frame", *map(short, fluxes)), lines
+    )
 
 
-def _described(group: str) -> str:
-    """Return the name of a cell with its limits in px."""
-    lines = []
-    for part, (low, high) in zip(
-        group.split(", "), (ranked.SPEEDS_PX, ranked.PARALLAX_PX), strict=True
-    ):
-        kind, name = part.split()
-        limits = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"
-        lines.append(f"{kind} {limits[RANGES.index(name)]}")
-    return ",\n".join(lines)
+def _range(name: str, limits: tuple[float, float]) -> str:
+    low, high = limits
+    texts = f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px"
+    return texts[RANGES.index(name)]

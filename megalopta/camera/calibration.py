@@ -16,8 +16,8 @@ from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
+from megalopta.core.quantities import number
 from megalopta.report.sections import Section
-from megalopta.report.text import number
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
 from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
@@ -229,12 +229,18 @@ def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | No
         pages.Quantity("leak", "mV/s", leak, 1e3),
         pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
     ]
-    if device.dead_time_s is not None:
-        quantities.append(pages.Quantity("dead time", "µs", device.dead_time_s, 1e6))
     known, hot = int(np.isfinite(step.value).sum()), int(device.hot.sum())
-    summary = (
-        f"{known} of {device.hot.size} pixels, {hot} hot; medians: {pages.medians(quantities)}; "
-        f"dead time: {kind or f'kind {pages.UNKNOWN}'}."
+    summary = f"{pages.medians(quantities)}."
+    if device.dead_time_s is not None:
+        dead = pages.Quantity("dead time", "µs", device.dead_time_s, 1e6)
+        fits = f"kind {pages.UNKNOWN}"
+        if kind:
+            fits = f"{kind}: counts are {', '.join(pages.curve_fits(device))}"
+        summary = f"{pages.medians([dead])} ({fits}). {summary}"
+        quantities.append(dead)
+    summary += (
+        f" These are medians of {known} of {device.hot.size} pixels ± 95 % CI of a pixel; {hot} "
+        "are hot."
     )
     sections = pages.curves_section(device), pages.neighbors_section(device.kernel)
     return replace(calibration, summary=summary, sections=sections)

@@ -8,10 +8,17 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
+from megalopta.core.quantities import UNDEFINED, number, percent, with_error
 from megalopta.report import style
-from megalopta.report.sections import Section, captioned, write_sections
+from megalopta.report.sections import (
+    Section,
+    captioned,
+    folded,
+    paragraph,
+    table,
+    write_sections,
+)
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
-from megalopta.report.text import number, with_error
 from megalopta.sensor import Crosstalk, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
 from megalopta.sensor.calibrate.counts import CountingDevice
@@ -20,12 +27,8 @@ from megalopta.sensor.calibrate.emva import Step
 
 UNKNOWN = "not known"
 _PIXELS = (
-    "Median over pixels, range of 90 % of them, and median half width of a pixel's 95 % CI. Rates "
+    "Median over pixels ± median half width of a pixel's 95 % CI, and range of 90 % of them. Rates "
     "include crosstalk and afterpulses; maps of the device file exclude those found below."
-)
-_CURVES = (
-    "The step may change over the swing. If the saturation curve does not determine the kind of "
-    "dead time, record brighter light."
 )
 _DROPS = (
     "A point per pixel and level. On the line, noise is that of single events; points of bright "
@@ -82,6 +85,17 @@ class Quantity(NamedTuple):
     scale: float
     """Factor to that unit"""
 
+    @property
+    def half_width(self) -> float:
+        """Median half width of a pixel's 95 % CI, in that unit; NaN if none is known."""
+        widths = self.scale * (self.estimate.high - self.estimate.low) / 2
+        return float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
+
+    @property
+    def text(self) -> str:
+        """Median over pixels with that half width: "315 ± 9 Hz"."""
+        return with_error(self.scale * self.estimate.median, self.half_width, self.unit)
+
 
 def write_page(
     path: Path,
@@ -89,24 +103,24 @@ def write_page(
     quantities: Sequence[Quantity],
     sections: Sequence[Section | None],
 ) -> None:
-    """Write a page: the table of quantities, sections, and their maps before the last one."""
+    """Write a page: sections, and before the last one maps and values of quantities."""
     rows: list[tuple[str, ...]] = []
     charts = []
-    for name, unit, estimate, scale in quantities:
-        title, values = f"{name} ({unit})", scale * estimate.value
+    for quantity in quantities:
+        title = f"{quantity.name} ({quantity.unit})"
+        values = quantity.scale * quantity.estimate.value
         if not np.isfinite(values).any():
-            rows.append((title, UNKNOWN, "", "", ""))
+            rows.append((quantity.name, UNKNOWN, UNDEFINED))
             continue
-        low, median, high = np.nanpercentile(values, (5, 50, 95))
-        widths = scale * (estimate.high - estimate.low) / 2
-        half = np.nanmedian(widths) if np.isfinite(widths).any() else np.nan
-        rows.append((title, *(number(float(size)) for size in (median, low, high, half))))
+        low, high = np.nanpercentile(values, (5, 95))
+        rows.append((quantity.name, quantity.text, f"{number(low)} to {number(high)}"))
         charts.append(style.map_chart(values, f"map-{len(rows)}", title))
-    head = ("", "median", "from", "to", "± (95 % CI)")
-    table = Section("The pixels", _PIXELS, head, tuple(rows))
-    maps = Section("Maps", _MAPS, charts=tuple(charts))
-    shown = [table, *sections[:-1], maps, sections[-1]]
-    write_sections(path, f"Calibration of {path.stem}", summary, shown)
+    head = ("", "median ± 95 % CI of a pixel", "90 % of the pixels")
+    body = folded("Values", table("The pixels", head, rows), paragraph(_PIXELS, "note"))
+    pixels = Section("The pixels", _MAPS, charts=tuple(charts), body=body)
+    write_sections(
+        path, f"Calibration of {path.stem}", summary, [*sections[:-1], pixels, sections[-1]]
+    )
 
 
 def neighbors_section(
@@ -123,18 +137,15 @@ def neighbors_section(
             text = UNKNOWN if np.isnan(share) else with_error(100 * share, 196 * error, "%")
             rows.append((name, text, "yes" if is_seen else "no"))
     if of_hot_pixels:
-        rows.append(("neighbors of hot pixels", f"{of_hot_pixels:.2f} %", "yes"))
+        rows.append(("neighbors of hot pixels", with_error(of_hot_pixels, 0, "%"), "yes"))
     head = ("", "probability (95 % CI)", "detected")
     return Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows)) if rows else None
 
 
 def medians(quantities: Sequence[Quantity]) -> str:
     """Return the medians in a line."""
-    texts = (
-        f"{name} {number(scale * estimate.median)} {unit}"
-        for name, unit, estimate, scale in quantities
-    )
-    return ", ".join(texts)
+    text = ", ".join(f"{quantity.name} {quantity.text}" for quantity in quantities)
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def reasons(device: CountingDevice) -> str:
@@ -146,48 +157,64 @@ def counting_parts(
     device: CountingDevice, quantities: Sequence[Quantity], talk: Crosstalk | None
 ) -> tuple[str, list[Section | None]]:
     """Return the summary and the sections of a camera of counts or bits."""
-    sections: list[Section | None] = []
-    summary = f"{device.bad.size} pixels, {device.bad.sum()} bad, {device.hot.sum()} hot"
     switching = device.telegraph.pixels.sum() if device.telegraph else 0
-    summary += f", {switching} with telegraph noise" if switching else ""
-    summary += f"; medians: {medians(quantities)}"
+    summary = medians(quantities)
     if (dead := device.dead_time) is not None:
         kind = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
         dead_time = with_error(dead.seconds, 1.96 * dead.error, "s")
         summary += f", dead time {dead_time} ({kind})"
-        rows = ("dead time (95 % CI)", dead_time), ("its kind", kind)
-        sections.append(Section("Dead time", _CURVES, ("", "estimate"), rows))
-    summary += "."
+    summary += (
+        f". These are medians of {device.bad.size} pixels ± 95 % CI of a pixel; {device.bad.sum()} "
+        f"pixels are bad, {device.hot.sum()} hot{f', {switching} telegraph' if switching else ''}."
+    )
     if device.refused:
         summary += f" Not known: {reasons(device)}."
-        sections.append(Section("Not known", f"{reasons(device)}."))
     kinds = ("dead", "stuck", "saturated", "hot")
     counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
     bad = (*counted, ("telegraph", str(switching)))
-    sections.append(Section("Bad and hot pixels", _BAD, ("", "pixels"), bad))
     hot_percent = 100 * talk.mean_fired_neighbors if talk else 0.0
-    return summary, [*sections, neighbors_section(device.kernel, hot_percent)]
+    found = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
+    return summary, [found, neighbors_section(device.kernel, hot_percent)]
 
 
 def curves_section(device: Device) -> Section:
     """Return photon transfer, and under light the saturation curve, with what they determine."""
-    kind, is_known = device.dead_time_kind, bool(np.isfinite(device.slope_error))
-    slope, error = 100 * device.curve.slope, 196 * device.slope_error
+    decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
     seen = "changes" if device.is_slope_seen else "no change seen"
-    likely = f"likelihood ratio e^{device.kind_ratio:.0f}" if kind else ""
+    known = f"{decrease} (95 % CI; {seen})" if np.isfinite(device.slope_error) else UNKNOWN
+    text = f"Decrease of the step from top to bottom of the swing: {known}."
     if device.misfit:
-        likely = f"counts differ from the curves of both by {100 * device.misfit:+.2g} %"
-    decrease = (f"{with_error(slope, error, '%')} (95 %)", seen) if is_known else (UNKNOWN, "")
-    rows = (
-        ("decrease of the step from top to bottom of the swing", *decrease),
-        ("kind of dead time", kind or UNKNOWN, likely),
-    )
+        share = f"{100 * device.misfit:+.2g} %"
+        text += f" Counts differ from the curves of both kinds of dead time by {share}."
+    elif device.dead_time_kind is None:
+        text += f" Kind of dead time: {UNKNOWN}; record brighter light."
     charts = [captioned(_drops_chart(device), _DROPS)]
     if device.efficiency is not None and device.dead_time_s is not None:
         chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
         charts.append(captioned(chart, _SATURATION))
-    head = ("", "estimate", "confidence")
-    return Section("Photon transfer and saturation", _CURVES, head, rows, tuple(charts))
+    return Section("Photon transfer and saturation", text, charts=tuple(charts))
+
+
+def curve_fits(device: Device) -> list[str]:
+    """Return how far counts are from each curve: "within 0.2 % of the paralyzable curve".
+
+    It is the largest deviation of a light's counts over all pixels, at the fitted dead time.
+    """
+    if device.efficiency is None or device.dead_time_s is None:
+        return []
+    lit = device.counts.light_hz > 0
+    light_hz, exposure_s = device.counts.light_hz[lit, None], device.counts.exposure_s[lit, None]
+    rates = (device.dark_counts_hz, device.efficiency, device.dead_time_s)
+    dark_hz, efficiency, dead_s = (rate.value.ravel() for rate in rates)
+    known = np.isfinite(dark_hz + efficiency + dead_s) & (device.drops.frames[lit] > 0)
+    texts = []
+    for kind in sorted(saturation.KINDS, key=lambda kind: kind != device.dead_time_kind):
+        rate_hz = np.where(known, dark_hz + efficiency * light_hz, 0.0)
+        dead = np.where(known, dead_s, 0.0)
+        model = saturation.dead_time_moments(rate_hz, exposure_s, dead, kind)[0].sum(axis=1)
+        measured = np.where(known, device.counts.mean[lit], 0).sum(axis=1)
+        texts.append(f"within {percent(abs(measured / model - 1).max())} of the {kind} curve")
+    return texts
 
 
 @style.in_style

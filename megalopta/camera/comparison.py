@@ -70,7 +70,8 @@ def compare_captured(
             page = pages.levels_page(sensor.name, _compare_levels(captured, sensor, settings))
         elif settings.scene == "plate":
             plates = {frames.light_hz: frames for frames in captured}
-            page = pages.motion_page(sensor.name, plate_responses(plates, sensor, settings))
+            responses = plate_responses(plates, sensor, settings)
+            page = pages.motion_page(sensor.name, responses, settings.margin)
         else:
             dataset = Path(settings.scene)
             if not dataset.is_dir():

@@ -5,30 +5,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from megalopta.core.arrays import Floats
+from megalopta.core.quantities import number, short, with_error
 from megalopta.report import style
-from megalopta.report.sections import Section, captioned
+from megalopta.report.sections import Section, block, captioned, folded, heading, paragraph, table
 from megalopta.report.style import BLACK, BLUE, VERMILION
-from megalopta.report.text import number, with_error
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison
+from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison, agreement
 from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
 _LARGEST_Z = 6.0
-_FAULTS = (
-    "Steadiness in time, order of the pixels, rows and columns, single pixels and codes of the "
-    "ADC, before any parameter is fitted. Faults are taken out or masked in all that follows."
+_GUIDE = (
+    "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
+    "zero is compared with a typical size, which the table names."
 )
 _TESTS = (
-    "Tests of every pixel that is left; false discovery rate by Benjamini and Hochberg. The third "
-    "map is the difference in standard errors of counting and calibration: pale grain is chance; "
-    "strong colors, rows, columns or patches are a difference of the device. Gray pixels are "
-    "saturated, or have too few counts."
+    "False discovery rate by Benjamini and Hochberg. Errors are those of counting and calibration: "
+    "pale grain is chance. Gray pixels are saturated, or have too few counts."
 )
 _TRANSFER = (
     "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
@@ -74,37 +73,33 @@ Page = tuple[str, str, list[Section]]
 def levels_page(name: str, compared: Compared) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
     comparison = compared.comparison
-    explained, order = comparison.explained, comparison.arrangement
-    if not explained.alone:
-        explanation = "Frames are not independent, or no pixel is left: none is tested."
-    elif not explained.is_different:
-        explanation = "Means, variances and coincidences do not differ significantly."
-    elif not explained.accepted:
-        explanation = "No one or two of them explain the difference."
-    else:
-        sets = (
-            f"{' and '.join(causes.names)} (p = {causes.p:.2g})" for causes in explained.accepted
-        )
-        explanation = f"The difference is explained by {', or else by '.join(sets)}."
-    faults = Section(
-        "Faults",
-        f"{_FAULTS} The image is {order.name}: rank correlation of the two patterns "
-        f"{order.correlation:.3f}. Found: {'; '.join(map(str, comparison.faults)) or 'none'}.",
-    )
+    order = comparison.arrangement
+    sets = [
+        f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
+        for causes in comparison.explained.accepted
+    ]
+    explanation = f"The difference is explained by {', or else by '.join(sets)}." if sets else ""
     device = _differences(
         "The device",
-        "Parameters that explain the rest, each fitted together with those that differ. "
-        f"{explanation} At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
+        explanation,
+        "Each parameter is fitted together with those that differ. "
+        f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
         f"raise a false alarm. “Equivalent”: a difference below {100 * comparison.margin:g} % (two "
         "one-sided tests at 95 %).",
-        *(comparison.differences, comparison.significant),
+        *(comparison.differences, comparison.significant, comparison.margin),
+    )
+    found = "; ".join(map(str, comparison.faults)) or "none"
+    faults = Section(
+        "Faults of the recording",
+        f"Found: {found}. The image is {order.name}: rank correlation of the two patterns "
+        f"{order.correlation:.3f}. Faults are found before any parameter is fitted, and taken out.",
     )
     lights = [
-        "Dark" if level.is_dark else f"{number(level.light_hz)} photons/s per pixel"
+        "Dark" if level.is_dark else f"{short(level.light_hz)} photons/s per pixel"
         for level in compared.captured
     ]
     title = f"{name}: captured and simulated"
-    return title, comparison.sentence, [faults, device, *_pixels(compared, lights)]
+    return title, comparison.sentence, [device, *_pixels(compared, lights), faults]
 
 
 def scene_page(name: str, compared: Compared) -> Page:
@@ -118,49 +113,82 @@ def scene_page(name: str, compared: Compared) -> Page:
     scene = _differences(
         "The scene",
         f"Frames are aligned in time by correlation ({compared.correlation:.2f}), "
-        "and the matching frames are simulated. Quantities are compared in blocks of frames; "
-        f"differences below {100 * comparison.margin:g} % are ignored.",
-        *(comparison.differences, comparison.significant),
+        "and the matching frames are simulated.",
+        "Quantities are compared in blocks of frames; differences below "
+        f"{100 * comparison.margin:g} % are ignored.",
+        *(comparison.differences, comparison.significant, comparison.margin),
     )
     sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
     return f"{name}: captured and simulated", comparison.sentence, sections
 
 
-def motion_page(name: str, responses: Sequence[SpeedResponse]) -> Page:
+def motion_page(name: str, responses: Sequence[SpeedResponse], margin: float) -> Page:
     """Return the differences of responses to a moving plate."""
     differences = [response.difference for response in responses]
     limit = FALSE_ALARMS / len(responses)
     real = [difference for difference in differences if difference.p < limit]
     largest = sorted(real, key=lambda difference: -difference.size)[:3]
-    sentence = f"Captured: {'; '.join(map(str, largest))}." if real else ""
+    sentence = f"The captured device differs: {'; '.join(map(str, largest))} (95 % CI)."
+    if not real:
+        sentence = f"{agreement('responses', differences)}."
     about = "Mean and standard deviation over crossings of 32 frames around a passing edge."
     charts = tuple(_response_chart(responses, method) for method in ("NDM", "NDS"))
     sections = [
         Section("Transfer functions", about, charts=charts),
-        _differences("Responses", "Peak responses to the edge.", differences, real),
+        _differences("Responses", "Peak responses to the edge.", "", differences, real, margin),
     ]
-    title = f"{name}: responses to a moving plate"
-    return title, sentence or "No significant difference.", sections
+    return f"{name}: responses to a moving plate", sentence, sections
 
 
 def _differences(
-    title: str, text: str, differences: Sequence[Difference], significant: Sequence[Difference]
+    title: str,
+    text: str,
+    note: str,
+    differences: Sequence[Difference],
+    significant: Sequence[Difference],
+    margin: float,
 ) -> Section:
+    """Return differences with their intervals as a picture, and folded as a table."""
+    if not differences:
+        return Section(title, text)
     rows = []
     for change in differences:
         verdicts = {"differs": change in significant, "equivalent": change.is_equivalent}
         is_time, sizes = change.unit == "s", (change.captured, change.expected)
         cells = (
             change.name if is_time else f"{change.name} ({change.unit})",
-            *(with_error(size, 0, "s") if is_time else number(size) for size in sizes),
-            f"{100 * change.relative:+.2g} %{change.base}",
-            f"{100 * change.low:+.2g} to {100 * change.high:+.2g} %",
-            f"{change.p:.2g}",
             " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
+            f"{'+' * (change.relative > 0)}{change.relative_text}{change.base}",
+            *(with_error(size, 0, "s") if is_time else number(size) for size in sizes),
+            "< 0.001" if change.p < 1e-3 else f"{change.p:.2g}",
         )
         rows.append(cells)
-    head = ("", "captured", "simulated", "difference", "95 % CI", "p", "verdict")
-    return Section(title, text, head, tuple(rows))
+    head = ("", "verdict", "difference (± 95 % CI)", "captured", "simulated", "p")
+    chart = captioned(_difference_chart(title, differences, significant, margin), _GUIDE)
+    body = folded("Values and verdicts", table(title, head, rows), paragraph(note, "note"))
+    return Section(title, text, charts=(chart,), body=body)
+
+
+@style.in_style
+def _difference_chart(
+    title: str, differences: Sequence[Difference], significant: Sequence[Difference], margin: float
+) -> Markup:
+    """Draw relative differences with their intervals, a line per quantity."""
+    figure, axes = style.new_axes(440, 60 + 26 * len(differences))
+    axes.axvspan(-100 * margin, 100 * margin, color=style.GRAY, alpha=0.2, linewidth=0)
+    axes.axvline(0, color=BLACK, linewidth=0.5)
+    for place, change in enumerate(differences):
+        color = VERMILION if change in significant else BLUE
+        half = 50 * (change.high - change.low)
+        axes.errorbar(
+            100 * change.relative, place, xerr=half, fmt="o", color=color, capsize=3, markersize=4
+        )
+    axes.set_yticks(range(len(differences)), [change.name for change in differences])
+    axes.set(ylim=(len(differences) - 0.5, -0.5), xlabel="captured more than simulated (%)")
+    axes.set_xscale("symlog", linthresh=100 * margin, linscale=2)
+    axes.xaxis.set_major_locator(FixedLocator((-100, -20, -5, -2, 0, 2, 5, 20, 100)))
+    axes.xaxis.set_major_formatter(style.NUMBERS)
+    return style.to_svg(figure, f"differences-{title.split()[-1]}", f"Differences of {title}")
 
 
 def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
@@ -172,14 +200,9 @@ def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
         longest = max(dark, key=lambda pair: pair[0].exposure_s)
         curves.append(captioned(_dark_chart(*longest), _DARK))
     yield Section("Distributions", charts=tuple(curves))
-    counted = tuple(
-        (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
-        for name, test in comparison.tests.items()
-    )
-    text = f"{_TESTS} Alarms: {'; '.join(comparison.alarms) or 'none'}."
-    yield Section("Pixels", text, ("quantity", "tested", "differ"), counted)
+    means, variances = (comparison.tests[name] for name in ("mean", "variance"))
+    parts = []
     for place, levels in enumerate(zip(captured, simulated, strict=True)):
-        means, variances = (comparison.tests[name] for name in ("mean", "variance"))
         p, maps = means.p[place], [level.readings.mean(axis=0) for level in levels]
         limits, charts = style.color_limits(*maps), []
         for values, label in zip(maps, ("captured", "simulated"), strict=True):
@@ -188,12 +211,16 @@ def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
         z, ends = np.sign(maps[0] - maps[1]) * norm.isf(p / 2), (-_LARGEST_Z, _LARGEST_Z)
         title = "mean, captured minus simulated (standard errors)"
         charts.append(style.map_chart(z, f"mean-{place}-difference", title, ends, "PuOr"))
-        yield Section(
-            f"{lights[place]}, {with_error(levels[0].exposure_s, 0, 's')}",
-            f"Of {np.isfinite(p).sum()} pixels {means.differs[place].sum()} differ in the "
-            f"mean, {variances.differs[place].sum()} in the variance.",
-            charts=tuple(charts),
-        )
+        parts += [
+            heading(f"{lights[place]}, {with_error(levels[0].exposure_s, 0, 's')}"),
+            paragraph(
+                f"Of {np.isfinite(p).sum()} pixels {means.differs[place].sum()} differ in the "
+                f"mean, {variances.differs[place].sum()} in the variance."
+            ),
+            block("charts", *charts),
+        ]
+    alarms = paragraph(f"Alarms: {'; '.join(comparison.alarms) or 'none'}.")
+    yield Section("Pixels", body=Markup("\n").join([*parts, alarms, paragraph(_TESTS, "note")]))
 
 
 @style.in_style

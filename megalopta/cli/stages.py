@@ -93,7 +93,6 @@ def _demo(options: Namespace) -> Path:
     options.configuration = "quick" if options.quick else options.configuration
     settings = _configuration(options)  # refused before the rest is loaded
 
-    from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.registry import STAGES
@@ -103,6 +102,8 @@ def _demo(options: Namespace) -> Path:
     dataset = run_all(options.out, settings, options.redo, stages)
     is_ranked = any(METHODS[name].gives == "velocity" for name in settings.methods)
     if is_ranked and not options.quick:
+        from megalopta.benchmark.ranking_run import FOLDER, run_ranking
+
         run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
     return write_report(dataset)
 

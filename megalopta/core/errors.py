@@ -31,7 +31,7 @@ _EXTRAS = {
     **dict.fromkeys(("serial", "cobs"), "camera"),
     "av": "video",
     "ptufile": "timetags",
-    **dict.fromkeys(("DracoPy", "meshopt"), "gltf"),
+    **dict.fromkeys(("DracoPy", "meshopt", "opengl_basisu"), "gltf"),
     "torch": "torch",
     "onnxruntime": "onnx",
     "rerun": "rerun",

@@ -6,9 +6,9 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-RENDER_MODEL = 3
+RENDER_MODEL = 4
 """Version of radiance: plants, ground, light, cameras, sampling; not of the place of code."""
-BAKE_MODEL = 14
+BAKE_MODEL = 15
 """Version of baked light and its places, of blurred frames, of stated errors, and of the seeds of
 passes and parts, which change the noise of a frame alone."""
 TRUTH_MODEL = 4

@@ -20,6 +20,7 @@ from megalopta.core import files
 from megalopta.core.bounded import printable, undamaged
 from megalopta.core.errors import UserError
 from megalopta.core.progress import progress
+from megalopta.core.quantities import number
 from megalopta.dataset.index import table_path
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
@@ -27,7 +28,7 @@ from megalopta.dataset.store import LICENSE, Tree, exposure_name
 from megalopta.report import images
 from megalopta.report.panels import Panel, SequencePanels
 from megalopta.report.sections import Section, block, captioned, image, write_sections
-from megalopta.report.text import level_name, number
+from megalopta.report.text import level_name
 from megalopta.stages.limits import size
 
 SHOWN = 24

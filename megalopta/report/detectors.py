@@ -11,19 +11,13 @@ from markupsafe import Markup
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from megalopta.core.errors import shell_command
+from megalopta.core.quantities import UNDEFINED, number, percent, short
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report import sections as html, style as svg
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
 from megalopta.report.style import BLACK, method_style
-from megalopta.report.text import (
-    UNDEFINED,
-    level_name,
-    number,
-    percent,
-    relative_error,
-    short,
-)
+from megalopta.report.text import level_name, relative_error
 
 ACCURATE = 0.25
 """The dissertation's 2-bit accuracy: an error below 2⁻²."""
@@ -53,12 +47,9 @@ _NEEDED = Markup(
 )
 _CURVES = (
     "Bands are ± 2 standard errors. The first {} frames, in which filters settle, are not scored. "
-    "Dotted lines: photons that a sensor detects per frame at a light level; a curve that falls "
-    "below 25 % on their left needs fewer."
+    "Dotted lines: photons that a sensor detects per frame at a light level."
 )
-_UNITS = Markup(
-    "k, M, G, T: 10³, 10⁶, 10⁹, 10¹². Intervals are over draws of photons, not over scenes."
-)
+_INTERVALS = "Intervals are over draws of photons, not over scenes."
 
 
 def absent(report: Report, stage: str, what: str) -> Markup:
@@ -200,7 +191,7 @@ def threshold_section(report: Report) -> Section:
         html.folded(
             "N_2b in photons per frame, with 95 % CI",
             pivoted("N_2b in photons per frame", "Detector", needs),
-            html.paragraph(_UNITS, "note"),
+            html.paragraph(_INTERVALS, "note"),
         ),
     ]
     text = _NEEDED.format(settings.repeats, ", ".join(dark))

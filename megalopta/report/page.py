@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from megalopta import __version__
 from megalopta.core.progress import duration, step
+from megalopta.core.quantities import number, percent, with_error
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.registry import METHODS
@@ -22,15 +23,7 @@ from megalopta.report.detectors import (
 )
 from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
-from megalopta.report.text import (
-    level_name,
-    level_title,
-    lux,
-    number,
-    percent,
-    title,
-    with_error,
-)
+from megalopta.report.text import level_name, level_title, lux, title
 from megalopta.scenes import Pictures
 from megalopta.scenes.levels import illuminance_of
 
@@ -92,7 +85,7 @@ def outcome(report: Report, best: FlowRecord | None) -> str:
     if not report.exposures:
         return "The light and its exact motion are rendered; no sensor has been exposed to it yet."
     if best is None:
-        names = " and ".join(sensor.name for sensor in report.settings.sensors)
+        names = " and ".join(pixels_of(sensor.name) for sensor in report.settings.sensors)
         return f"The light has become {' and '.join(report.units)} of {names}; no motion is scored."
     lit = next(
         budget
@@ -105,15 +98,20 @@ def outcome(report: Report, best: FlowRecord | None) -> str:
     if best.median_error >= ACCURATE:
         return (
             f"No method finds the {report.motion_name} within 25 % in this light: "
-            f"{in_words(best)} on {best.sensor} comes nearest, at {where}."
+            f"{in_words(best)} on {pixels_of(best.sensor)} comes nearest, at {where}."
         )
     dimmest = min(map(illuminance_of, report.settings.light_levels))
     is_dimmest = illuminance_of(best.level) == dimmest
     below = "the dimmest light tried" if is_dimmest else "in dimmer light every method fails"
     return (
         f"{in_words(best)} finds the {report.motion_name} in the {report.unit_of(best.sensor)} of "
-        f"{best.sensor} down to {where}; {below}."
+        f"{pixels_of(best.sensor)} down to {where}; {below}."
     )
+
+
+def pixels_of(sensor: str) -> str:
+    """Return a sensor by its name; the one without flaws, which is no device, as its pixels."""
+    return "ideal pixels" if sensor == "ideal" else sensor
 
 
 def in_words(record: FlowRecord) -> str:

@@ -19,6 +19,7 @@ from megalopta.core import bounded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import shell_command
 from megalopta.core.progress import say
+from megalopta.core.quantities import number, short, with_error
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.picture_light import clean_flow, light_of, photons_per_lux, resized
@@ -30,7 +31,7 @@ from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS, velocity_method
 from megalopta.report import images, sections
 from megalopta.report.readings import ShownReadings, Treatment, readings_of
-from megalopta.report.text import level_name, number, short, title, with_error
+from megalopta.report.text import level_name, title
 from megalopta.scenes import Pictures, ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb, linear_srgb

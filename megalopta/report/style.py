@@ -17,13 +17,13 @@ import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.colors import hsv_to_rgb, to_hex
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter, NullLocator, ScalarFormatter
 from matplotlib.typing import LineStyleType
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
-from megalopta.report.text import short
 
 BLUE = "#0072B2"
 ORANGE = "#E69F00"
@@ -36,6 +36,14 @@ GRAY = "#7F7F7F"
 RULE = "#E3E3E3"
 PALETTE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+METHOD_COLORS = {
+    **{"BM": BLUE, "IIA": ORANGE, "EMD": GREEN, "NDM": VERMILION, "NDS": PURPLE, "IM": SKY},
+    **{"LK": "#A5002D", "FB": "#3C5A00", "DIS": "#879600", "TV-L1": "#005A5A", "ILK": "#694B2D"},
+    **{"PC": "#4B4B69", "BA": "#96783C", "PM": "#FF4B5A", "PPM": "#C39687"},
+    **{"PF": "#780FB4", "PF-fast": "#9669FF", "PPF": "#C30F87"},
+}
+"""One color a method, on all pages and pictures; those after the first six are as far apart (18 or
+more by CIEDE2000) as light and dark pages allow"""
 
 DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 
@@ -47,14 +55,13 @@ _STYLE = matplotlib.rc_params_from_file(
 def method_style(name: str) -> dict[str, Any]:
     """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
 
-    Known methods differ in color, marker or dash, and look the same in all figures.
+    A Python function, which is not in the list, gets a hue by its name.
     """
-    # a Python function is not in the list
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
-    lap, place = divmod(number, len(PALETTE))
+    hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)).tolist())
     return {
-        "color": PALETTE[(place + 3 * (lap // 2)) % len(PALETTE)],
-        "marker": MARKERS[(place + lap) % len(MARKERS)],
+        "color": METHOD_COLORS.get(name, hue),
+        "marker": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
         "linestyle": "-" if name in THESIS_METHODS else "--",
     }
 
@@ -84,8 +91,10 @@ _LEAST_PX_PER_PT = 0.75
 _MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
 """Left, bottom, width and height in the picture; constants are faster than a layout."""
 
-NUMBERS = FuncFormatter(lambda value, _: short(value))
-"""Labels of a logarithmic axis"""
+NUMBERS = FuncFormatter(
+    lambda value, _: EngFormatter(sep="")(value) if value >= 1000 else f"{value:g}"
+)
+"""Labels of an axis: 0.01, 1, 10k"""
 
 in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
 """Decorator: draw in the page's style, lines and markers included."""

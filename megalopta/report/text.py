@@ -1,68 +1,10 @@
-"""Numbers and names as text in the report."""
+"""Light levels, errors and titles as text of pages."""
 
 import math
 
 from megalopta.config.model import Configuration, LightLevel
-from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.core.quantities import UNDEFINED, percent, short
 from megalopta.scenes.levels import illuminance_of
-
-UNDEFINED = "–"
-_PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G")
-
-
-def number(value: float | None) -> str:
-    """Format three digits, thousands with a prefix (12.3k), small numbers two digits (0.0012)."""
-    if value is None or not math.isfinite(value):
-        return UNDEFINED
-    if value == 0:
-        return "0"
-    size = abs(value)
-    if size >= 999.5:
-        return ("-" if value < 0 else "") + format_flux(size)
-    if size >= 99.95:
-        return f"{value:.0f}"
-    if size >= 0.9995:
-        return f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
-    if size >= 1e-4:
-        return f"{value:.2g}"
-    digits, exponent = f"{value:.1e}".split("e")
-    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{superscript}" if digits == "1.0" else f"{digits} · 10{superscript}"
-
-
-def with_error(value: float, error: float, unit: str) -> str:
-    """Format a value and its error, of two digits, with one unit: "1.0200 ± 0.0029 µs".
-
-    Units get a prefix but for "%".
-    """
-    power = 0
-    if unit != "%" and value and math.isfinite(value):
-        power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-9), -5), 3)
-    value, error = value / 1000.0**power, error / 1000.0**power
-    unit = f"{_PREFIXES[power + 5]}{unit}"
-    if not (math.isfinite(error) and error > 0):
-        return f"{number(value)} {unit}"
-    digits = 1 - math.floor(math.log10(error))
-    texts = (f"{round(size, digits):.{max(digits, 0)}f}" for size in (value, error))
-    return f"{' ± '.join(texts)} {unit}"
-
-
-def short(value: float) -> str:
-    """Format a round number without trailing digits: 1k, 10M, 0.01."""
-    text = number(value)
-    digits = text.rstrip("kMGT")
-    shortened = digits.rstrip("0").rstrip(".") if "." in digits else digits
-    return shortened + text[len(digits) :]
-
-
-def percent(fraction: float | None) -> str:
-    """Format a fraction as a percentage with two digits; 0 only if it is exactly zero."""
-    if fraction is None or not math.isfinite(fraction):
-        return UNDEFINED
-    if 0 < fraction < 1e-4:
-        return "< 0.01\u00a0%"
-    decimals = max(0, 1 - math.floor(math.log10(100 * fraction))) if 0 < fraction < 0.1 else 0
-    return f"{100 * fraction:.{decimals}f}\u00a0%"
 
 
 def relative_error(value: float | None) -> str:
@@ -96,10 +38,5 @@ def title(configuration: Configuration) -> str:
 
 
 def lux(illuminance_lux: float) -> str:
-    """Format an illuminance with three digits: "10 lux", "0.000314 lux"."""
-    return f"{three_digits(illuminance_lux)}\u00a0lux"
-
-
-def three_digits(value: float) -> str:
-    """Format a number with three digits: "98700", "0.000314"."""
-    return f"{float(f'{value:.3g}'):g}"
+    """Format an illuminance: "10 lux", "100 000 lux", "0.00031 lux"."""
+    return f"{short(illuminance_lux)}\u00a0lux"

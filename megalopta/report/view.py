@@ -14,6 +14,7 @@ from megalopta import __version__
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
+from megalopta.core.quantities import number
 from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.opened import open_dataset
 from megalopta.report import images
@@ -27,7 +28,6 @@ from megalopta.report.panels import (
 )
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.sections import Section, block, write_sections
-from megalopta.report.text import number
 from megalopta.sensor.formats.reading import FrameKind
 
 _FILM_FRAMES = 300

@@ -17,11 +17,10 @@ from megalopta.benchmark.trial import Results, Sweep, Trial, load_sweep
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.core.quantities import UNDEFINED, number
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.report import sections
 from megalopta.report.sections import Section
-from megalopta.report.text import UNDEFINED
 from megalopta.reproduction.picture import write_figure, write_numbers
 from megalopta.reproduction.sweep_figure import measure, over_templates, sweep_figure, thresholds
 
@@ -49,7 +48,7 @@ PRINTED: Mapping[str, tuple[float, float]] = {
 NOTE = (
     "Each line is the least N_2b, in photons per frame of 60 × 60 px, over all spatial frequencies "
     "f and velocities v (synthetic), or over all velocities with and without motion blur, mean of "
-    "the forests (natural; photo: in gray values). Brackets: 95 % CI of the named experiment, "
+    "the forests (natural; photo: in gray values). Ranges: 95 % CI of the named experiment, "
     "which is not one of the least of many, or range over the forests. Σ|Δ|/Σ|R|: N_2b by the "
     "quotient of means, which does not divide by responses near zero."
 )
@@ -153,11 +152,11 @@ def table_rows(results: Results, is_quick: bool = False) -> pd.DataFrame:
     least = table.loc[table.groupby(keys)["photons_per_frame"].idxmin()].set_index(keys)
     order = pd.MultiIndex.from_product((_SOURCES, PRINTED, METRICS), names=keys)
     rows = least.loc[order].reset_index()
-    ends = rows[["low", "high"]].map(lambda flux: format_flux(flux) if flux > 0 else UNDEFINED)
+    ends = rows[["low", "high"]].map(lambda flux: number(flux) if flux > 0 else UNDEFINED)
     thesis = [PRINTED[row.method][row.images != "synthetic"] for row in records(rows)]
     return rows.assign(
         thesis_photons_per_frame=thesis,
-        interval="[" + ends["low"] + ", " + ends["high"] + "]",
+        interval=ends["low"] + " to " + ends["high"],
         ratio=rows["photons_per_frame"] / thesis,
     )[_COLUMNS]
 
@@ -175,12 +174,12 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
     lines = tuple(
         (
             f"{row.method}, {row.images}",
-            format_flux(row.thesis_photons_per_frame),
-            format_flux(row.photons_per_frame),
+            number(row.thesis_photons_per_frame),
+            number(row.photons_per_frame),
             f"{row.ratio:.2f}",
             row.interval,
             row.found_at,
-            format_flux(ratio),
+            number(ratio),
         )
         for row, ratio in zip(records(literal), by_means["photons_per_frame"], strict=True)
     )
@@ -195,6 +194,8 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
         Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
-    summary = _SUMMARY + (quick if is_quick else "")
+    near = literal["ratio"].between(0.5, 2).sum()
+    verdict = f" {near} of {len(literal)} agree with the printed ones within a factor of two."
+    summary = _SUMMARY + verdict + (quick if is_quick else "")
     title = "Photons that motion detectors need"
     return sections.write_sections(out / "chapter-4.html", title, summary, page)

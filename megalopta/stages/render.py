@@ -17,6 +17,7 @@ from megalopta.core import files
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.core.progress import progress, say, step
+from megalopta.core.quantities import number, percent, short, with_error
 from megalopta.dataset import labels, sintel
 from megalopta.dataset.frames import decoded
 from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
@@ -35,7 +36,6 @@ from megalopta.render import (
     write_truth,
 )
 from megalopta.render.exr import read_headers
-from megalopta.report.text import three_digits
 from megalopta.scenes import ToneCurve, build_scene, preview
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
@@ -295,21 +295,19 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
     """Say how bright the rendering is, what light is missing, and its error."""
     rendering = settings.render
     if light := record["illuminance"]:
-        text = f"{light['requested_lux']:g} lux requested, {three_digits(light['unshaded_lux'])}"
-        if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
-            text += f" ± {light['unshaded_standard_error_lux']:.1g}"
-        text += " measured"
+        measured = with_error(light["unshaded_lux"], light["unshaded_standard_error_lux"], "lux")
+        text = f"{short(light['requested_lux'])} lux requested, {measured} measured"
         if ground := [point["lux"] for point in light["ground"]]:
             text += (
-                f" in the open and {three_digits(np.mean(ground))} on the ground below the camera "
-                f"({three_digits(min(ground))} to {three_digits(max(ground))} along its path)"
+                f" in the open and {number(np.mean(ground))} on the ground below the camera "
+                f"({number(min(ground))} to {number(max(ground))} along its path)"
             )
         say(f"render: {text}")
     shares = record["light_left_out"]
     if shares and max(shares) >= 0.01:
         low, high = rendering.bands_nm[int(np.argmax(shares))]
         say(
-            f"render: {_percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm "
+            f"render: {percent(max(shares))} of the light of surfaces at {low:g} to {high:g} nm "
             f"takes more hits than render.max_depth {rendering.max_depth} allows and is missing; "
             "16 are enough in forests, and 64 in rooms"
         )
@@ -317,9 +315,9 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
     if not noise or not noise["rms_over_mean"]:
         return
     if (surface := noise["surface"]) is None:
-        say(f"render: error of a pixel {_percent(noise['rms_over_mean'])} RMS, from two renderings")
+        say(f"render: error of a pixel {percent(noise['rms_over_mean'])} RMS, from two renderings")
     else:
-        rms, median, fixed = (_percent(surface[key]) for key in ("rms", "median", "standing"))
+        rms, median, fixed = (percent(surface[key]) for key in ("rms", "median", "standing"))
         text = f"render: error on surfaces {rms} RMS, {median} median"
         if surface["standing"]:
             text += f", of which {fixed} RMS is the same in all frames"
@@ -332,10 +330,6 @@ def _say_light(settings: Configuration, record: Mapping[str, Any]) -> None:
             f"{target:g} in {rendering.max_passes} passes; the worst has {max(errors):.2g}: "
             "raise render.max_passes or render.samples_per_pixel"
         )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
 
 
 def write_previews(dataset: Dataset) -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
 from megalopta.render.mitsuba_loader import PlugIn, is_scalar, registered
+from megalopta.scenes import material as materials
 from megalopta.scenes.material import ColorTexture, Emission, Finish, Material, Part, Rgb, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
@@ -48,14 +49,44 @@ def _part(of: Part) -> Any:
 
 
 def _blade(material: Material) -> dict[str, Any]:
+    body = material.body
     spectra = {
         f"{name}_{end}": spectrum(getattr(part, name, None) or flat(0.0))
-        for end, part in enumerate((material, material.texture))
+        for end, part in enumerate((body, body.texture))
         for name in ("reflectance", "transmittance")
     }
     texture = material.texture
     weight = bitmap(texture.weight) if texture else {"type": "uniform", "value": 0.0}
-    return {"type": registered(_Blade), **spectra, "weight": weight}
+    slope = {"type": "uniform", "value": material.gloss or 0.0}
+    return {"type": registered(_Blade), **spectra, "weight": weight, "slope": slope}
+
+
+ARCH, VEIN, VEINS = 0.35, 0.15, 7.0
+"""Slopes of leaves: at their margins and ends, and beside their veins; number of these."""
+
+
+def interface(point: Any, to: Any, slope: Any) -> Any:
+    """Response (1/sr) of leaves' interface from the local direction `point.wi` to another.
+
+    Facets have a normal distribution of slopes about those of arched leaves with veins, and hide
+    each other in V-shaped grooves (Cook and Torrance 1982, ACM TOG 1:7); it is reciprocal. They are
+    dull with a slope of 0.
+    """
+    half = dr.normalize(point.wi + to)
+    up, near = dr.maximum(dr.abs(half.z), 0.05), dr.minimum(dr.abs(point.wi.z), dr.abs(to.z))
+    far = dr.maximum(dr.abs(point.wi.z), dr.abs(to.z))
+    across, along = (x - dr.floor(x) - 0.5 for x in (point.uv * mi.Point2f(*materials.BLADES)))
+    vein = VEIN * dr.cos(2 * dr.pi * VEINS * (along - 1.2 * dr.abs(across)))
+    half *= dr.select(half.z < 0, -1.0, 1.0) / up
+    x, y = half.x - 2 * ARCH * across, half.y - 2 * ARCH * along - vein
+    wide = slope * slope
+    facets = dr.exp(-(x * x + y * y) / wide) / (dr.pi * wide * up**4)
+    seen = dr.minimum(
+        dr.rcp(4 * dr.maximum(near, 1e-4) * far),
+        up * dr.rcp(2 * far * dr.maximum(dr.abs(dr.dot(point.wi, dr.normalize(half))), 1e-4)),
+    )
+    same = (point.wi.z * to.z > 0) & (slope > 0)
+    return dr.select(same, materials.INTERFACE * facets * seen, 0.0)
 
 
 def _of_parts(material: Material) -> dict[str, Any]:
@@ -153,14 +184,15 @@ class _Blade(PlugIn):
     In nearly all radiative transfer models of canopies a leaf scatters ρ/π toward the side of the
     light and τ/π toward the other, at any angle. A path continues to either side with a probability
     proportional to the means of ρ and τ over its wavelengths. A blend of Mitsuba's own surfaces has
-    two thirds of the speed. `reflectance_0` is where the texture `weight` is 0.
+    two thirds of the speed. `reflectance_0` is where the texture `weight` is 0. Light reflected by
+    the interface of glossy leaves is added; a path is as likely to go there as if it were diffuse.
     """
 
     base = "BSDF"
 
     def __init__(self, properties: Any) -> None:
         self.above.__init__(self, properties)
-        self.weight = properties.get_texture("weight")
+        self.weight, self.slope = (properties.get_texture(name) for name in ("weight", "slope"))
         self.spectra = [
             [properties.get_texture(f"{name}_{end}") for end in (0, 1)]
             for name in ("reflectance", "transmittance")
@@ -170,25 +202,28 @@ class _Blade(PlugIn):
         self.m_components = [flags.DiffuseReflection | both, flags.DiffuseTransmission | both]
         self.m_flags = self.m_components[0] | self.m_components[1]
 
-    def shares(self, point: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Reflectance, transmittance, and the probability that a path is reflected."""
+    def shares(self, point: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """Reflectance, transmittance, probability that a path is reflected, slope of facets."""
         weight = self.weight.eval_1(point, active)
         back, through = (
             dr.lerp(first.eval(point, active), second.eval(point, active), weight)
             for first, second in self.spectra
         )
-        total = dr.mean(back) + dr.mean(through)
-        return back, through, dr.select(total > 0, dr.mean(back) / total, 0.5)
+        slope = self.slope.eval_1(point, active)
+        mean = dr.mean(back) + dr.select(slope > 0, materials.INTERFACE, 0.0)
+        total = mean + dr.mean(through)
+        return back, through, dr.select(total > 0, mean / total, 0.5), slope
 
     def lobes(self, point: Any, to: Any, shares: Any, active: Any) -> tuple[Any, Any]:
-        back, through, chance = shares
+        back, through, chance, slope = shares
         same = point.wi.z * to.z > 0
         cosine = dr.select(active, dr.abs(to.z) / dr.pi, 0.0)
-        value = dr.select(same, back, through) * cosine
+        shine = dr.pi * interface(point, to, slope)
+        value = dr.select(same, back + shine, through) * cosine
         return value, dr.select(same, chance, 1 - chance) * cosine
 
     def drawn(self, point: Any, first: Any, second: Any, shares: Any, active: Any) -> Any:
-        back, through, chance = shares
+        back, through, chance, slope = shares
         same = first < chance
         to = mi.warp.square_to_cosine_hemisphere(second)
         to.z = dr.select(same == (point.wi.z > 0), to.z, -to.z)
@@ -198,7 +233,8 @@ class _Blade(PlugIn):
         kinds = +mi.BSDFFlags.DiffuseReflection, +mi.BSDFFlags.DiffuseTransmission
         sample.sampled_type = dr.select(same, *map(mi.UInt32, kinds))
         sample.sampled_component = dr.select(same, mi.UInt32(0), mi.UInt32(1))
-        weight = dr.select(same, back / chance, through / (1 - chance))
+        shine = dr.pi * interface(point, to, slope)
+        weight = dr.select(same, (back + shine) / chance, through / (1 - chance))
         return sample, dr.select(active, weight, 0.0)
 
     def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:

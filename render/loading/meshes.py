@@ -101,14 +101,14 @@ class _Member(NamedTuple):
         turned = self.mesh.vertex_normals @ self.placement.to_world[:3, :3].T
         return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
-    def uv(self, material: str) -> Floats:
+    def uv(self, material: str, is_leaf: bool) -> Floats:
         uv = getattr(self.mesh.visual, "uv", None)
         if uv is None:
             raise ValueError(
                 f"asset {self.placement.asset!r}: material {material!r} is patterned, but its mesh "
                 "has no uv"
             )
-        return np.asarray(uv)
+        return np.asarray(uv + np.array([0.0, self.placement.leaf_shift * is_leaf]))
 
 
 def merge(scene: Scene) -> list[MergedMesh]:
@@ -150,14 +150,15 @@ def _merge_group(
     look = scene.materials[material]
     glows = look.emission is not None and look.emission.pattern is not None
     patterned = look.finish.is_patterned if look.finish else look.texture is not None or glows
-    uv = np.concatenate([part.uv(material) for part in members]) if patterned else None
+    coordinates = [part.uv(material, look.transmits) for part in members] if patterned else None
+    uv = None if coordinates is None else np.concatenate(coordinates).astype(np.float32)
     ids = [np.full(len(part.mesh.faces), part.object_id, np.uint32) for part in members]
     merged = MergedMesh(
         material,
         _local(placed, scene.origin_m),
         np.concatenate(faces).astype(np.uint32),
         None if normals is None else normals.astype(np.float32),
-        None if uv is None else uv.astype(np.float32),
+        uv,
         np.concatenate(ids),
     )
     if not moves:

@@ -31,9 +31,9 @@ GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
 
 
 def make_land(seed: int, path: cKDTree, relief_m: float, edge_m: float) -> Terrain:
-    """Return the land around a path; behind a stand up to a distance (m) it rises by 7 m."""
+    """Return the land around a path; behind a stand up to a distance (m) it rises by 14 m."""
     rng = generator(seed, "terrain")
-    return make_terrain(path, relief_m, (edge_m, edge_m + 22.0), rim_height_m=7.0, rng=rng)
+    return make_terrain(path, relief_m, (edge_m, edge_m + 26.0), rim_height_m=14.0, rng=rng)
 
 
 def even_ground(cover: str, land: Terrain, edge_m: float) -> Asset:

@@ -37,12 +37,14 @@ class LodLevel:
     """Sides of rocks; logs have half as many."""
     merged_small: int
     """Number of small plants' leaves merged into one."""
+    moss_m: float = 0.0
+    """Steps of the moss on stems (m); 0: none is drawn."""
 
 
 LODS = (
-    LodLevel("near", 0.0, Detail(0.0, 1, 0.0, 0.0), 4000, 28, 1),
-    LodLevel("close", 8.0, Detail(0.009, 3, 0.006, 0.04), 1600, 20, 1),
-    LodLevel("middle", 16.0, Detail(0.026, 5, 0.015, 0.07), 600, 14, 2),
+    LodLevel("near", 0.0, Detail(0.0, 1, 0.0, 0.0), 4000, 28, 1, 0.04),
+    LodLevel("close", 8.0, Detail(0.009, 3, 0.006, 0.04), 1600, 20, 1, 0.06),
+    LodLevel("middle", 16.0, Detail(0.026, 5, 0.015, 0.07), 600, 14, 2, 0.12),
     LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
     LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
 )
@@ -65,12 +67,14 @@ class Coat:
     texture: str
     transmittances: Spectra | None = None
     """Transmittances; None: opaque."""
+    gloss: float | None = None
+    """RMS slope of the interface's facets; None: dull."""
 
     @classmethod
-    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
+    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str, gloss: float = 0.35) -> "Coat":
         """Return the coat of leaves, which transmit light."""
         through = dark.transmittance, light.transmittance
-        return cls((dark.reflectance, light.reflectance), texture, through)
+        return cls((dark.reflectance, light.reflectance), texture, through, gloss)
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,9 @@ class Small(Plant):
     detail_distance = 0.4
 
 
+_MOSS = Coat((reflectance_of("moss * 0.15"), reflectance_of("moss * 0.75")), "moss")
+
+
 def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
     """Return a tree or bush of the table, with the scale of its leaves applied."""
     leaf = dict(entry["shape"]["foliage"])
@@ -145,7 +152,8 @@ def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
     shade, sun = map(leaf_of, entry["leaf"])
     layer = Layer(**entry["layer"]) if entry.get("layer") else None
     blade = Coat.of_leaves(shade, sun, shape.foliage.blade)
-    return Woody(name, {"bark": Coat((light, dark), shape.bark), "leaf": blade}, shape, layer)
+    coats = {"bark": Coat((light, dark), shape.bark), "leaf": blade, "moss": _MOSS}
+    return Woody(name, coats, shape, layer)
 
 
 _TABLE = strict_yaml.load(Path(__file__).with_name("flora.yaml").read_text("utf-8"))
@@ -203,10 +211,10 @@ _FERN = _leaf("young leaf dark * 0.9", "young leaf light")
 _BILBERRY = _leaf("leaf dark * 0.9", "leaf light")
 _GRASS = _leaf("grass dark", "grass light")
 _MOSSY_BARK = _coat("spruce bark dark * 1.5", "moss * 0.8", "mossy")
-_PETAL = _coat("white petal * 0.75", "white petal")
-_LITTER = _coat("soil * 1.6", "litter")
+_PETAL = _coat("violet petal * 0.6", "violet petal")
+_LITTER = _coat("soil * 1.6", "litter * 0.8")
 _LOG = {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")}
-_STONE = _coat("stone dark", "stone light", "stone")
+_STONE = _coat("stone dark * 0.9", "moss * 0.8", "stone")
 
 _SMALL = (
     Small("fern", {"leaf": _FERN}, Layer(0.55, 30, 0.9), _leaves(undergrowth.grow_fern)),
@@ -230,10 +238,10 @@ LAYERS = {name: plant.layer for name, plant in PLANTS.items() if plant.layer}
 """Places of the undergrowth, by kind."""
 
 COVERS: Mapping[str, Coat] = {
-    "litter": _coat("soil", "litter", "litter"),
-    "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
-    "moss": _coat("soil * 0.5", "moss", "turf"),
-    "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
-    "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
+    "litter": _coat("soil * 0.8", "litter * 0.7", "litter"),
+    "meadow": _coat("soil", "grass dark * 0.6", "turf"),
+    "moss": _coat("soil * 0.5", "moss * 0.7", "turf"),
+    "moss patch": _coat("soil * 0.6", "moss * 0.75", "moss"),
+    "trodden": _coat("soil * 0.8", "litter * 0.6", "trodden"),
 }
 """Ground covers: for all of the ground, or patches and a path."""

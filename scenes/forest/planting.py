@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
+from megalopta.assets_gen.plants.foliage import TONES
 from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
@@ -32,11 +33,11 @@ REGULARITY = 0.72
 """Smallest distance between trees in units of 1/√density; 0.83 is the largest possible."""
 LEAST_DEPTH_M = 8.0
 """Smallest extent of the stand beyond the clearance, on all sides."""
-BELT_M = 16.0
+BELT_M = 24.0
 """Width of the belt of trees, bushes and saplings around the stand (m)."""
 TRUNK_M, SMALL_M = 0.35, 0.1
 """Smallest distance of a trunk's middle, and of a small plant, from the edge of a trodden path."""
-THICKET_PER_M2 = 0.14
+THICKET_PER_M2 = 0.2
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
 """Kinds and shares of these if there is no bush in the undergrowth."""
@@ -203,9 +204,10 @@ class Planting:
         to_world = np.tile(np.eye(4), (len(points), 1, 1))
         to_world[:, :3, :3] = scales[:, None, None] * turns
         to_world[:, :3, 3] = np.column_stack([points, heights])
+        tones = (rng.integers(TONES, size=len(points)) / TONES).tolist()
         for index, plant in enumerate(plants):
             asset = f"{plant.name} {numbers[index]} {LODS[levels[index]].name}"
-            yield Placement(asset, plant.name, to_world[index])
+            yield Placement(asset, plant.name, to_world[index], leaf_shift=tones[index])
 
     def _slopes(self, points: Floats) -> Floats:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from megalopta.assets_gen import TEXTURES, Surface, generator
 from megalopta.assets_gen.plants.bark import Furrows
 from megalopta.assets_gen.plants.detail import coarsened, some_leaves
-from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.assets_gen.plants.growth import grow_plant, moss_on
 from megalopta.assets_gen.plants.species import aged
 from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.array_store import ArrayStore
@@ -79,7 +79,11 @@ def grown(
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (tree.wood, tree.leaves) if is_full else coarsened(tree, lod.detail, rng)
-            organs_of.append({"bark": wood, "leaf": leaves})
+            organs = {"bark": wood, "leaf": leaves}
+            if lod.moss_m and not plant.layer:
+                mossy = generator(seed, "moss", plant.name, number)
+                organs["moss"] = moss_on(tree.tubes[0], lod.moss_m, mossy)
+            organs_of.append(organs)
     else:
         key = int(rng.integers(2**63))
         organs_of = [plant.drawn(lod, np.random.default_rng(key)) for lod in lods]
@@ -175,7 +179,7 @@ def materials(
         coat = coats[part]
         (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
         mixed = Texture(texture(seed, coat.texture), second, more)
-        result[part] = Material(first, mixed, transmittance=through)
+        result[part] = Material(first, mixed, transmittance=through, gloss=coat.gloss)
     return result
 
 

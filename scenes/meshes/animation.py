@@ -1,12 +1,11 @@
 """Animation of a glTF file's nodes as motion of its objects, interpolated as glTF 2.0 specifies."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -16,13 +15,8 @@ from megalopta.core.bounded import quoted
 from megalopta.scenes.motion import Times
 
 Mode = Literal["STEP", "LINEAR", "CUBICSPLINE"]
-_AT_REST: Mapping[str, Sequence[float]] = {
-    "translation": (0, 0, 0),
-    "rotation": (0, 0, 0, 1),
-    "scale": (1, 1, 1),
-}
-PARTS = tuple(_AT_REST)
-"""Parts of a node's pose."""
+AT_REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 3}
+"""Parts of a node's pose, and their values if the file states none."""
 
 
 @dataclass(frozen=True)
@@ -51,58 +45,39 @@ class Track:
             of_key = self.values if self.mode != "CUBICSPLINE" else self.values[:, 1]
             return of_key[np.searchsorted(self.times_s, times, side="right") - 1]
         if self.mode == "CUBICSPLINE":
-            return self._on_splines(times)
+            key = np.searchsorted(self.times_s, times, side="right").clip(1, len(self.times_s) - 1)
+            span = (self.times_s[key] - self.times_s[key - 1])[:, np.newaxis]
+            x = (times - self.times_s[key - 1])[:, np.newaxis] / span
+            _, first, leaving = self.values[key - 1].swapaxes(0, 1)
+            arriving, second, _ = self.values[key].swapaxes(0, 1)
+            rise = x**2 * (3 - 2 * x)
+            slopes = (1 - x) ** 2 * x * leaving - (1 - x) * x**2 * arriving
+            return np.asarray((1 - rise) * first + rise * second + span * slopes)
         if is_rotation:
             return np.asarray(Slerp(self.times_s, Rotation.from_quat(self.values))(times).as_quat())
         columns = [np.interp(times, self.times_s, column) for column in self.values.T]
         return np.stack(columns, axis=1)
 
-    def _on_splines(self, times: Floats) -> Floats:
-        """Cubic between keys, whose slope may differ on both sides."""
-        key = np.searchsorted(self.times_s, times, side="right").clip(1, len(self.times_s) - 1) - 1
-        values = np.empty((len(times), self.values.shape[-1]))
-        for first in np.unique(key):
-            between, ends = key == first, slice(first, first + 2)
-            (_, a, leaving), (arriving, b, _) = self.values[ends]
-            curve = CubicHermiteSpline(self.times_s[ends], [a, b], [leaving, arriving])
-            values[between] = curve(times[between])
-        return values
+
+def fixed(value: Any) -> Track:
+    """Return a value (d,) as the same at all times."""
+    return Track(np.zeros(1), np.array([value], np.float64))
 
 
-@dataclass(frozen=True)
-class Joint:
-    """A node's pose relative to the one above it: at rest, or over time."""
+Joint = Mapping[str, Track]
+"""A node's pose relative to the one above it: its parts, or its matrix, by columns."""
 
-    rest: Floats
-    """(4, 4)."""
-    parts: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Parts of the pose at rest, by name."""
-    tracks: Mapping[str, Track] = field(default_factory=dict)
-    """Parts of it over time, by name."""
 
-    def poses(self, times_s: Floats) -> Floats:
-        """Poses (n, 4, 4) at times (n,)."""
-        if not self.tracks:
-            return np.broadcast_to(self.rest, (len(times_s), 4, 4))
-        shift, turn, scale = (self._part(name, usual, times_s) for name, usual in _AT_REST.items())
-        poses = np.tile(np.eye(4), (len(times_s), 1, 1))
-        poses[:, :3, :3] = Rotation.from_quat(turn).as_matrix() * scale[:, None]
-        poses[:, :3, 3] = shift
-        return poses
-
-    def _part(self, name: str, usual: Sequence[float], times_s: Floats) -> Floats:
-        if name in self.tracks:
-            return self.tracks[name].at(times_s, name == "rotation")
-        return np.tile(np.asarray(self.parts.get(name, usual), np.float64), (len(times_s), 1))
-
-    def record(self) -> dict[str, Any]:
-        """Return the joint as numbers, for a file."""
-        parts = {name: list(values) for name, values in self.parts.items()}
-        tracks = {
-            name: [track.times_s.tolist(), track.values.tolist(), track.mode]
-            for name, track in self.tracks.items()
-        }
-        return {"rest": self.rest.tolist(), "parts": parts, "tracks": tracks}
+def poses_of(joint: Joint, times_s: Floats) -> Floats:
+    """Poses (n, 4, 4) at times (n,)."""
+    if "matrix" in joint:
+        matrix = joint["matrix"].at(times_s, False)
+        return matrix.reshape(-1, 4, 4).swapaxes(1, 2)
+    shift, turn, scale = (joint[part].at(times_s, part == "rotation") for part in AT_REST)
+    poses = np.tile(np.eye(4), (len(times_s), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(turn).as_matrix() * scale[:, None]
+    poses[:, :3, 3] = shift
+    return poses
 
 
 @dataclass(frozen=True)
@@ -124,13 +99,12 @@ class NodeMotion:
         """Maps (n, 4, 4) from points as placed to those at times (n,)."""
         poses = np.tile(np.eye(4), (len(times_s), 1, 1))
         for joint in self.joints:
-            poses = poses @ joint.poses(times_s)
+            poses = poses @ poses_of(joint, times_s)
         return np.asarray(self.to_world @ poses @ np.linalg.inv(self.to_world @ self.rest))
 
     def carry(self, points: Floats, time_s: Times) -> Floats:
         """Return points (n, 3) of the object as placed at one time, or each at its own (n,)."""
-        maps = self.maps(np.atleast_1d(np.asarray(time_s, np.float64)))
-        return _mapped(maps, points)
+        return _mapped(self.maps(np.atleast_1d(np.asarray(time_s, np.float64))), points)
 
     def undo(self, points: Floats, time_s: float) -> Floats:
         """Return points (n, 3) of a time, moved back to the object as placed."""
@@ -138,24 +112,30 @@ class NodeMotion:
 
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Return unit normals (n, 3) at a time."""
-        turned = normals @ inverse(self.maps(np.array([time_s]))[:, :3, :3])[0]
-        return unit(turned)
+        return unit(normals @ inverse(self.maps(np.array([time_s]))[:, :3, :3])[0])
 
     def record(self) -> dict[str, Any]:
         """Return the motion as numbers, for a file."""
+        joints = [
+            {
+                part: [track.times_s.tolist(), track.values.tolist(), track.mode]
+                for part, track in joint.items()
+            }
+            for joint in self.joints
+        ]
         places = {"rest": self.rest.tolist(), "to_world": self.to_world.tolist()}
-        return {"kind": "nodes", "joints": [joint.record() for joint in self.joints], **places}
+        return {"kind": "nodes", "joints": joints, **places}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "NodeMotion":
         """Return the motion of a record. Raises any exception if it is damaged."""
-        joints = []
-        for joint in record["joints"]:
-            tracks = {
-                name: Track(np.array(times), np.array(values), mode)
-                for name, (times, values, mode) in joint["tracks"].items()
+        joints = (
+            {
+                part: Track(np.array(times), np.array(values), mode)
+                for part, (times, values, mode) in joint.items()
             }
-            joints.append(Joint(np.array(joint["rest"]), joint["parts"], tracks))
+            for joint in record["joints"]
+        )
         return cls(tuple(joints), np.array(record["rest"]), np.array(record["to_world"]))
 
 
@@ -175,32 +155,20 @@ class Skeleton:
         """Maps (n, B, 4, 4) from the mesh to the file, of each bone, at times (n,)."""
         poses: list[Floats] = []
         for joint, above in zip(self.joints, self.above, strict=True):
-            pose = joint.poses(times_s)
+            pose = poses_of(joint, times_s)
             poses.append(poses[above] @ pose if above >= 0 else pose)
         return np.stack([poses[bone] for bone in self.bones], axis=1) @ self.to_bone
 
-    @property
-    def is_moving(self) -> bool:
-        """True if any of its joints moves."""
-        return any(joint.tracks for joint in self.joints)
 
+@dataclass(frozen=True)
+class Figure:
+    """Skinned or morphed mesh: v(t) = Σ_b w_b · M_b(t) · (v + Σ_k s_k(t) · d_k).
 
-_AT_ONCE = 5000
-"""Vertices that are moved at once, which bounds the memory."""
-
-
-@dataclass(frozen=True, eq=False)
-class FigureMotion:
-    """Motion of a skinned or morphed object: every vertex goes its own way.
-
-    v(t) = Σ_b w_b · M_b(t) · (v + Σ_k s_k(t) · d_k) with weights w of its bones, their maps M, and
-    shares s of displacements d (glTF 2.0, 3.7). Only vertices can be carried. They are known by
-    their places in the object as placed, no two of which are the same.
+    Of the bones w are weights and M maps, of the shapes s shares and d displacements (glTF 2.0,
+    3.7). Normals are those of the bones' mean map.
     """
 
     skeleton: Skeleton
-    placed: Floats
-    """(V, 3): vertices as placed."""
     vertices: Floats
     """(V, 3): vertices of the mesh, in its own axes."""
     joints: Ints
@@ -211,17 +179,43 @@ class FigureMotion:
     """(K, V, 3): displacements of the vertices in each shape."""
     turns: Floats
     """(K, V, 3): changes of the normals in each shape."""
-    rest_shares: Floats
-    """(K,): shares of the shapes at rest."""
-    shares: Track | None
-    """Shares over time; None: at rest."""
+    shares: Track
+    """Shares of the shapes."""
+
+    def change(self, of_shapes: Floats, vertex: Ints, times_s: Floats) -> Floats:
+        """Sum (n, 3) over the shapes for vertices (n,), at one time or each at its own."""
+        shares = np.broadcast_to(self.shares.at(times_s, False), (len(vertex), len(of_shapes)))
+        return np.asarray(np.einsum("nk,knj->nj", shares, of_shapes[:, vertex]))
+
+    def maps(self, vertex: Ints, times_s: Floats) -> Floats:
+        """Maps (n, 4, 4) from the mesh to the file."""
+        moments, moment = np.unique(times_s, return_inverse=True)
+        chosen = self.skeleton.maps(moments)[moment.reshape(-1, 1), self.joints[vertex]]
+        return np.asarray(np.einsum("nk,nkij->nij", self.weights[vertex], chosen))
+
+    def places(self, vertex: Ints, times_s: Floats) -> Floats:
+        """Places (n, 3) in the file."""
+        shapes = self.vertices[vertex] + self.change(self.targets, vertex, times_s)
+        return _mapped(self.maps(vertex, times_s), shapes)
+
+
+_AT_ONCE = 5000
+"""Vertices that are moved at once, which bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class FigureMotion:
+    """Motion of a figure: every vertex goes its own way, and only vertices can be carried.
+
+    They are known by their places in the object as placed, no two of which are the same.
+    """
+
+    figure: Figure
+    at_rest: Figure
+    placed: Floats
+    """(V, 3): vertices as placed."""
     to_world: Floats
     """(4, 4): map from the file to the world."""
-
-    @property
-    def is_moving(self) -> bool:
-        """True if it moves at all."""
-        return self.skeleton.is_moving or self.shares is not None
 
     def moved(self, matrix: Floats) -> "FigureMotion":
         """Return the motion of an object that is placed elsewhere by a map (4, 4)."""
@@ -232,12 +226,12 @@ class FigureMotion:
         """Return vertices (n, 3) of the object as placed at one time, or each at its own (n,)."""
         vertex, times = self._vertex(points), np.atleast_1d(np.asarray(time_s, np.float64))
         places = np.empty((len(points), 3))
-        for some in range(0, len(points), _AT_ONCE):
-            part = slice(some, some + _AT_ONCE)
-            when = times if len(times) == 1 else times[part]
-            shapes = self._shaped(self.vertices, self.targets, vertex[part], when)
-            places[part] = _mapped(self._maps(vertex[part], when), shapes)
-        return places
+        for first in range(0, len(points), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            places[part] = self.figure.places(
+                vertex[part], times if len(times) == 1 else times[part]
+            )
+        return _mapped(self.to_world[np.newaxis], places)
 
     def undo(self, points: Floats, time_s: float) -> Floats:
         """Return NaN (n, 3): where a point between vertices was is not known."""
@@ -246,27 +240,19 @@ class FigureMotion:
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Return unit normals (n, 3) at a time, from those at vertices (n, 3) as placed."""
         vertex, now = self._vertex(points), np.array([time_s])
+        rest, maps = (
+            (self.to_world @ figure.maps(vertex, now))[:, :3, :3]
+            for figure in (self.at_rest, self.figure)
+        )
         # Back to the mesh, where shapes change them, and out again.
-        own = unit(np.einsum("nij,ni->nj", self.rest_maps()[vertex, :3, :3], normals))
-        change = self._shaped(np.zeros_like(self.vertices), self.turns, vertex, now)
-        change -= np.einsum("k,knj->nj", self.rest_shares, self.turns[:, vertex])
-        maps = inverse(self._maps(vertex, now)[:, :3, :3])
-        return unit(np.einsum("nji,nj->ni", maps, unit(own + change)))
+        in_mesh = unit(np.einsum("nij,ni->nj", rest, normals))
+        in_mesh += self.figure.change(self.figure.turns, vertex, now)
+        in_mesh -= self.at_rest.change(self.at_rest.turns, vertex, now)
+        return unit(np.einsum("nji,nj->ni", inverse(maps), unit(in_mesh)))
 
     def record(self) -> dict[str, Any]:
         """Return its kind: the file has the numbers."""
         return {"kind": "figure"}
-
-    def at_rest(self) -> Floats:
-        """Vertices (V, 3) of the object as its file poses it without animation."""
-        shapes = self.vertices + np.einsum("k,knj->nj", self.rest_shares, self.targets)
-        return _mapped(self.rest_maps(), shapes)
-
-    def rest_maps(self) -> Floats:
-        """Maps (V, 4, 4) from the mesh to the world, of the pose without animation."""
-        joints = tuple(replace(joint, tracks={}) for joint in self.skeleton.joints)
-        still = replace(self, skeleton=replace(self.skeleton, joints=joints))
-        return still._maps(np.arange(len(self.vertices)), np.zeros(1))
 
     @cached_property
     def _places(self) -> cKDTree:
@@ -274,21 +260,6 @@ class FigureMotion:
 
     def _vertex(self, points: Floats) -> Ints:
         return np.asarray(self._places.query(points)[1])
-
-    def _shaped(self, first: Floats, changes: Floats, vertex: Ints, times_s: Floats) -> Floats:
-        shares = np.broadcast_to(self.rest_shares, (len(times_s), len(changes)))
-        if self.shares is not None:
-            shares = self.shares.at(times_s, False)
-        if len(times_s) == 1:
-            shares = np.broadcast_to(shares, (len(vertex), len(changes)))
-        return np.asarray(first[vertex] + np.einsum("nk,knj->nj", shares, changes[:, vertex]))
-
-    def _maps(self, vertex: Ints, times_s: Floats) -> Floats:
-        """Maps (n, 4, 4) from the mesh to the world."""
-        moments, moment = np.unique(times_s, return_inverse=True)
-        bones = self.to_world @ self.skeleton.maps(moments)
-        chosen = bones[moment.reshape(-1, 1), self.joints[vertex]]
-        return np.asarray(np.einsum("nk,nkij->nij", self.weights[vertex], chosen))
 
 
 def inverse(maps: Floats) -> Floats:

@@ -4,8 +4,7 @@ trimesh names parts at random, and rounds colors to eight bits.
 """
 
 import math
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -13,33 +12,14 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_count, check_decoded, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes import gltf_surfaces
-from megalopta.scenes.meshes.animation import (
-    PARTS,
-    FigureMotion,
-    Joint,
-    NodeMotion,
-    Skeleton,
-    Track,
-    inverse,
-)
-from megalopta.scenes.meshes.gltf_file import (
-    DRACO,
-    EFFECTIVE,
-    GltfFile,
-    Json,
-    extension,
-    image_of,
-    parts_of,
-    stands_in,
-)
-from megalopta.scenes.meshes.gltf_surfaces import Look, light_of, looks_of, pictures_of, unused_of
-from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_map
+from megalopta.scenes.meshes import animation, gltf_file, gltf_surfaces
+from megalopta.scenes.meshes.gltf_file import GltfFile, Json, extension, parts_of
+from megalopta.scenes.meshes.gltf_surfaces import Looks, light_of, pictures_of, unused_of
+from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_map, check_triangles
 from megalopta.scenes.scene import Lamp
 
 LIGHTS = "KHR_lights_punctual"
@@ -50,9 +30,6 @@ _POSE_BYTES = 400
 _MOST_STEPS = 100_000
 """Most nodes on the ways from the scene's root to all moving meshes."""
 
-
-Tracks = dict[int, dict[str, Track]]
-"""Tracks by node, and by part of its pose or "weights"."""
 Part = tuple[Piece, Json, Mapping[str, NDArray[Any]]]
 """Piece of a primitive, and its entry and attributes."""
 
@@ -64,31 +41,10 @@ def names_in(name: str, content: bytes) -> list[str]:
     header, _ = parts_of(content)
     materials = header.get("materials", ())
     textures = (entry for material in materials for entry in pictures_of(material).values())
-    images = [header["images"][image_of(header, texture)] for texture in textures]
-    buffers = [entry for entry in header.get("buffers", ()) if not stands_in(entry)]
+    images = [header["images"][gltf_file.image_of(header, texture)] for texture in textures]
+    buffers = [entry for entry in header.get("buffers", ()) if not gltf_file.stands_in(entry)]
     uris = [entry["uri"] for entry in [*buffers, *images] if "uri" in entry]
     return [unquote(uri) for uri in uris if not uri.startswith("data:")]
-
-
-def stated(name: str, content: bytes) -> tuple[int, int, int]:
-    """Vertices, triangles and primitives that the nodes place, of meshes as often as placed."""
-    header, _ = parts_of(content)
-    for things in ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers"):
-        check_count(name, things, len(header.get(things, ())), MOST_OBJECTS)
-    counts = [int(accessor["count"]) for accessor in header.get("accessors", ())]
-    placed = Counter(node["mesh"] for node in header.get("nodes", ()) if "mesh" in node)
-    vertices = triangles = primitives = 0
-    for number, times in placed.items():
-        for part in header["meshes"][number]["primitives"]:
-            position = part["attributes"]["POSITION"]
-            corners = counts[part.get("indices", position)]
-            is_list = part.get("mode", _TRIANGLES) == _TRIANGLES
-            sets = sum(attribute.startswith("JOINTS_") for attribute in part["attributes"])
-            copies = 1 + sets + 2 * len(part.get("targets", ()))
-            vertices += times * counts[position] * copies
-            triangles += times * (corners // 3 if is_list else corners)
-            primitives += times
-    return vertices, triangles, primitives
 
 
 def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Piece]:
@@ -96,28 +52,30 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
 
     If "animation" is used, they move as the file's first animation tells.
     """
-    file, animated = GltfFile(contents), "animation" in used
-    tracks = _tracks(file) if animated else {}
-    nodes, to_world = file.header.get("nodes", []), _poses(file.header)
-    above = {child: parent for parent in to_world for child in nodes[parent].get("children", ())}
-    looks = list(looks_of(file, "lights" in used))
-    steps, is_moving = 0, False
-    for number, pose in to_world.items():
-        node = nodes[number]
-        if "mesh" not in node:
+    file, plays = GltfFile(contents), "animation" in used
+    for things in ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers"):
+        check_count(file.name, things, len(file.header.get(things, ())), MOST_OBJECTS)
+    nodes, looks = _Nodes(file, plays), Looks(file, "lights" in used)
+    count, size, is_moving = 0, 0, False
+    for number, pose in nodes.poses.items():
+        if "mesh" not in nodes.entries[number]:
             continue
-        parts = list(_parts(file, number, looks))
-        if "skin" in node or any(part.get("targets") for _, part, _ in parts):
-            pieces = _figure(file, number, parts, above, tracks)
+        parts = []
+        for part in _parts(file, number, looks):
+            count, (piece, entry, values) = count + 1, part
+            copies = 1 + len(values) // 4 + 2 * len(entry.get("targets", ()))
+            size += len(piece.faces) + len(piece.vertices) * copies // 2
+            check_count(file.name, "objects", count, MOST_OBJECTS)
+            check_triangles(file.name, size)
+            parts.append(part)
+        if "skin" in nodes.entries[number] or any(entry.get("targets") for _, entry, _ in parts):
+            pieces = _figure(file, number, parts, nodes)
         else:
-            chain = _chain(number, above) if tracks else []
-            steps += len(chain)
-            check_count(file.name, "nodes above moving ones", steps, _MOST_STEPS)
-            motion = _motion(nodes, chain, pose, tracks)
+            motion = nodes.motion(number)
             pieces = [replace(piece.moved(pose), motion=motion) for piece, _, _ in parts]
         is_moving |= any(piece.motion for piece in pieces)
         yield from pieces
-    if animated and not is_moving:
+    if plays and not is_moving:
         raise DamagedFileError("it has no animation of nodes with meshes; omit animate")
 
 
@@ -130,30 +88,30 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
         entries = enumerate(header.get(plural, ()))
         return [(str(entry.get("name") or f"{kind} {n}"), entry) for n, entry in entries]
 
-    effective = *EFFECTIVE, *gltf_surfaces.EFFECTIVE, *[LIGHTS] * shines
+    effective = *gltf_file.EFFECTIVE, *gltf_surfaces.EFFECTIVE, *[LIGHTS] * shines
+    scenes, clips = named("scene", "scenes"), named("animation", "animations")
     extensions = [name for name in header.get("extensionsUsed", ()) if name not in effective]
-    scenes, animations = named("scene", "scenes"), named("animation", "animations")
     yield from (("extensions", name) for name in extensions)
     yield from (("cameras", name) for name, _ in named("camera", "cameras"))
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
-    yield from (("animations", name) for name, _ in animations[playing:])
+    yield from (("animations", name) for name, _ in clips[playing:])
     for name, material in named("material", "materials"):
         yield from ((feature, name) for feature in unused_of(material, shines))
     for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
                 yield "points and lines", name
-            if "COLOR_0" in part["attributes"]:
-                yield "colors of vertices", name
+            elif "COLOR_0" in part["attributes"] and not _is_colored(header, part):
+                yield "colors of vertices below pictures", name
     for sampler in header.get("samplers", ()):
         if {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)} != {_REPEAT}:
             yield "pictures' clamping and mirroring", ""
     for lamp in extension(header, LIGHTS).get("lights", ()) if shines else ():
         if "range" in lamp:
             yield "ranges of lamps", str(lamp.get("name", ""))
-    for _, animation in animations[:playing]:
-        for target in (channel["target"] for channel in animation["channels"]):
-            if target["path"] not in (*PARTS, _SHARES) or "node" not in target:
+    for _, clip in clips[:playing]:
+        for target in (channel["target"] for channel in clip["channels"]):
+            if target["path"] not in (*animation.AT_REST, _SHARES) or "node" not in target:
                 yield "an animation's extensions", target["path"]
         if lit := [node for node in header.get("nodes", ()) if extension(node, LIGHTS) and shines]:
             yield "motion of lamps", str(lit[0].get("name", ""))
@@ -176,6 +134,13 @@ def lamps_of(contents: Mapping[str, bytes]) -> list[Lamp]:
     return lamps
 
 
+def _joint(node: Json, tracks: animation.Joint) -> animation.Joint:
+    if "matrix" in node and not tracks:
+        return {"matrix": animation.fixed(node["matrix"])}
+    stated = {part: node.get(part, usual) for part, usual in animation.AT_REST.items()}
+    return {part: animation.fixed(value) for part, value in stated.items()} | dict(tracks)
+
+
 def _poses(header: Json) -> dict[int, Floats]:
     """Pose (4, 4) of each node of the scene, by its number."""
     nodes = header.get("nodes", [])
@@ -189,170 +154,153 @@ def _poses(header: Json) -> dict[int, Floats]:
         number, above = waiting.pop()
         if number in poses:
             raise ValueError(f"node {number} has two parents")
-        poses[number] = above @ _local(nodes[number])
-        check_map(
-            poses[number], f"the place of node {number} ({quoted(nodes[number])})", may_flatten=True
-        )
+        poses[number] = above @ animation.poses_of(_joint(nodes[number], {}), np.zeros(1))[0]
+        place = f"the place of node {number} ({quoted(nodes[number])})"
+        check_map(poses[number], place, may_flatten=True)
         waiting += [(child, poses[number]) for child in nodes[number].get("children", ())]
     return dict(sorted(poses.items()))
 
 
-def _local(node: Json) -> Floats:
-    if "matrix" in node:
-        return np.reshape(node["matrix"], (4, 4)).astype(np.float64).T
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix()
-    pose[:3, :3] *= np.asarray(node.get("scale", [1, 1, 1]), np.float64)
-    pose[:3, 3] = node.get("translation", [0, 0, 0])
-    return pose
+class _Nodes:
+    """Nodes of a file's scene, with the tracks of its first animation if it plays."""
+
+    def __init__(self, file: GltfFile, plays: bool) -> None:
+        self.entries, self.poses = file.header.get("nodes", []), _poses(file.header)
+        self._name, self._steps = file.name, 0
+        self._above = {
+            child: node for node in self.poses for child in self.entries[node].get("children", ())
+        }
+        self._tracks = dict[int, dict[str, animation.Track]]()
+        self.shares = dict[int, animation.Track]()
+        """Shares of the shapes of nodes' meshes over time."""
+        for clip in file.header.get("animations", ())[:1] if plays else ():
+            for channel in clip["channels"]:
+                target, sampler = channel["target"], clip["samplers"][channel["sampler"]]
+                if target["path"] not in (*animation.AT_REST, _SHARES) or "node" not in target:
+                    continue  # what an extension points at
+                times = file.values(sampler["input"])[:, 0]
+                values = file.values(sampler["output"]).astype(np.float64)
+                mode = sampler.get("interpolation", "LINEAR")
+                shape = (3, -1) if mode == "CUBICSPLINE" else (-1,)
+                track = animation.Track(times, values.reshape(len(times), *shape), mode)
+                if target["path"] == _SHARES:
+                    self.shares[target["node"]] = track
+                else:
+                    self._tracks.setdefault(target["node"], {})[target["path"]] = track
+
+    def skeletons(self, bones: list[int], to_bone: Floats) -> list[animation.Skeleton]:
+        """Return some nodes with all above them, at rest and, if they move, in motion.
+
+        Raises ValueError if they leave space.
+        """
+        order = dict[int, int]()
+        for bone in bones:
+            chain = [bone]
+            while chain[-1] in self._above and chain[-1] not in order:
+                chain.append(self._above[chain[-1]])
+            for step in chain[::-1]:
+                order.setdefault(step, len(order))
+        self._steps += len(order)
+        check_count(self._name, "nodes above moving ones", self._steps, _MOST_STEPS)
+        above = tuple(order.get(self._above.get(step, -1), -1) for step in order)
+        at_bones, skeletons = np.array([order[bone] for bone in bones]), []
+        played: list[Mapping[int, animation.Joint]] = [{}]
+        for tracks in [*played, self._tracks][: 1 + bool(self._tracks.keys() & order.keys())]:
+            joints = tuple(_joint(self.entries[step], tracks.get(step, {})) for step in order)
+            skeleton = animation.Skeleton(joints, above, at_bones, to_bone)
+            keys = [track.times_s for joint in joints for track in joint.values()]
+            times = np.unique(np.concatenate(keys))
+            check_decoded(self._name, (len(times), len(order) + len(bones)), _POSE_BYTES)
+            if not np.isfinite(skeleton.maps(times)).all():
+                raise ValueError("its animation leads to places that are not finite")
+            skeletons.append(skeleton)
+        return skeletons
+
+    def motion(self, number: int) -> animation.NodeMotion | None:
+        """Return the motion of a node; None if it does not move."""
+        if not self._tracks:
+            return None
+        _, *moving = self.skeletons([number], np.eye(4)[np.newaxis])
+        if moving and np.linalg.det(self.poses[number][:3, :3]) == 0:
+            raise ValueError(f"node {number} moves, but has no size at rest")
+        return (
+            animation.NodeMotion(moving[0].joints, self.poses[number], np.eye(4))
+            if moving
+            else None
+        )
 
 
-def _tracks(file: GltfFile) -> Tracks:
-    """Tracks of the first animation, by node and part of its pose, or shares of its shapes."""
-    tracks: dict[int, dict[str, Track]] = {}
-    for animation in file.header.get("animations", ())[:1]:
-        for channel in animation["channels"]:
-            target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
-            if target["path"] not in (*PARTS, _SHARES) or "node" not in target:
-                continue  # what an extension points at
-            times = file.values(sampler["input"])[:, 0]
-            values = file.values(sampler["output"]).astype(np.float64)
-            mode = sampler.get("interpolation", "LINEAR")
-            if mode == "CUBICSPLINE":
-                values = values.reshape(len(times), 3, -1)
-            elif target["path"] == _SHARES:
-                values = values.reshape(len(times), -1)
-            tracks.setdefault(target["node"], {})[target["path"]] = Track(times, values, mode)
-    return tracks
-
-
-def _motion(
-    nodes: Sequence[Json], chain: Sequence[int], pose: Floats, tracks: Tracks
-) -> NodeMotion | None:
-    """Motion of the last node of a chain; None if none of it moves."""
-    if not any(tracks.get(node, {}).keys() - {_SHARES} for node in chain):
-        return None
-    if np.linalg.det(pose[:3, :3]) == 0:
-        raise ValueError(f"node {chain[-1]} moves, but has no size at rest")
-    joints = tuple(_joint(nodes[node], tracks.get(node, {})) for node in chain)
-    motion = NodeMotion(joints, pose, np.eye(4))
-    if not np.isfinite(motion.maps(_keys(joints))).all():
-        raise ValueError("its animation leads to places that are not finite")
-    return motion
-
-
-def _chain(node: int, above: Mapping[int, int]) -> list[int]:
-    """Nodes from the scene's root to a node."""
-    chain = [node]
-    while chain[-1] in above:
-        chain.append(above[chain[-1]])
-    return chain[::-1]
-
-
-def _joint(node: Json, tracks: Mapping[str, Track]) -> Joint:
-    parts = {part: node[part] for part in PARTS if part in node}
-    of_pose = {part: track for part, track in tracks.items() if part in PARTS}
-    return Joint(_local(node), parts, of_pose)
-
-
-def _keys(joints: Sequence[Joint]) -> Floats:
-    """Times (n,) of all keys of some joints."""
-    keys = [track.times_s for joint in joints for track in joint.tracks.values()]
-    return np.unique(np.concatenate([np.zeros(1), *keys]))
-
-
-def _figure(
-    file: GltfFile,
-    number: int,
-    parts: Sequence[Part],
-    above: Mapping[int, int],
-    tracks: Tracks,
-) -> list[Piece]:
+def _figure(file: GltfFile, number: int, parts: list[Part], nodes: _Nodes) -> list[Piece]:
     """Pieces of a skinned or morphed node, as its file poses it, with the motion of all."""
-    nodes = file.header["nodes"]
-    node, mesh = nodes[number], file.header["meshes"][nodes[number]["mesh"]]
-    bones, to_bone = [number], np.eye(4)[np.newaxis]
+    node, mesh = nodes.entries[number], file.header["meshes"][nodes.entries[number]["mesh"]]
+    bones, to_bone, sets = [number], np.eye(4)[np.newaxis], list[int]()
     if "skin" in node:
         skin = file.header["skins"][node["skin"]]
-        bones = skin["joints"]
+        bones, given = skin["joints"], {name for _, _, values in parts for name in values}
         check_count(file.name, "joints of a skin", len(bones), _MOST_BONES)
         to_bone = np.tile(np.eye(4), (len(bones), 1, 1))
         if "inverseBindMatrices" in skin:
             columns = file.values(skin["inverseBindMatrices"])[: len(bones)]
             to_bone = columns.reshape(len(bones), 4, 4).swapaxes(1, 2)
-    order = list(dict.fromkeys(step for bone in bones for step in _chain(bone, above)))
-    place = {step: at for at, step in enumerate(order)}
-    joints = tuple(_joint(nodes[step], tracks.get(step, {})) for step in order)
-    parents = tuple(place[above[step]] if step in above else -1 for step in order)
-    skeleton = Skeleton(joints, parents, np.array([place[bone] for bone in bones]), to_bone)
-    held = [_held(values, len(piece.vertices), "skin" in node) for piece, _, values in parts]
-    bone_of, weight = (np.concatenate(columns) for columns in zip(*held, strict=True))
-    if bone_of.max(initial=0) >= len(bones):
+        sets = [n for n in range(_MOST_SETS) if f"JOINTS_{n}" in given]
+    ends = np.cumsum([len(piece.vertices) for piece, _, _ in parts])
+    rows = [slice(end - len(part[0].vertices), end) for end, part in zip(ends, parts, strict=True)]
+    shapes = max(len(entry.get("targets", ())) for _, entry, _ in parts)
+    check_decoded(file.name, (2, shapes, ends[-1], 3), 24)
+    changes = np.zeros((2, shapes, ends[-1], 3))  # of vertices and of normals
+    joints, weights = np.zeros((2, ends[-1], 4 * max(len(sets), 1)))
+    for mine, (_, entry, values) in zip(rows, parts, strict=True):
+        for n in sets:
+            for kind, held in (("JOINTS", joints), ("WEIGHTS", weights)):
+                if f"{kind}_{n}" in values:
+                    held[mine, 4 * n : 4 * n + 4] = values[f"{kind}_{n}"]
+        for shape, target in enumerate(entry.get("targets", ())):
+            for row, name in enumerate(("POSITION", "NORMAL")):
+                if name in target:
+                    changes[row, shape, mine] = file.values(target[name])
+    weights[:, 0] += weights.sum(axis=1) == 0  # by the first joint, or the node
+    weights /= weights.sum(axis=1, keepdims=True)
+    if joints.max(initial=0) >= len(bones):
         raise ValueError(f"node {number} has vertices of joints that are not there")
-    targets, turns = (_shapes(file, parts, name) for name in ("POSITION", "NORMAL"))
-    shares = np.zeros(len(targets))
-    stated = node.get("weights", mesh.get("weights", []))[: len(shares)]
-    shares[: len(stated)] = stated
-    track = tracks.get(number, {}).get(_SHARES) if len(shares) else None
-    if track and track.values.shape[-1] != len(shares):
+    stated = node.get("weights", mesh.get("weights", []))[:shapes]
+    resting = animation.fixed([*stated, *[0.0] * (shapes - len(stated))])
+    shares = nodes.shares.get(number) if shapes else None
+    if shares and shares.values.shape[-1] != shapes:
         raise ValueError(f"the animation of node {number} has not one value for each shape")
     vertices = np.concatenate([piece.vertices for piece, _, _ in parts])
-    still = FigureMotion(
-        skeleton, vertices, vertices, bone_of, weight, targets, turns, shares, track, np.eye(4)
+    skeletons = nodes.skeletons(bones, to_bone)
+    at_rest = animation.Figure(
+        skeletons[0], vertices, joints.astype(np.int64), weights, changes[0], changes[1], resting
     )
-    placed, keys = still.at_rest(), _keys(joints)
-    check_decoded(file.name, (len(keys), len(order) + len(bones)), _POSE_BYTES)
-    if not (np.isfinite(skeleton.maps(keys)).all() and np.isfinite(placed).all()):
-        raise ValueError("its animation leads to places that are not finite")
-    motion = None
-    if still.is_moving:
+    every, now, motion = np.arange(len(vertices)), np.zeros(1), None
+    placed = at_rest.places(every, now)
+    if shares or len(skeletons) > 1:
         extent = float(np.ptp(placed, axis=0).max())
-        if not extent:
+        if not extent > 0:
             raise ValueError(f"node {number} moves, but has no size at rest")
         # Vertices at one place, which may part, are told from each other by a small step.
         beside = np.asarray(cKDTree(placed).query(placed, k=2)[0])[:, 1] < 1e-9 * extent
         placed[beside, 0] += 1e-7 * extent * np.arange(1, beside.sum() + 1)
-        motion = replace(still, placed=placed)
-    ends = np.cumsum([len(piece.vertices) for piece, _, _ in parts])[:-1]
-    linear = still.rest_maps()[:, :3, :3]
-    pieces = []
-    for (piece, _, _), where in zip(parts, np.split(np.arange(len(placed)), ends), strict=True):
+        figure = replace(at_rest, skeleton=skeletons[-1], shares=shares or resting)
+        motion = animation.FigureMotion(figure, at_rest, placed, np.eye(4))
+    turns = at_rest.change(at_rest.turns, every, now)
+    maps, pieces = animation.inverse(at_rest.maps(every, now)[:, :3, :3]), []
+    for mine, (piece, _, _) in zip(rows, parts, strict=True):
         normals = piece.normals
         if normals is not None:
-            normals = normals + np.einsum("k,knj->nj", shares, turns[:, where])
-            normals = np.einsum("nji,nj->ni", inverse(linear[where]), normals)
-        pieces.append(replace(piece, vertices=placed[where], normals=normals, motion=motion))
+            normals = np.einsum("nji,nj->ni", maps[mine], normals + turns[mine])
+        pieces.append(replace(piece, vertices=placed[mine], normals=normals, motion=motion))
     return pieces
 
 
-def _held(values: Mapping[str, NDArray[Any]], count: int, is_skin: bool) -> tuple[Ints, Floats]:
-    """Bones (V, k) that hold vertices, and their weights (V, k), which add up to 1."""
-    if not is_skin:
-        return np.zeros((count, 1), np.int64), np.ones((count, 1))
-    sets = [n for n in range(_MOST_SETS) if f"JOINTS_{n}" in values]
-    joints = np.concatenate([values[f"JOINTS_{n}"] for n in sets], axis=1).astype(np.int64)
-    weights = np.concatenate([values[f"WEIGHTS_{n}"] for n in sets], axis=1).astype(np.float64)
-    sums = weights.sum(axis=1, keepdims=True)
-    first = np.eye(1, weights.shape[1])
-    return joints, np.where(sums > 0, weights / np.where(sums > 0, sums, 1), first)
+def _is_colored(header: Json, part: Json) -> bool:
+    """True if a primitive has colors of its vertices, and no picture or shapes."""
+    material = header["materials"][part["material"]] if "material" in part else {}
+    has_colors = "COLOR_0" in part["attributes"] and part.get("mode", _TRIANGLES) >= _TRIANGLES
+    return has_colors and not (pictures_of(material) or part.get("targets"))
 
 
-def _shapes(file: GltfFile, parts: Sequence[Part], name: str) -> Floats:
-    """Displacements (K, V, 3) of the shapes of all parts."""
-    count = max(len(part.get("targets", ())) for _, part, _ in parts)
-    vertices = sum(len(piece.vertices) for piece, _, _ in parts)
-    check_decoded(file.name, (count, vertices, 3), 24)
-    shapes, start = np.zeros((count, vertices, 3)), 0
-    for piece, part, _ in parts:
-        end = start + len(piece.vertices)
-        for shape, target in enumerate(part.get("targets", ())):
-            if name in target:
-                shapes[shape, start:end] = file.values(target[name])
-        start = end
-    return shapes
-
-
-def _parts(file: GltfFile, number: int, looks: Sequence[Look]) -> Iterator[Part]:
+def _parts(file: GltfFile, number: int, looks: Looks) -> Iterator[Part]:
     """Yield the piece of each part of a node's mesh with triangles, in its axes."""
     sets = [f"{kind}_{n}" for kind in ("JOINTS", "WEIGHTS") for n in range(_MOST_SETS)]
     node = file.header["nodes"][number]
@@ -363,21 +311,50 @@ def _parts(file: GltfFile, number: int, looks: Sequence[Look]) -> Iterator[Part]
             raise ValueError(f"mesh of node {number} has mode {quoted(mode)}, which is none")
         if mode < _TRIANGLES:
             continue
-        look = looks[part["material"]] if "material" in part else Look()
-        packed = part.get("extensions", {})
-        values = file.attributes(part, "POSITION", "NORMAL", f"TEXCOORD_{look.coordinates}", *sets)
+        look = looks.of(part.get("material"))
+        uv_name = f"TEXCOORD_{look.coordinates}"
+        names = [
+            "POSITION",
+            "NORMAL",
+            uv_name,
+            *sets,
+            *["COLOR_0"] * _is_colored(file.header, part),
+        ]
+        values = file.attributes(part, *names)
         corners = values.pop("indices", None)
-        values = {attribute: found.astype(np.float64) for attribute, found in values.items()}
+        values = {attribute: of_it.astype(np.float64) for attribute, of_it in values.items()}
         if (vertices := values.get("POSITION")) is None:
             raise ValueError(f"object {quoted(name)!r} has no positions")
         indices = range(len(vertices)) if corners is None else corners[:, 0]
-        faces = _faces(np.asarray(indices, np.int64), _TRIANGLES if DRACO in packed else mode)
-        uv = values.get(f"TEXCOORD_{look.coordinates}")
+        is_list = gltf_file.DRACO in part.get("extensions", {})
+        faces = _faces(np.asarray(indices, np.int64), _TRIANGLES if is_list else mode)
+        uv = values.get(uv_name)
         if uv is not None:
             uv = uv @ look.to_picture[:2, :2].T + look.to_picture[:2, 2]
             uv[:, 1] = 1 - uv[:, 1]
+        if "COLOR_0" in values:
+            values = {attribute: of_it[faces.ravel()] for attribute, of_it in values.items()}
+            picture, uv = _cells(values["COLOR_0"][:, :3])
+            look = looks.of(part.get("material"), picture)
+            vertices, faces = values["POSITION"], np.arange(len(uv)).reshape(-1, 3)
         piece = Piece(number, name, vertices, faces, look.paint, values.get("NORMAL"), uv)
         yield piece, part, values
+
+
+def _cells(colors: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """Picture of colors (3F, 3) of the corners of triangles, and coordinates (3F, 2) in it.
+
+    Every triangle has a cell of two by two pixels, between which colors are linear.
+    """
+    a, b, c = colors.reshape(-1, 3, 3).swapaxes(0, 1)
+    side = math.ceil(math.sqrt(len(a)))
+    cells = np.zeros((side**2, 2, 2, 3), np.float32)
+    cells[: len(a)] = np.stack([a, b, c, b + c - a], axis=1).reshape(-1, 2, 2, 3).clip(0, 1)
+    picture = cells.reshape(side, side, 2, 2, 3).swapaxes(1, 2).reshape(2 * side, 2 * side, 3)
+    cell = np.arange(len(a))
+    places = np.stack([cell % side, cell // side], axis=1)[:, np.newaxis] * 2.0 + 0.5
+    uv = (places + np.array([[0, 0], [1, 0], [0, 1]])) / (2 * side)
+    return picture, uv.reshape(-1, 2)
 
 
 def _faces(corners: Ints, mode: int) -> Ints:

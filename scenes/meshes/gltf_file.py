@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import check_decoded, from_json, quoted
 
-_JSON, _BINARY, _MOST_PARTS = 0x4E4F534A, 0x004E4942, 100
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _VALUE_BYTES = 24
@@ -24,8 +23,8 @@ _DRACO_BYTES = 1000
 """Memory of a triangle that Draco decodes, with all attributes of its corners."""
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = "EXT_meshopt_compression", "KHR_meshopt_compression"
-_USUAL = "KHR_texture_transform", "KHR_mesh_quantization", "EXT_texture_webp"
-EFFECTIVE = *_USUAL, DRACO, *MESHOPT
+PICTURES = "KHR_texture_basisu", "EXT_texture_webp"
+EFFECTIVE = "KHR_texture_transform", "KHR_mesh_quantization", *PICTURES, DRACO, *MESHOPT
 """Extensions that always have an effect."""
 
 Json = Mapping[str, Any]
@@ -33,30 +32,24 @@ Json = Mapping[str, Any]
 
 def parts_of(content: bytes) -> tuple[Json, bytes]:
     """Return the JSON and the binary part, perhaps empty, of a file. Raises ValueError."""
-    parts: dict[int, bytes] = {}
-    place, length = 12, len(content)
-    if content[:4] != b"glTF":
-        if content.lstrip()[:1] != b"{":
-            raise ValueError("it is neither binary glTF nor JSON")
-        parts[_JSON], place = content, length
-    elif (stated_bytes := struct.unpack_from("<I", content, 8)[0]) != length:
-        raise ValueError(f"it states {stated_bytes} bytes, and has {length}")
-    while place + 8 <= length:
-        size, kind = struct.unpack_from("<II", content, place)
-        if place + 8 + size > len(content):
-            raise ValueError("it ends early")
-        if kind in parts or len(parts) == _MOST_PARTS:
-            raise ValueError("it has two parts of one kind, or too many")
-        parts[kind] = content[place + 8 : place + 8 + size]
-        place += 8 + size
-    header = from_json(parts[_JSON].decode("utf-8"))
+    text, binary = content, b""
+    if content[:4] == b"glTF":
+        length, size = struct.unpack_from("<2I", content, 8)
+        if length != len(content):
+            raise ValueError(f"it states {length} bytes, and has {len(content)}")
+        text, rest = content[20 : 20 + size], content[20 + size :]
+        if rest[4:8] == b"BIN\0":
+            binary = rest[8 : 8 + int.from_bytes(rest[:4], "little")]
+    elif content.lstrip()[:1] != b"{":
+        raise ValueError("it is neither binary glTF nor JSON")
+    header = from_json(text.decode("utf-8"))
     version = str(header["asset"]["version"])
     if version.split(".")[0] != "2":
         raise ValueError(f"it has version {quoted(version)} of glTF, not 2")
     for name in header.get("extensionsRequired", ()):
         if name not in EFFECTIVE and not str(name).startswith(("KHR_materials_", "KHR_lights_")):
             raise ValueError(f"it needs the extension {quoted(str(name))}; export it without")
-    return dict(header), parts.get(_BINARY, b"")
+    return dict(header), binary
 
 
 def extension(entry: Json, *names: str) -> Json:
@@ -68,7 +61,7 @@ def extension(entry: Json, *names: str) -> Json:
 def image_of(header: Json, texture: Json) -> int:
     """Number of the image of a texture's entry in a material."""
     entry = header["textures"][texture["index"]]
-    return int({**entry, **extension(entry, "EXT_texture_webp")}["source"])
+    return int({**extension(entry, *PICTURES), **entry}["source"])
 
 
 class GltfFile:
@@ -88,12 +81,10 @@ class GltfFile:
         decoded_bytes = 0
         for number, view in enumerate(self.header.get("bufferViews", ())):
             if packed := extension(view, *MESHOPT):
-                decoded_bytes += view["byteLength"]
-                if (view["byteLength"], view.get("byteStride", packed["byteStride"])) != (
-                    packed["count"] * packed["byteStride"],
-                    packed["byteStride"],
-                ):
+                size, row = view["byteLength"], packed["byteStride"]
+                if (size, view.get("byteStride", row)) != (packed["count"] * row, row):
                     raise ValueError(f"bufferViews.{number} and what it unpacks to differ in size")
+                decoded_bytes += size
             self._part(packed or view, number)
         check_decoded(self.name, (decoded_bytes,), 3)
 
@@ -109,9 +100,8 @@ class GltfFile:
     def image(self, number: int) -> bytes:
         """Content of an image's file."""
         entry = self.header["images"][number]
-        return (
-            bytes(self._view(entry["bufferView"])) if "bufferView" in entry else self._bytes(entry)
-        )
+        view = entry.get("bufferView")
+        return self._bytes(entry) if view is None else bytes(self._view(view))
 
     def _part(self, entry: Json, number: int) -> memoryview:
         """Part of a buffer that a view names, or the compressed data in its place."""
@@ -166,18 +156,16 @@ class GltfFile:
         stated |= {"indices": part["indices"]} if "indices" in part else {}
         packed = extension(part, DRACO)
         if not packed:
-            values = {name: self.values(accessor) for name, accessor in stated.items()}
-        else:
-            entries = {name: self.header["accessors"][number] for name, number in stated.items()}
-            mesh = self._unpacked(packed["bufferView"], entries["indices"]["count"])
-            values = {"indices": mesh.faces.reshape(-1, 1)}
-            for name in stated.keys() & packed["attributes"].keys():
+            return {name: self.values(accessor) for name, accessor in stated.items()}
+        entries = {name: self.header["accessors"][number] for name, number in stated.items()}
+        mesh, values = self._unpacked(packed["bufferView"], entries["indices"]["count"]), {}
+        for name in stated.keys() & {*packed["attributes"], "indices"}:
+            data = mesh.faces.reshape(-1, 1)
+            if name != "indices":
                 data = mesh.get_attribute_by_unique_id(packed["attributes"][name])["data"]
-                values[name] = _numbers(data.reshape(len(data), -1), entries[name])
-            for name, found in values.items():
-                width = _WIDTHS[entries[name]["type"]]
-                if found.shape != (entries[name]["count"], width):
-                    raise ValueError(f"what Draco decodes of {name} is not what it states")
+            values[name] = _numbers(data.reshape(len(data), -1), entries[name])
+            if values[name].shape != (entries[name]["count"], _WIDTHS[entries[name]["type"]]):
+                raise ValueError(f"what Draco decodes of {name} is not what it states")
         return values
 
     def _unpacked(self, view: int, corners: int) -> Any:

@@ -6,31 +6,34 @@ panes straight (`thindielectric`, `principledthin`), and is refracted by what ha
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import zoom
 
 from megalopta.core.arrays import Floats
 from megalopta.scenes.material import Finish, Material, Part
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, extension, image_of
-from megalopta.scenes.meshes.pieces import Paint, check_pictures, colored, linear_picture, texels_of
-from megalopta.scenes.spectra.color import primaries, reflectance_of_color
+from megalopta.scenes.meshes.pieces import Paint, check_pictures, codes_of, colored
+from megalopta.scenes.spectra.color import linear_of_srgb, primaries, reflectance_of_color
 from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, luminous, total
 
-EFFECTIVE = tuple(
-    f"KHR_materials_{name}"
-    for name in ("clearcoat", "emissive_strength", "ior", "specular", "transmission", "volume")
+_NAMES = (
+    *("clearcoat", "emissive_strength", "ior", "pbrSpecularGlossiness", "specular"),
+    *("transmission", "volume"),
 )
+EFFECTIVE = tuple(f"KHR_materials_{name}" for name in _NAMES)
 """Extensions of materials that have an effect."""
-_DIELECTRIC = 0.04
-"""Share of light that glTF's surfaces without an index of refraction reflect, seen head-on."""
 _SPECULAR = 0.08
-"""That share for a `specular` of 1 (Mitsuba's `principled`)."""
+"""Share of light that surfaces reflect head-on for a `specular` of 1 (Mitsuba's `principled`)."""
 _MEAN_COAT = 0.086
 """Share of even light that a clearcoat reflects, and what is below does not get."""
 _GLOSS = 0.1, 0.001
-"""Widths of the highlight of clearcoats with a gloss of 0 and of 1 (the same)."""
+"""Widths of the highlight of clearcoats with a gloss of 0 and of 1 (Mitsuba's `principled`)."""
+
+Image = NDArray[np.float32]
+"""Values (H, W, C) over the uv square, row 0 at v = 0, or (1, 1, C) that are the same all over."""
 
 
 class Look(NamedTuple):
@@ -53,6 +56,10 @@ def light_of(color: Floats, photometric: float) -> Spectrum:
     return total([part.scaled(share) for part, share in parts])
 
 
+def _of(material: Json, name: str) -> Json:
+    return extension(material, f"KHR_materials_{name}")
+
+
 def pictures_of(material: Json) -> dict[str, Json]:
     """Entries of a material's pictures by what they tell; those that lie as the first are read."""
     model, coat = material.get("pbrMetallicRoughness", {}), _of(material, "clearcoat")
@@ -61,37 +68,19 @@ def pictures_of(material: Json) -> dict[str, Json]:
         "metal": model.get("metallicRoughnessTexture"),
         "normal": material.get("normalTexture"),
         "coat": coat.get("clearcoatTexture"),
+        "coat's roughness": coat.get("clearcoatRoughnessTexture"),
         "glass": _of(material, "transmission").get("transmissionTexture"),
+        "specular": _of(material, "specular").get("specularTexture"),
     }
+    if gloss := _of(material, "pbrSpecularGlossiness"):
+        both = gloss.get("diffuseTexture"), gloss.get("specularGlossinessTexture")
+        entries |= {"color": both[0], "metal": both[1]}
     return {name: entry for name, entry in entries.items() if entry}
-
-
-def _of(material: Json, name: str) -> Json:
-    return extension(material, f"KHR_materials_{name}")
 
 
 def _place(entry: Json) -> Json:
     """How a picture lies on surfaces."""
     return {"texCoord": entry.get("texCoord", 0), **extension(entry, "KHR_texture_transform")}
-
-
-def looks_of(file: GltfFile, shines: bool) -> Iterator[Look]:
-    """Yield the look of each material, which emits light if it `shines`."""
-    pictures = _Pictures(file)
-    for number, material in enumerate(file.header.get("materials", ())):
-        name = str(material.get("name") or f"material {number}")
-        stated, to_picture = pictures_of(material), np.eye(3)
-        change = _place(next(iter(stated.values()), {}))
-        entries = {key: entry for key, entry in stated.items() if _place(entry) == change}
-        turn = change.get("rotation", 0.0)
-        to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        to_picture[:2, :2] *= np.asarray(change.get("scale", [1, 1]), np.float64)
-        to_picture[:2, 2] = change.get("offset", [0, 0])
-        surface, glow = _surface(material, name, entries, pictures), None
-        if shines and (nits := _emission(material)).any():
-            glow = light_of(nits, 1.0)
-        paint = Paint(name, surface, radiance=glow)
-        yield Look(paint, int(change.get("texCoord", 0)), to_picture)
 
 
 def _emission(material: Json) -> Floats:
@@ -102,128 +91,175 @@ def _emission(material: Json) -> Floats:
     return strength * np.asarray(material.get("emissiveFactor", np.zeros(3)), np.float64)
 
 
-class _Pictures:
-    """Decodes pictures, each once; all together have a bounded size."""
+class Looks:
+    """Looks of a file's materials, which emit light if they shine; decodes every picture once."""
 
-    def __init__(self, file: GltfFile) -> None:
-        self._file, self._decoded = file, dict[object, NDArray[np.float32]]()
+    def __init__(self, file: GltfFile, shines: bool) -> None:
+        self._file, self._shines = file, shines
+        self._pictures, self._looks = dict[object, Image](), dict[int | None, Look]()
+        self._last = -1, np.zeros((0, 0, 4), np.uint8)
 
-    def colors(self, entry: Json, material: str, color: Floats) -> NDArray[np.float32]:
-        """Linear colors (H, W, 3) times a color (3,)."""
-        image = image_of(self._file.header, entry)
-        key = image, *color.tolist()
-        if key not in self._decoded:
-            picture = linear_picture(self._file.image(image), material)
-            self._keep(key, picture if (color == 1).all() else picture * color.astype(np.float32))
-        return self._decoded[key]
+    def of(self, number: int | None, colors: Image | None = None) -> Look:
+        """Return the look of a material, if any, times colors in a picture."""
+        if colors is None and (number is None or number in self._looks):
+            return self._looks.get(number, Look())
+        material: Json = {"name": "colors", "pbrMetallicRoughness": {"metallicFactor": 0}}
+        if number is not None:
+            material = self._file.header["materials"][number]
+        name, entries = str(material.get("name") or f"material {number}"), pictures_of(material)
+        place = _place(next(iter(entries.values()), {}))
+        entries = {key: entry for key, entry in entries.items() if _place(entry) == place}
+        to_picture, turn = np.eye(3), place.get("rotation", 0.0)
+        to_picture[:2, :2] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        to_picture[:2, :2] *= np.asarray(place.get("scale", [1, 1]), np.float64)
+        to_picture[:2, 2] = place.get("offset", [0, 0])
+        nits = _emission(material) if self._shines else np.zeros(3)
+        glow = light_of(nits, 1.0) if nits.any() else None
+        paint = Paint(name, self._surface(material, name, entries, colors), radiance=glow)
+        look = Look(paint, int(place["texCoord"]), to_picture)
+        if colors is None:
+            self._looks[number] = look
+        return look
 
-    def values(self, entry: Json, material: str) -> NDArray[np.float32]:
-        """Values (H, W, 3), which are no colors; row 0 is at v = 0."""
-        image = image_of(self._file.header, entry)
-        if (image, "values") not in self._decoded:
-            texels = texels_of(self._file.image(image), material, is_coded=False)[::-1]
-            self._keep((image, "values"), np.broadcast_to(texels, (*texels.shape[:2], 3)))
-        return self._decoded[image, "values"]
+    def _values(
+        self, name: str, entry: Json | None, factor: ArrayLike, channels: Any, is_color: bool
+    ) -> Image:
+        """Channels of a picture, if there is one, times factors; kept for others alike."""
+        factors = np.atleast_1d(np.asarray(factor, np.float32))
+        if entry is None or not factors.any():
+            return factors.reshape(1, 1, -1)
+        key = image_of(self._file.header, entry), is_color, str(channels), *factors.tolist()
+        if key not in self._pictures:
+            shares = self._codes(entry, name)[..., np.r_[channels]] / np.float32(255)
+            linear = linear_of_srgb(shares) if is_color else shares
+            self._pictures[key] = np.asarray(linear * factors, np.float32)
+            check_pictures(self._file.name, self._pictures.values())
+        return self._pictures[key]
 
-    def share(self, entry: Json | None, channel: int, factor: float, material: str) -> Part:
-        """Number, or texture of the values of a channel times that."""
-        if entry is None or not factor:
-            return factor
-        key = image_of(self._file.header, entry), channel, factor
-        if key not in self._decoded:
-            values = self.values(entry, material)[..., channel, np.newaxis]
-            self._keep(key, values * np.float32(factor))
-        return Finish("bitmap", {"bitmap": self._decoded[key], "raw": True})
+    def _codes(self, entry: Json, name: str) -> NDArray[np.uint8]:
+        """Codes (H, W, 4) of a picture, row 0 at v = 0; the last one is kept."""
+        number = image_of(self._file.header, entry)
+        if self._last[0] != number:
+            codes = codes_of(self._file.image(number), name)[::-1]
+            codes = (codes >> 8 * (codes.itemsize - 1)).astype(np.uint8)
+            if codes.shape[2] == 1:
+                codes = np.insert(codes.repeat(3, axis=-1), 3, 255, axis=-1)
+            self._last = number, codes
+        return self._last[1]
 
-    def relief(self, entry: Json, material: str) -> Finish:
-        """Texture of unit normals, whose slopes are times the entry's scale."""
-        scale = np.float32(entry.get("scale", 1.0))
-        key = image_of(self._file.header, entry), "relief", float(scale)
-        if key not in self._decoded:
-            normals = self.values(entry, material) * 2 - 1
-            normals[..., :2] *= scale
-            normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
-            self._keep(key, ((normals + 1) / 2).astype(np.float32))
-        return Finish("bitmap", {"bitmap": self._decoded[key], "raw": True})
+    def _surface(self, material: Json, name: str, entries: Json, colors: Image | None) -> Material:
+        """Surface of a material, of which a picture holds the colors if they are given."""
 
-    def _keep(self, key: object, picture: NDArray[np.float32]) -> None:
-        self._decoded[key] = picture
-        check_pictures(self._file.name, self._decoded.values())
+        def values(key: str, factor: ArrayLike, channels: Any) -> Image:
+            return self._values(name, entries.get(key), factor, channels, key == "color")
 
-
-def _surface(material: Json, name: str, entries: dict[str, Json], pictures: _Pictures) -> Material:
-    """Surface of a material; of a picture there is one copy for each color that multiplies it."""
-    model, coat = material.get("pbrMetallicRoughness", {}), _of(material, "clearcoat")
-    color = np.clip(np.asarray(model.get("baseColorFactor", np.ones(3))[:3], np.float64), 0, 1)
-    dull, coated = colored(color), float(coat.get("clearcoatFactor", 0))
-    color = color * (1 - _MEAN_COAT * coated)
-    look: dict[str, Part] = {"base_color": reflectance_of_color(color)}
-    if "color" in entries:
-        picture = pictures.colors(entries["color"], name, color)
-        dull = colored(np.ones(3), picture)
-        look["base_color"] = Finish("bitmap", {"bitmap": picture})
-    roughness, metallic = model.get("roughnessFactor", 1.0), model.get("metallicFactor", 1.0)
-    through = float(_of(material, "transmission").get("transmissionFactor", 0))
-    is_dull = "metal" not in entries and (roughness, metallic) == (1, 0)
-    if extension(material, "KHR_materials_unlit"):
-        return dull
-    side = Finish("diffuse", {"reflectance": look["base_color"]})
-    ior = float(_of(material, "ior").get("ior", 1.5)) or 1.5
-    if not (is_dull and not coated and not through):
-        look["roughness"] = pictures.share(entries.get("metal"), 1, float(roughness), name)
+        model, coat = material.get("pbrMetallicRoughness", {}), _of(material, "clearcoat")
+        coated = values("coat", coat.get("clearcoatFactor", 0), 0)
+        if gloss := _of(material, "pbrSpecularGlossiness"):
+            diffuse = values("color", gloss.get("diffuseFactor", np.ones(4))[:3], range(3))
+            factor = gloss.get("specularFactor", np.ones(3))
+            specular = self._values(name, entries.get("metal"), factor, range(3), True)
+            base, metal = _from_gloss(diffuse, specular)
+            rough = 1 - values("metal", gloss.get("glossinessFactor", 1.0), 3)
+        else:
+            color = np.clip(np.asarray(model.get("baseColorFactor", np.ones(3))[:3]), 0, 1)
+            color = color * (1 - _MEAN_COAT * float(coat.get("clearcoatFactor", 0)))
+            base = values("color", color, range(3))
+            rough = values("metal", model.get("roughnessFactor", 1.0), 1)
+            metal = values("metal", model.get("metallicFactor", 1.0), 2)
+        if colors is not None:
+            base = (base * colors).clip(0, 1)
+        dull = colored(np.ones(3), base) if base.size > 3 else colored(base[0, 0])
+        through = values("glass", _of(material, "transmission").get("transmissionFactor", 0), 0)
+        is_dull = (rough == 1).all() and not (metal.any() or coated.any() or through.any())
+        if extension(material, "KHR_materials_unlit") or (is_dull and "normal" not in entries):
+            return dull
+        tint: Part = reflectance_of_color(base[0, 0])
+        if base.size > 3:
+            tint = Finish("bitmap", {"bitmap": base})
+        side = Finish("diffuse", {"reflectance": tint})
         is_solid = _of(material, "volume").get("thicknessFactor", 0) > 0
-        is_clear = (look["roughness"], metallic, through) == (0, 0, 1) and "glass" not in entries
-        specular = float(_of(material, "specular").get("specularFactor", 1))
-        if through:
-            look["spec_trans"] = pictures.share(entries.get("glass"), 0, through, name)
-            look["eta"] = ior
-        else:
-            reflected = ((ior - 1) / (ior + 1)) ** 2 * specular
-            look["specular"] = float(np.clip(reflected / _SPECULAR, 1e-3, 1))
-        if is_clear and not is_solid:
-            side = Finish(
-                "thindielectric", {"int_ior": ior, "specular_transmittance": look["base_color"]}
-            )
-        elif is_clear and (color == 1).all() and "color" not in entries:
+        ior = float(_of(material, "ior").get("ior", 1.5)) or 1.5
+        share = values("specular", _of(material, "specular").get("specularFactor", 1), 3)
+        low, high = _GLOSS
+        width = values("coat's roughness", coat.get("clearcoatRoughnessFactor", 0), 1) ** 2
+        shares = {
+            "roughness": rough,
+            "metallic": metal,
+            "clearcoat": coated,
+            "clearcoat_gloss": ((low - width) / (low - high)).clip(0, 1),
+            "specular": (((ior - 1) / (ior + 1)) ** 2 * share / _SPECULAR).clip(1e-3, 1),
+        }
+        if through.any():
+            shares = {"eta": np.full((1, 1, 1), ior, np.float32), "spec_trans": through, **shares}
+            del shares["specular"]
+        look = {"base_color": tint, **{name: _share(image) for name, image in shares.items()}}
+        if (through == 1).all() and not (rough.any() or metal.any() or is_solid):
+            side = Finish("thindielectric", {"int_ior": ior, "specular_transmittance": tint})
+        elif (through == 1).all() and not (rough.any() or metal.any()) and base.min() == 1:
             side = Finish("dielectric", {"int_ior": ior})
-        elif through and not is_solid:
-            side = Finish("principledthin", look)
-        else:
-            look["metallic"] = pictures.share(entries.get("metal"), 2, float(metallic), name)
-            look["clearcoat"] = pictures.share(entries.get("coat"), 0, coated, name)
-            width = float(coat.get("clearcoatRoughnessFactor", 0)) ** 2
-            low, high = _GLOSS
-            look["clearcoat_gloss"] = float(np.clip((low - width) / (low - high), 0, 1))
+        elif through.any() and not is_solid:
+            thin = "base_color", "roughness", "eta", "spec_trans"
+            side = Finish("principledthin", {name: look[name] for name in thin})
+        elif not is_dull:
             side = Finish("principled", look)
-    elif "normal" not in entries:
-        return dull
-    if "normal" in entries:
-        relief = pictures.relief(entries["normal"], name)
-        side = Finish("normalmap", {"normalmap": relief, "bsdf": side})
-    finish = side if through else Finish("twosided", {"bsdf": side})
-    return Material(dull.reflectance, dull.texture, known_nm=finish.known_nm, finish=finish)
+        if "normal" in entries:
+            normals = values("normal", np.ones(3), range(3)) * 2 - 1
+            normals[..., :2] *= entries["normal"].get("scale", 1.0)
+            normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
+            side = Finish("normalmap", {"normalmap": _share((normals + 1) / 2), "bsdf": side})
+        finish = side if through.any() else Finish("twosided", {"bsdf": side})
+        return Material(dull.reflectance, dull.texture, known_nm=finish.known_nm, finish=finish)
+
+
+def _share(image: NDArray[Any]) -> Part:
+    """Number, or texture of values that are no colors."""
+    if image.size == 1:
+        return float(image[0, 0, 0])
+    return Finish("bitmap", {"bitmap": image.astype(np.float32), "raw": True})
+
+
+def _from_gloss(diffuse: Image, specular: Image) -> tuple[Image, Image]:
+    """Base color and metal of diffuse and specular colors (Khronos's glTF repository)."""
+    least = 0.04  # of what is no metal
+    if min(diffuse.size, specular.size) > 3:
+        ratio = np.divide(diffuse.shape[:2], specular.shape[:2])
+        specular = zoom(specular, (*ratio, 1), order=0)
+    seen, shiny = (
+        np.sqrt(color**2 @ np.array([[0.299], [0.587], [0.114]])) for color in (diffuse, specular)
+    )
+    left = (1 - specular.max(axis=-1, keepdims=True)) / (1 - least)
+    slope = seen * left + shiny - 2 * least
+    root = np.sqrt(np.maximum(slope**2 - 4 * least * (least - shiny), 0))
+    metal = np.where(shiny < least, 0, (root - slope) / (2 * least)).clip(0, 1)
+    of_diffuse = diffuse * left / np.maximum(1 - metal, 1e-6)
+    of_specular = (specular - least * (1 - metal)) / np.maximum(metal, 1e-6)
+    base = (of_diffuse + (of_specular - of_diffuse) * metal**2).clip(0, 1)
+    return base.astype(np.float32), metal.astype(np.float32)
+
+
+_READ = {
+    *("name", "extras", "extensions", "doubleSided", "alphaMode", "alphaCutoff"),
+    *("pbrMetallicRoughness", "normalTexture", "emissiveFactor", "emissiveTexture"),
+    *("clearcoatFactor", "clearcoatTexture", "clearcoatRoughnessFactor"),
+    *("clearcoatRoughnessTexture", "emissiveStrength", "ior", "transmissionFactor"),
+    *("transmissionTexture", "thicknessFactor", "specularFactor", "specularTexture"),
+    *("diffuseFactor", "diffuseTexture", "glossinessFactor", "specularGlossinessTexture"),
+}
+"""Properties of materials and their extensions that have an effect, or one of their own."""
 
 
 def unused_of(material: Json, shines: bool) -> Iterator[str]:
     """Yield what of a material has no effect, if it `shines` or not."""
-    coat, volume = _of(material, "clearcoat"), _of(material, "volume")
     if material.get("alphaMode", "OPAQUE") != "OPAQUE":
         yield "transparency"
     if any(material.get("emissiveFactor", ())) and not (shines and _emission(material).any()):
         yield "emission" + " in a picture" * ("emissiveTexture" in material)
-    if "occlusionTexture" in material:
-        yield "occlusion maps"
-    if {"attenuationColor", "attenuationDistance"} & volume.keys():
-        yield "absorption in glass"
-    if {"clearcoatRoughnessTexture", "clearcoatNormalTexture"} & coat.keys():
-        yield "pictures of a clearcoat's roughness or normals"
-    if {"specularTexture", "specularColorTexture", "specularColorFactor"} & _of(
-        material, "specular"
-    ).keys():
-        yield "colors and pictures of a specular share"
+    effective = (_of(material, name) for name in _NAMES)
+    yield from sorted({key for entry in (material, *effective) for key in entry} - _READ)
     entries = list(pictures_of(material).values())
     if any(_place(entry) != _place(entries[0]) for entry in entries):
         yield "pictures that lie on other coordinates than the first"
-    model = material.get("pbrMetallicRoughness", {})
+    model, volume = material.get("pbrMetallicRoughness", {}), _of(material, "volume")
     if _of(material, "transmission") and not volume and model.get("metallicFactor", 1) > 0:
         yield "metal of panes"

@@ -14,7 +14,7 @@ from pydantic import model_validator
 from megalopta.core.bounded import TEXT_BYTES, named_path, quoted, read_bytes, undamaged, unreadable
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed
-from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, wavefront
+from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, serialized, wavefront
 
 MESH_BYTES = 2 * 10**9
 """Most bytes of a mesh file and all that it names."""
@@ -25,6 +25,7 @@ FORMATS: Mapping[str, ModuleType] = {
     ".gltf": gltf,
     ".obj": wavefront,
     ".ply": polygons,
+    ".serialized": serialized,
     ".stl": polygons,
     ".xml": mitsuba_xml,
 }
@@ -36,7 +37,7 @@ Contents = Mapping[str, bytes]
 
 
 class MeshFile(Hashed, frozen=True):
-    """GLB, glTF, OBJ, PLY or STL file, or Mitsuba's XML."""
+    """GLB, glTF, OBJ, PLY or STL file, or Mitsuba's XML or serialized."""
 
     @model_validator(mode="after")
     def _is_of_a_known_kind(self) -> "MeshFile":

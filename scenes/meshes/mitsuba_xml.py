@@ -13,7 +13,7 @@ import numpy as np
 from megalopta.assets_gen import grid_faces
 from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes import polygons, wavefront
+from megalopta.scenes.meshes import polygons, serialized, wavefront
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_triangles
 from megalopta.scenes.meshes.xml_document import (
@@ -25,7 +25,7 @@ from megalopta.scenes.meshes.xml_document import (
     value_of,
 )
 
-_FILES = ("obj", "ply")
+_FILES = {"obj": wavefront, "ply": polygons, "serialized": serialized}
 _UNUSED = "emitter", "film", "integrator", "medium", "phase", "sensor", "volume"
 """Parts of scenes that have no effect"""
 _OF_SHAPES = ("bsdf", "emitter", "medium", "sensor", "shape", "transform")
@@ -107,11 +107,12 @@ def _painted(
     )
     if kind in _FILES:
         content = {f"{PurePosixPath(file).stem}.{kind}": content_of(contents, file)}
-        pieces = [*(polygons if kind == "ply" else wavefront).pieces_of(content)]
+        index = {"index": int(value_of(shape, "integer", "shape_index") or 0)}
+        pieces = [*_FILES[kind].pieces_of(content, **index if kind == "serialized" else {})]
     else:
         pieces = [_basic(kind, shape)]
     if not any(len(piece.faces) for piece in pieces):
-        raise ValueError(f"{quoted(file)} has no triangles")
+        raise ValueError(f"{quoted(file)} has no triangles, or no shape of its shape_index")
     has_finish = paint.material is not None and paint.material.finish is not None
     for piece in pieces:
         uv = piece.uv
@@ -139,46 +140,40 @@ def _basic(kind: str, shape: Element) -> Piece:
         for element in shape
         if element.tag in ("point", "vector")
     }
+    import trimesh  # slow
+
     radius, label = float(value_of(shape, "float", "radius") or 1), shape.get("id") or kind
     if not 0 < radius < math.inf:
         raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
-    angle = np.linspace(0, 2 * np.pi, _ROUND + 1)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    rows = 1 + (_ROUND // 2 if kind == "sphere" else 1)
+    turn, along = np.meshgrid(np.linspace(0, 1, _ROUND + 1), np.linspace(0, 1, rows))
+    circle = np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=-1)
+    faces, uv = grid_faces(rows, _ROUND + 1), np.dstack([turn, along]).reshape(-1, 2)
     match kind:
         case "rectangle":
             corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
             uv = (corners[:, :2] + 1) / 2
             return Piece(0, kind, corners, np.array([[0, 1, 2], [0, 2, 3]]), uv=uv)
         case "cube":
-            corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
-            sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4]]
-            sides += [[1, 5, 7, 3]]
-            faces = np.array([[side[0], side[n], side[n + 1]] for side in sides for n in (1, 2)])
-            return Piece(0, kind, corners, faces)
+            cube = trimesh.creation.box((2, 2, 2))
+            return Piece(0, kind, np.array(cube.vertices), np.array(cube.faces))
         case "disk":
-            rim = np.column_stack([circle[:-1], np.zeros(_ROUND)])
-            around = np.arange(_ROUND)
-            faces = np.column_stack([np.zeros(_ROUND, int), around + 1, (around + 1) % _ROUND + 1])
-            return Piece(0, kind, np.concatenate([np.zeros((1, 3)), rim]), faces)
+            corners = np.dstack([along[..., None] * circle, 0 * turn]).reshape(-1, 3)
+            return Piece(0, kind, corners, faces[:, ::-1], uv=uv[:, ::-1])
         case "sphere":
-            polar = np.linspace(0, np.pi, _ROUND // 2 + 1)
-            across = np.sin(polar)[:, None, None] * circle
-            up = np.repeat(np.cos(polar)[:, None], len(circle), axis=1)
-            normals = np.dstack([across, up])
-            turn, fall = np.meshgrid(np.linspace(0, 1, len(circle)), polar / np.pi)
-            uv = np.stack([turn, fall], axis=-1).reshape(-1, 2)
-            faces, flat = grid_faces(*normals.shape[:2])[:, ::-1], normals.reshape(-1, 3)
-            vertices = points.get("center", np.zeros(3)) + radius * flat
-            return Piece(0, kind, vertices, faces, normals=flat, uv=uv)
+            across = np.sin(np.pi * along)[..., None] * circle
+            normals = np.dstack([across, np.cos(np.pi * along)]).reshape(-1, 3)
+            vertices = points.get("center", np.zeros(3)) + radius * normals
+            return Piece(0, kind, vertices, faces[:, ::-1], normals=normals, uv=uv)
         case "cylinder":
             start, end = points.get("p0", np.zeros(3)), points.get("p1", np.array([0, 0, 1.0]))
-            if not 0 < np.linalg.norm(end - start) < math.inf:
+            axis = end - start
+            if not 0 < np.linalg.norm(axis) < math.inf:
                 raise ValueError(f"shape {quoted(label)!r} has p0 {start} and p1 {end}: no length")
-            axis = (end - start) / np.linalg.norm(end - start)
             side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             side /= np.linalg.norm(side)
-            normals = circle @ np.stack([side, np.cross(axis, side)])
-            vertices = np.concatenate([start + radius * normals, end + radius * normals])
-            normals = np.concatenate([normals, normals])
-            return Piece(0, kind, vertices, grid_faces(2, len(circle)), normals=normals)
+            normals = circle @ np.stack([side, np.cross(axis / np.linalg.norm(axis), side)])
+            vertices = start + along[..., None] * axis + radius * normals
+            smooth = normals.reshape(-1, 3)
+            return Piece(0, kind, vertices.reshape(-1, 3), faces, normals=smooth, uv=uv)
     raise DamagedFileError(f"a shape of type {quoted(kind)!r} is not read; export it as PLY or OBJ")

@@ -27,7 +27,7 @@ _FARTHEST_M = 1e8
 _NAMED, _LONGEST = 4, 40
 """Most names in a sentence, and most characters of one"""
 
-_Y_UP = ".glb", ".gltf", ".obj", ".xml"
+_Y_UP = ".glb", ".gltf", ".obj", ".serialized", ".xml"
 
 
 class PlacedMesh(Record, frozen=True):
@@ -35,14 +35,13 @@ class PlacedMesh(Record, frozen=True):
 
     file: MeshFile
     """Path, in YAML below the file's folder, of a GLB, glTF, OBJ, PLY or STL file, or of
-    Mitsuba's XML."""
+    Mitsuba's XML or serialized."""
 
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Length of the file's unit (m): 0.001 for millimeters."""
 
     up: Literal["y", "z"] | None = None
-    """Axis of the file that is up; null: y for glTF, OBJ and Mitsuba's XML, z for PLY
-    and STL."""
+    """Axis of the file that is up; null: z for PLY and STL, y for all others."""
 
     position_m: Vector = (0.0, 0.0, 0.0)
     """Place of the file's origin (x, y, z in m; z is up)."""

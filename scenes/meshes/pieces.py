@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.assets_gen import cross, lengths
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_decoded
-from megalopta.core.pictures import decoded
+from megalopta.core.pictures import decoded, readable
 from megalopta.scenes.material import ColorTexture, Material
 from megalopta.scenes.meshes.animation import FigureMotion, NodeMotion
 from megalopta.scenes.spectra import color as colors
@@ -124,15 +124,15 @@ def check_map(matrix: Floats, where: str, may_flatten: bool = False) -> None:
         raise ValueError(f"{where} leaves no volume")
 
 
-_GRAY = "1", "L", "LA"
+_GRAY, _KTX2 = ("1", "L", "LA"), b"\xabKTX 20\xbb"
 TEXEL_BYTES = 40
 """Memory of a pixel of a picture, decoded and loaded (bytes, measured)."""
 
 
 def check_pictures(owner: str, pictures: Iterable[NDArray[np.float32]]) -> None:
     """Raise TooLargeError if pictures (H, W, C), each counted once, do not fit into the budget."""
-    texels = {id(picture): picture.shape[0] * picture.shape[1] for picture in pictures}
-    check_decoded(f"{owner} with its pictures", (sum(texels.values()),), TEXEL_BYTES)
+    values = {id(picture): picture.size for picture in pictures}
+    check_decoded(f"{owner} with its pictures", (sum(values.values()),), TEXEL_BYTES / 3)
 
 
 def weights_of(materials: Iterable[Material | None]) -> Iterator[NDArray[np.float32]]:
@@ -159,16 +159,27 @@ def texels_of(content: bytes, material: str, is_coded: bool = True) -> NDArray[n
 
     Raises DamagedFileError.
     """
+    codes = codes_of(content, material)
+    levels = 2 ** (8 * codes.itemsize)
+    shares = np.arange(levels) / (levels - 1)
+    table = (colors.linear_of_srgb(shares) if is_coded else shares).astype(np.float32)
+    return np.asarray(table[codes[..., :3]])
+
+
+def codes_of(content: bytes, material: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Return codes (H, W, 1), or with alpha (H, W, 4), of a material's picture; errors as above."""
     name = f"the picture of material {material!r}"
+    if content.startswith(_KTX2):
+        import opengl_basisu
+
+        with readable(name):
+            packed = opengl_basisu.open(content)
+            check_decoded(name, (packed.height, packed.width), TEXEL_BYTES)
+            return np.asarray(packed.transcode("rgba8").data)
     with decoded(io.BytesIO(content), name, TEXEL_BYTES) as image:
-        if image.mode.startswith("I;16"):
-            levels, codes = 2**16, np.asarray(image)
-        else:
-            levels = 2**8
-            codes = np.asarray(image.convert("L" if image.mode in _GRAY else "RGB"))
-    values = np.arange(levels) / (levels - 1)
-    table = (colors.linear_of_srgb(values) if is_coded else values).astype(np.float32)
-    return np.asarray(table[codes.reshape(*codes.shape[:2], -1)])
+        is_deep, is_gray = image.mode.startswith("I;16"), image.mode in _GRAY
+        codes = np.asarray(image if is_deep else image.convert("L" if is_gray else "RGBA"))
+    return codes.reshape(*codes.shape[:2], -1)
 
 
 MOST_OBJECTS = 10_000

@@ -4,13 +4,10 @@ trimesh passes over pictures that are missing, and over objects without a name.
 """
 
 import re
-import warnings
 from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import suppress
 from pathlib import PurePosixPath
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,22 +135,8 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
 
 def _table(lines: list[str]) -> Floats:
     """Numbers (n, k) of lines, as many of each as all have."""
-    width = len(lines[0].split()) if lines else 0
-    with suppress(ValueError):  # unless some lines have more numbers, or words
-        ended = _parsed(" nan ".join([*lines, ""]), np.float64).reshape(len(lines), width + 1)
-        if np.isnan(ended[:, width]).all():
-            return np.asarray(ended[:, :width])
-    rows = [line.split() for line in lines]
-    width = min(map(len, rows), default=0)
-    return np.array([row[:width] for row in rows], np.float64).reshape(len(rows), width)
-
-
-def _parsed(text: str, kind: type) -> NDArray[Any]:
-    """Numbers (n,) of a text. Raises ValueError for words."""
-    with warnings.catch_warnings(), suppress(ValueError, DeprecationWarning):
-        warnings.simplefilter("error")  # as numpy before 2.3 only warns of words
-        return np.fromstring(text, kind, sep=" ")  # ten times as fast as of words
-    return np.array(text.split(), kind)
+    width = min((len(line.split()) for line in lines), default=0)
+    return np.loadtxt(lines, usecols=range(width), ndmin=2) if width else np.zeros((0, 0))
 
 
 def _counted(face: str, counts: list[int]) -> str:
@@ -174,10 +157,10 @@ def _corners(faces: list[str]) -> Ints:
         alike.setdefault((len(words), words[0].count("/"), "//" in face), []).append(face)
     triangles = []
     for (corners, slashes, has_no_uv), lines in alike.items():
-        text = " ".join(lines).replace("/", " ")
         columns = (0, 2) if has_no_uv else range(slashes + 1)
         polygons = np.zeros((len(lines), corners, 3), np.int64)
-        polygons[..., columns] = _parsed(text, np.int64).reshape(len(lines), corners, -1)
+        numbers = np.loadtxt([line.replace("/", " ") for line in lines], np.int64, ndmin=2)
+        polygons[..., columns] = numbers.reshape(len(lines), corners, -1)
         second = np.arange(1, corners - 1)
         fans = np.stack([np.zeros_like(second), second, second + 1], axis=1)
         triangles.append(polygons[:, fans].reshape(-1, 3, 3))

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance
+from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate import crosstalk, pixels, saturation
 from megalopta.sensor.calibrate.device import Estimate, garwood_interval
 from megalopta.sensor.calibrate.level import check_steadiness, conditions
@@ -315,9 +316,9 @@ def _dead_time(
     dead_time, misfit, live = _fitted_dead_time(recorded, fitted, fired, 1.0, rounds)
     if misfit.is_clear:
         return (
-            f"{dead_time.kind}, {1e9 * dead_time.seconds:.3g} ns, fits best, but counts differ "
-            f"from its curve by {100 * misfit.share:+.2g} %, as with recharging, twilight pulses, "
-            "or lights that are not as stated; no interval holds"
+            f"{dead_time.kind}, {with_error(dead_time.seconds, 0, 's')}, fits best, but counts "
+            f"differ from its curve by {100 * misfit.share:+.2g} %, as with recharging, twilight "
+            "pulses, or lights that are not as stated; no interval holds"
         )
     if kernel:
         # how many afterpulses the dead time hides depends on their delay, which frames do not show

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
+from megalopta.core.quantities import short, with_error
 from megalopta.sensor.spad.counters import AnalogCounter
 
 _FEWEST_FRAMES = 50
@@ -100,8 +101,8 @@ class Level:
 
 def conditions(light_hz: float, exposure_s: float) -> str:
     """Return in words how a recording was taken."""
-    light = f"light of {light_hz:g}" if light_hz else "dark"
-    return f"{light}, exposure of {exposure_s:g} s"
+    light = f"light of {short(light_hz)}" if light_hz else "dark"
+    return f"{light}, exposure of {with_error(exposure_s, 0, 's')}"
 
 
 class Drift(NamedTuple):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
@@ -76,26 +77,44 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """Summary of the differences and their size."""
-        named = self._faults
+        """Verdict on the device with its sizes, and then the faults of the recording."""
+        faults = self._faults
+        small = self.alarms[len(faults) :]
         if self.causes:
             alternatives = self.explained.accepted[1:]
             or_else = "".join(f", or else {' and '.join(other.names)}" for other in alternatives)
-            named.append("; ".join(map(str, self.causes)) + or_else)
-        if self.explained.is_unexplained:
-            named.append(_NONE if not named else _NONE_OF_REST)
-        if named:
-            return f"Captured: {'; '.join(named)}."
-        if not self.alarms:
-            return "No difference is statistically significant."
-        largest = max(self.significant, key=lambda difference: difference.size, default=None)
-        first = self.alarms[0]
-        limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
-        return f"Differences are statistically significant but small: {first}{limit}."
+            sizes = "; ".join(map(str, self.causes))
+            verdict = f"The captured device differs: {sizes}{or_else} (95 % CI)."
+        elif self.explained.is_unexplained:
+            verdict = f"Captured and simulated frames differ; {_NONE}."
+        elif not self.differences:
+            verdict = "Neither parameters nor pixels can be compared."
+        elif small:
+            largest = max(self.significant, key=lambda difference: difference.size, default=None)
+            is_other = largest and str(largest) != small[0]
+            limit = f"; of the device, at most: {largest}" if is_other else ""
+            verdict = f"Differences are statistically significant but small: {small[0]}{limit}."
+        else:
+            verdict = f"{agreement('frames', self.differences)}."
+        if not faults:
+            return verdict
+        return f"{verdict} Found before, and not counted in this: {'; '.join(faults)}."
 
 
 _NONE = "none of the known causes explains the difference"
-_NONE_OF_REST = "none of the known causes explains the rest of the difference"
+
+
+def agreement(what: str, differences: Sequence[two_sample.Difference]) -> str:
+    """Return that nothing differs, within which interval, and what is too uncertain to tell."""
+    relative = [change for change in differences if not change.base]
+    equal = [change for change in relative if change.is_equivalent]
+    open_ = [change.name for change in differences if not change.is_equivalent]
+    text = f"Captured and simulated {what} agree: no difference is statistically significant"
+    if equal:
+        most = max(max(abs(change.low), abs(change.high)) for change in equal)
+        names = f": {', '.join(change.name for change in equal)}" if open_ else ""
+        text += f"; equal within {with_error(100 * most, 0, '%')} (95 % CI){names}"
+    return text + (f"; too uncertain to tell: {', '.join(open_)}" if open_ else "")
 
 
 def compare_recordings(

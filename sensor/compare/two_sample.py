@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
+from megalopta.core.quantities import short, with_error
 from megalopta.sensor.calibrate.level import Level
 
 BLOCKS = 20
@@ -116,22 +117,20 @@ class Difference(NamedTuple):
     @property
     def base(self) -> str:
         """Reference of the relative difference if it is not the expected value; otherwise empty."""
-        return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
+        return f" of {short(self.scale)}" if self.scale > abs(self.expected) else ""
+
+    @property
+    def relative_text(self) -> str:
+        """Relative difference with the half width of its 95 % CI: "2.3 ± 0.4 %"."""
+        return with_error(100 * self.relative, 50 * (self.high - self.low), "%")
 
     def __str__(self) -> str:
         if self.base:
-            low, high = (self.expected + self.scale * end for end in (self.low, self.high))
-            values = f"{self.name} {self.captured:.2g} {self.unit} instead of {self.expected:.2g}"
-            return f"{values} (95 %: {low:.2g} to {high:.2g})"
+            half = self.scale * (self.high - self.low) / 2
+            captured = with_error(self.captured, half, self.unit)
+            return f"{self.name} {captured} instead of {with_error(self.expected, 0, self.unit)}"
         way = "higher" if self.relative > 0 else "lower"
-        size, low, high = (_percent(share) for share in (abs(self.relative), self.low, self.high))
-        return f"{self.name} {size} % {way} (95 %: {low:+} to {high:+} %)"
-
-
-def _percent(share: float) -> float | int:
-    """Two significant digits of a share, in percent."""
-    value = float(f"{100 * share:.2g}")
-    return int(value) if abs(value) >= 10 or value == 0 else value
+        return f"{self.name} {self.relative_text.removeprefix('-')} {way}"
 
 
 def difference(

@@ -29,7 +29,6 @@ from typing import Annotated, ClassVar, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
-from scipy.stats import binom
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
@@ -155,6 +154,8 @@ def telegraph_factor(telegraph: Telegraph, traps: Traps, run: int, time_s: float
 
 def telegraph_levels(telegraph: Telegraph, traps: Traps) -> list[tuple[float, Floats]]:
     """Return the probability of each number of active traps, and its factor on dark counts."""
+    from scipy.stats import binom  # slow to load
+
     numbers = np.arange(telegraph.traps + 1)
     chances = binom.pmf(numbers, telegraph.traps, telegraph.active_share)
     factors = (np.asarray(1 + telegraph.step * active * traps.step) for active in numbers)

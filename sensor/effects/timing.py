@@ -32,7 +32,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.stats import expon, exponnorm, norm
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import Effect
@@ -175,6 +174,8 @@ def _wrapped(ends: Floats, sigma_s: float, decay_s: float, period_s: float) -> F
 
 
 def _cumulative(times: Floats, sigma_s: float, decay_s: float) -> Floats:
+    from scipy.stats import expon, exponnorm, norm  # slow to load
+
     if sigma_s == 0 and decay_s == 0:
         return (times > 0).astype(np.float64)
     if decay_s <= _SHORT * sigma_s:  # where SciPy's exponnorm loses all digits

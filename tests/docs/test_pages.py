@@ -44,6 +44,9 @@ def test_the_notebook_draws_photons_flow_and_errors():
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
     printed = "".join(output.get("text", "") for output in outputs)
+    assert printed == "".join(
+        NOTEBOOK.with_name(f"notebook-{cell}.txt").read_text("utf-8") for cell in (2, 8)
+    )
     errors = {
         name: list(map(float, rest)) for name, *rest in map(str.split, printed.splitlines()[-2:])
     }

@@ -34,6 +34,7 @@ from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, writ
 from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 
 from ..scenes.meshes.files import Gltf, png
+from ..scenes.meshes.test_serialized import SHAPES, file_of
 from ..sensor.formats.test_cameras import COUNTS, spc3
 from ..sensor.formats.test_time_tags import CHANNELS, TICKS, photon_hdf5, ptu_of_mode_t2
 from .harm import BOMB, claiming
@@ -79,7 +80,9 @@ READ: dict[str, tuple[str, ...]] = {
     "light.npy": (SENSE + " --unit=linear",),
     **dict.fromkeys(("f.flo", "f.flo5", "f.png", "f.pfm", "f.npy"), (TRUTH, SUBMIT, AS_TRUTH)),
     "t.glb": (EXPORT, ANIMATED, MESHES),
-    **dict.fromkeys(("t.gltf", "t.obj", "t.ply", "t.stl", "text.stl"), (EXPORT,)),
+    **dict.fromkeys(
+        ("t.gltf", "t.obj", "t.ply", "t.serialized", "t.stl", "text.stl"), (EXPORT,)
+    ),
     "t.xml": (EXPORT, MESHES),
     **{f"t.{name}": (EXPORT.replace("{file}", "t.gltf"),) for name in ("bin", "png")},
     "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
@@ -213,6 +216,7 @@ def write_meshes(here):
     for name in ("t.ply", "good.ply", "x.ply"):
         ball.export(here / name)
     ball.export(here / "t.stl")
+    (here / "t.serialized").write_bytes(file_of(*SHAPES))
     ball.export(here / "text.stl", file_type="stl_ascii")
     (here / "x.spd").write_text("400 0.1\n500 0.3\n600 0.5\n700 0.4\n")
     (here / "t.xml").write_text(

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
+from megalopta.render.loading.materials import bsdf
 from megalopta.scenes import PerspectiveCamera
-from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.material import INTERFACE, Material, Texture
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
-from .conftest import INTEGRATORS, band_means, down, scene_of, square
+from .conftest import INTEGRATORS, band_means, down, scene_of, square, vectorized
 
 BANDS = ((400.0, 500.0), (500.0, 600.0), (600.0, 700.0))
 GREEN = Spectrum((400.0, 550.0, 700.0), (0.05, 0.3, 0.1)), Spectrum((400.0, 700.0), (0.0, 0.5))
@@ -108,3 +109,23 @@ def test_the_light_meter_finds_what_comes_through_a_leaf(lit_by):
     renderer = renderer_of(scene, None, "path", max_depth=3)
     measured = renderer.light_survey(np.array([[0, 0, 1.5]]))
     assert measured.ground[0].lux == pytest.approx(0.35 * measured.unshaded.lux, rel=0.02)
+
+
+@vectorized
+def test_gloss_is_reciprocal_and_conserves_the_light_of_a_white_leaf():
+    activate(choose_variant("auto"))
+    leaf = mi.load_dict(bsdf(Material(flat(0.5), transmittance=flat(0.5), gloss=0.35)))
+    rng, count, context = np.random.default_rng(1), 2**17, mi.BSDFContext()
+    point = dr.zeros(mi.SurfaceInteraction3f, count)
+    point.uv, point.wavelengths = mi.Point2f(rng.random((2, count))), mi.Spectrum(550.0)
+    towards, uniform = (mi.Point2f(rng.random((2, count))) for _ in range(2))
+    first, second = map(mi.warp.square_to_uniform_sphere, (towards, uniform))
+    ways = []
+    for point.wi, to in ((first, second), (second, first)):
+        ways.append(np.array(leaf.eval(context, point, to) / dr.abs(to.z)))
+    np.testing.assert_allclose(*ways, rtol=2e-3)
+    for cosine in (0.05, 0.3, 1.0):
+        point.wi = mi.Vector3f((1 - cosine**2) ** 0.5, 0.0, cosine)
+        _, weight = leaf.sample(context, point, mi.Float(rng.random(count)), uniform)
+        # The lobe keeps 0.85 to 1 of the interface's light; facets that hide others lose the rest.
+        assert 1 - 0.15 * INTERFACE - 2e-3 < dr.mean(weight[0])[0] < 1 + 2e-3

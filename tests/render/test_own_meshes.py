@@ -164,14 +164,27 @@ def written_mill(path):
     return vertices[blade.faces].astype(np.float64)
 
 
-def test_truth_of_a_skinned_and_morphed_figure_is_that_of_an_independent_ray_caster(tmp_path):
-    (tmp_path / "arm.glb").write_bytes(figures.arm().glb())
+@pytest.mark.parametrize("is_packed", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_truth_of_a_skinned_and_morphed_figure_is_that_of_an_independent_ray_caster(
+    tmp_path, is_packed
+):
+    file = figures.arm(has_shapes=not is_packed)
+    (part,) = file.header["meshes"][0]["primitives"]
+    if is_packed:
+        colors = np.random.default_rng(1).random((len(figures.BENT), 3)).astype(np.float32)
+        part["attributes"]["COLOR_0"] = file.accessor(colors)
+        for accessor in part["attributes"].values():
+            file.with_meshopt(accessor, "ATTRIBUTES")
+        file.with_meshopt(part["indices"], "TRIANGLES")
+    (tmp_path / "arm.glb").write_bytes(file.glb())
     given = {"file": str(tmp_path / "arm.glb"), "animate": True, "position_m": (-2, 0.2, 0)}
     scene = build_scene(Meshes(files=given), Light(), CAMERA, VIEW)
     truth, times = truth_of(scene), VIEW.times_s
 
     def triangles_at(time_s):
-        x, y, z = np.moveaxis(figures.bent(time_s)[figures.TUBE.faces], -1, 0)
+        x, y, z = np.moveaxis(
+            figures.bent(time_s, has_shapes=not is_packed)[figures.TUBE.faces], -1, 0
+        )
         return np.stack([x - 2, 0.2 - z, y], axis=-1)
 
     distance, _, which, weights = cast(triangles_at(times[1]))

@@ -108,6 +108,6 @@ def test_mistakes_get_one_sentence(grating, tmp_path, refused, words, told):
 
 def test_the_page_warns_of_light_in_which_rendering_noise_counts_more(ranked):
     facts = ranked.facts.model_copy(update={"rendering_photons_per_px": 20.0})
-    assert "From 100M photons per frame on" in caution(Ranking(facts, ranked.rows))
+    assert "From 100 million photons per frame on" in caution(Ranking(facts, ranked.rows))
     quiet = facts.model_copy(update={"rendering_photons_per_px": 1e9})
     assert not caution(Ranking(quiet, ranked.rows))

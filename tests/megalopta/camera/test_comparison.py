@@ -29,7 +29,10 @@ def forest(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("brighter", "words"),
-    [(1.0, "No difference is statistically significant."), (1.2, "brightness 20 % higher")],
+    [
+        (1.0, "frames agree: no difference is statistically significant; equal within"),
+        (1.2, " % higher (95 % CI)."),
+    ],
 )
 def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
     rate_hz = load("grating", {}).trajectory.frame_rate_hz
@@ -108,7 +111,7 @@ def test_a_camera_of_half_the_signal_responds_half_as_much():
     # a sum of responses halves, a product is a quarter; halves are rounded down
     assert sizes["NDS"] == pytest.approx(-0.5, abs=0.05)
     assert sizes["NDM"] == pytest.approx(-0.75, abs=0.05)
-    assert "NDM response at 5 mm/s" in motion_page("half", responses)[1]
+    assert "NDM response at 5 mm/s" in motion_page("half", responses, 0.05)[1]
 
 
 def test_a_recording_may_begin_anywhere():

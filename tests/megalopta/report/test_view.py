@@ -14,7 +14,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.report.view import ViewOptions, view
 
-from ..accessibility import needs_axe, violations
+from ..accessibility import needs_axe, needs_chromium, violations
 from ..small import made, small
 
 SMALL = small(32, 24, 4, sensors="spadcam, ideal", levels="starlight, 10") | {
@@ -85,7 +85,7 @@ def test_a_stage_of_another_configuration_is_told_and_not_shown(exposed, tmp_pat
     assert "sums of 2 frames" not in (tmp_path / "out" / "view.html").read_text("utf-8")
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+@needs_chromium
 def test_sliders_choose_light_sensor_and_time(page, tmp_path):
     """As a browser runs it: the darkest light, the second sensor, the last moment."""
     script = """<script>
@@ -121,7 +121,7 @@ def test_bursts_of_a_dataset_are_shown_at_their_rate_by_a_sampling_that_is_told(
     labels = [label for label, _ in panels(page)]
     assert labels == ["light", "counts", "counts", "burst", "burst", "true flow"]
     text = page.read_text("utf-8")
-    assert "4 frames of 30 × 24 pixels at 10.0 Hz, 30 binary frames in each at 300 Hz." in text
+    assert "4 frames of 30 × 24 pixels at 10 Hz, 30 binary frames in each at 300 Hz." in text
     assert "The page shows one in 2 of 90 frames, the film all." in text
     view(next(root.glob("counts/*/*.burst.npy")), page.parent, ViewOptions(summed=2))
     assert "120 binary frames of 30 × 24 pixels at 300 Hz." in page.read_text("utf-8")

@@ -46,7 +46,7 @@ def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     rows = table_rows(results(table_trials(False))).set_index(["method", "images", "metric"])
     synthetic = rows.loc["BM", "synthetic", "literal"]
     assert (synthetic.photons_per_frame, synthetic.found_at) == (pytest.approx(1e5), "f = 7")
-    assert synthetic.interval == "[90.0k, 110k]"
+    assert synthetic.interval == "90\u202f000 to 110\u202f000"
     natural = rows.loc["EMD", "natural", "ratio"]
     found = natural.photons_per_frame, natural.low, natural.high
     assert found == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))

@@ -83,7 +83,7 @@ def test_pictures_of_a_scene_have_a_bounded_size_in_all(tmp_path, monkeypatch):
     one, other, third = (pictured(tmp_path / f"{n}.glb") for n in range(3))
     monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 95)
     assert len(built(files=[one, other]).materials) == 2
-    with pytest.raises(ValueError, match="the scene with its pictures takes .*96 values"):
+    with pytest.raises(ValueError, match="the scene with its pictures takes .*288 values"):
         built(files=[one, other, third])
     tinted = pictured(tmp_path / "tinted.glb", (0.4, 1, 1, 1))
     monkeypatch.setattr(pieces, "TEXEL_BYTES", 2e9 / 63)

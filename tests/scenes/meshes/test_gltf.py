@@ -1,10 +1,13 @@
 """glTF against trimesh's own reader, and against arrays written by hand where trimesh gives up."""
 
+import struct
+
 import numpy as np
 import pytest
 import trimesh
 
 from megalopta.scenes.meshes.gltf import pieces_of, unused
+from megalopta.scenes.spectra.color import reflectance_of_color
 
 from .files import Gltf, png, pose
 
@@ -127,7 +130,7 @@ def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"extensionsRequired": ["KHR_texture_basisu"]}, "needs the extension KHR_texture_basisu"),
+        ({"extensionsRequired": ["EXT_texture_dds"]}, "needs the extension EXT_texture_dds"),
         ({"asset": {"version": "1.0"}}, "version 1.0 of glTF"),
         ({"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, "node 1 has two parents"),
         ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "node 0 has two parents"),
@@ -140,3 +143,109 @@ def test_what_is_not_supported_or_would_not_end_is_told(change, reason):
     file.header |= change
     with pytest.raises(ValueError, match=reason):
         read(file.glb())
+
+
+def test_colors_of_vertices_are_linear_between_them():
+    file, rng = Gltf(), np.random.default_rng(4)
+    corners = rng.random((5, 3)).astype(np.float32)
+    colors = rng.integers(0, 65536, (5, 3)).astype(np.uint16)
+    file.triangle(corners, COLOR_0=file.accessor(colors, normalized=True))
+    file.header["meshes"][0]["primitives"][0]["mode"] = 5
+    (piece,) = read(file.glb())
+    weight = piece.paint.material.texture.weight
+    height, width, _ = weight.shape
+    for place, uv in zip(piece.vertices[piece.faces], piece.uv[piece.faces], strict=True):
+        vertex = [np.abs(corners - corner).sum(axis=1).argmin() for corner in place]
+        shares = rng.dirichlet(np.ones(3), 9)
+        x, y = (shares @ uv * [width, height] - 0.5).T
+        column, row = np.floor(x + 1e-9).astype(int), np.floor(y + 1e-9).astype(int)
+        u, v = (x - column)[:, None], (y - row)[:, None]
+        between = (1 - v) * ((1 - u) * weight[row, column] + u * weight[row, column + 1])
+        between += v * ((1 - u) * weight[row + 1, column] + u * weight[row + 1, column + 1])
+        # Where the fourth corner of a cell of colors would be below 0 or above 1, it is not.
+        a, b, c = colors[vertex] / 65535
+        if ((b + c - a >= 0) & (b + c - a <= 1)).all():
+            np.testing.assert_allclose(between, shares @ colors[vertex] / 65535, atol=1e-5)
+        np.testing.assert_allclose(weight[row.min(), column.min()], a, atol=1e-6)
+
+
+@pytest.mark.parametrize("is_picture", [False, True])
+@pytest.mark.parametrize(
+    ("diffuse", "specular", "base", "metal"),
+    [
+        ((0.5, 0.2, 0.1), (0.04,) * 3, (0.5, 0.2, 0.1), 0.0),  # as a dielectric has it
+        ((0.0, 0.0, 0.0), (0.9, 0.6, 0.3), (0.9, 0.6, 0.3), 1.0),  # gold
+    ],
+)
+def test_diffuse_and_specular_colors_are_those_of_a_dielectric_or_metal(
+    diffuse, specular, base, metal, is_picture
+):
+    file, name = Gltf(), "KHR_materials_pbrSpecularGlossiness"
+    file.triangle(material=0, TEXCOORD_0=file.accessor(np.float32([[0, 0], [1, 0], [0, 1]])))
+    gloss = {"diffuseFactor": [*diffuse, 1], "specularFactor": specular, "glossinessFactor": 0.75}
+    if is_picture:
+        white = file.view(png(np.full((2, 2, 4), 255)))
+        file.header["images"] = [{"bufferView": white, "mimeType": "image/png"}]
+        file.header["textures"] = [{"source": 0}]
+        gloss["diffuseTexture"] = gloss["specularGlossinessTexture"] = {"index": 0}
+    file.header["materials"] = [{"name": "a", "extensions": {name: gloss}}]
+    (piece,) = read(file.glb())
+    look = piece.paint.material.finish.parts["bsdf"].parts
+
+    def value(part):
+        return part.parts["bitmap"].mean(axis=(0, 1)) if hasattr(part, "kind") else part
+
+    assert value(look["roughness"]) == pytest.approx(0.25, abs=1e-6)
+    assert value(look["metallic"]) == pytest.approx(metal, abs=2e-3)
+    if is_picture:
+        np.testing.assert_allclose(value(look["base_color"]), base, atol=5e-3)
+    else:
+        expected = reflectance_of_color(base).values
+        np.testing.assert_allclose(look["base_color"].values, expected, atol=5e-3)
+
+
+def ktx2(colors):
+    """A KTX 2 picture of blocks of 4 by 4 px of one color each (UASTC, mode 8)."""
+    rows, columns, _ = colors.shape
+    describing = struct.pack("<I4H", 44, 0, 0, 2, 40)
+    describing += bytes([166, 1, 2, 0, 3, 3, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0, 0, 0, 127, 0])
+    describing += struct.pack("<3I", 0, 0, 2**32 - 1)
+    blocks = b"".join(
+        (23 | int.from_bytes(bytes([*color, 255]), "little") << 5).to_bytes(16, "little")
+        for color in colors.reshape(-1, 3).tolist()
+    )
+    head = b"\xabKTX 20\xbb\r\n\x1a\n" + struct.pack(
+        "<9I", 0, 1, 4 * columns, 4 * rows, 0, 0, 1, 1, 0
+    )
+    head += struct.pack("<4I2Q", 104, 44, 0, 0, 0, 0) + struct.pack("<3Q", 160, *[len(blocks)] * 2)
+    return (head + describing).ljust(160, b"\0") + blocks
+
+
+def basisu(content):
+    """A triangle whose color is a picture in KTX 2."""
+    file = Gltf()
+    file.triangle(material=0, TEXCOORD_0=file.accessor(np.float32([[0, 0], [1, 0], [0, 1]])))
+    model = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
+    file.header |= {
+        "images": [{"bufferView": file.view(content), "mimeType": "image/ktx2"}],
+        "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
+        "materials": [{"pbrMetallicRoughness": model}],
+        "extensionsRequired": ["KHR_texture_basisu"],
+    }
+    return file.glb()
+
+
+def test_pictures_of_ktx2_have_the_colors_of_their_blocks():
+    codes = np.random.default_rng(2).integers(0, 256, (3, 2, 3))
+    (piece,) = read(basisu(ktx2(codes)))
+    coded = codes[::-1].repeat(4, axis=0).repeat(4, axis=1) / 255
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(piece.paint.material.texture.weight, linear, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "harm", [lambda whole: whole[:-20], lambda whole: whole[:20] + b"\xff" * 20]
+)
+def test_damaged_pictures_of_ktx2_are_refused(harm):
+    with pytest.raises(ValueError, match="picture of material 'material 0' cannot be read"):
+        read(basisu(harm(ktx2(np.zeros((2, 2, 3), int)))))

@@ -94,7 +94,8 @@ def test_all_together_are_bounded(room, monkeypatch):
 def test_other_kinds_are_refused_and_files_on_record_need_not_be_there(tmp_path):
     (tmp_path / "a.fbx").write_bytes(b"")
     with pytest.raises(
-        ValueError, match=r"a\.fbx is not a \.glb, \.gltf, \.obj, \.ply, \.stl, \.xml file"
+        ValueError,
+        match=r"a\.fbx is not a \.glb, \.gltf, \.obj, \.ply, \.serialized, \.stl, \.xml file",
     ):
         MeshFile.model_validate(str(tmp_path / "a.fbx"))
     gone = {"path": str(tmp_path / "gone.glb"), "sha256": "0" * 64}

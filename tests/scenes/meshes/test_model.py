@@ -122,7 +122,7 @@ def notes(model):
             },
             "metal of panes (jar)",  # of which there is some unless it says none
         ),
-        ({"materials": [{"occlusionTexture": {"index": 0}}]}, "occlusion maps (material 0)"),
+        ({"materials": [{"occlusionTexture": {"index": 0}}]}, "occlusionTexture (material 0)"),
         (
             {"extensionsUsed": ["KHR_lights_punctual", "EXT_mesh_gpu_instancing"]},
             "extensions (KHR_lights_punctual, EXT_mesh_gpu_instancing)",
