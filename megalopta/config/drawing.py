@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -42,7 +42,7 @@ def check_plan(plan: Plan) -> list[Configuration]:
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
         for share in (0.0, 0.5, 1 - 2**-53):
-            at = defaultdict[str, float](lambda share=share: share, entry)
+            at = defaultdict[str, float](partial(float, share), entry)
             for camera in range(plan.cameras_per_path):
                 configurations.append(configuration_at(plan, camera, at.__getitem__))
             if len(at) == len(entry):  # without ranges all shares are alike
