@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple, get_args
 from megalopta.core.plug_ins import plug_ins
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.cameras.opencv import OpenCVCamera
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.kinds import any_of, kind_of, models_in
+from megalopta.scenes.kinds import any_of, kind_of
 from megalopta.scenes.light import Light
 from megalopta.scenes.meshes.description import Meshes
 from megalopta.scenes.moving_objects import AnyObject, with_objects
@@ -19,18 +22,23 @@ from megalopta.scenes.stimuli.panorama import Panorama
 from megalopta.scenes.stimuli.pictures import Pictures
 from megalopta.scenes.stimuli.plane import MotionBench, Plane
 from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.trajectories.orbit import Fit, Orbit
+from megalopta.scenes.trajectories.recorded import Recorded
+from megalopta.scenes.trajectories.steady import Hover, Trajectory
+
+OWN_CAMERAS = (OpenCVCamera, EquirectangularCamera, CylindricalCamera, PerspectiveCamera)
 
 if TYPE_CHECKING:
     AnyCamera = Camera
 else:
-    AnyCamera = any_of(models_in("megalopta.scenes.cameras", Camera), "perspective")
+    AnyCamera = any_of(OWN_CAMERAS, "perspective")
     """Any camera in a configuration, by `kind`; without one, perspective."""
 
 
 if TYPE_CHECKING:
     CameraPath = Path
 else:
-    CameraPath = any_of(models_in("megalopta.scenes.trajectories", Path), "steady")
+    CameraPath = any_of((Orbit, Fit, Recorded, Trajectory, Hover), "steady")
     """Any camera path in a configuration, by `kind`; without one, steady."""
 
 

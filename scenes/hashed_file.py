@@ -68,9 +68,9 @@ class HashedFile(Hashed, frozen=True):
         """
         with unreadable(path):
             if not Path(path).is_dir():
-                return _file_hash(Path(path))
+                return sha256_of(Path(path))
             inside = [file for file in sorted(Path(path).iterdir()) if file.is_file()]
-            lines = (f"{file.name}\0{_file_hash(file)}\n" for file in inside)
+            lines = (f"{file.name}\0{sha256_of(file)}\n" for file in inside)
             return hashlib.sha256("".join(lines).encode()).hexdigest()
 
     def read(self) -> bytes:
@@ -94,7 +94,8 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 """An HDR, EXR or PNG file by its name."""
 
 
-def _file_hash(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """SHA-256 hash of a regular file, hexadecimal; errors as `check_file`."""
     check_file(path, sys.maxsize)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

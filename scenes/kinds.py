@@ -1,14 +1,9 @@
 """Descriptions distinguished by their `kind`, as fields of a configuration."""
 
-import pkgutil
 from collections.abc import Mapping, Sequence
-from importlib import import_module
-from inspect import isabstract
-from typing import Annotated, Any, TypeVar, Union
+from typing import Annotated, Any, Union
 
 from pydantic import BaseModel, BeforeValidator, Field
-
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any:
@@ -35,17 +30,3 @@ def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any
 def kind_of(model: type[BaseModel]) -> str:
     """Kind that distinguishes a model from others."""
     return str(model.model_fields["kind"].default)
-
-
-def models_in(package: str, base: type[Model]) -> list[type[Model]]:
-    """Models derived from a base in all modules of a package, in order of the modules' names."""
-    folder = import_module(package).__path__
-    modules = [import_module(f"{package}.{model.name}") for model in pkgutil.iter_modules(folder)]
-    named = {
-        value: None
-        for module in modules
-        for value in vars(module).values()
-        if isinstance(value, type)
-    }
-    models = (model for model in named if issubclass(model, base) and not isabstract(model))
-    return [model for model in models if not model.model_fields["kind"].is_required()]

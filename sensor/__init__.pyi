@@ -76,7 +76,6 @@ from .quantities import (
     Exposure as Exposure,
 )
 from .sampling.streams import generator as generator
-from .shot import sub_frames as sub_frames
 from .spad.array import detection_rate as detection_rate
 from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
 from .spad.measured import (

@@ -86,7 +86,7 @@ def expose_rate(
     Parameters
     ----------
     detections_hz : (T, H, W) or (T, S, H, W) array
-        Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
+        Hz, constant over an exposure or in S equal parts of it; `detection_rate`
         gives that of a scene.
     free_running : bool
         Exposures follow each other without a gap and pixels keep their state, from the first frame

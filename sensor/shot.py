@@ -71,42 +71,6 @@ class NextFrames:
         return light
 
 
-def sub_frames(
-    frames: NDArray[Any], flow: NDArray[Any], parts: int, hidden: Mask | None = None
-) -> Floats:
-    """Return light in the middle of each equal part of the time between frames.
-
-    Raises ValueError if the shapes do not match.
-
-    Parameters
-    ----------
-    frames : (T, H, W)
-        Light or detection rate, two frames or more.
-    flow : (T − 1, H, W, 2)
-        Forward flow, px, +x right and +y down; where undefined, the light stays.
-    parts : int
-        1 or more.
-    hidden : (T − 1, H, W), optional
-        True for pixels occluded in the next frame.
-
-    Returns
-    -------
-    (T − 1, parts, H, W)
-    """
-    if frames.ndim != 3 or flow.shape != (len(frames) - 1, *frames.shape[1:], 2) or parts < 1:
-        raise ValueError(
-            f"frames {frames.shape}, flow {flow.shape}, parts {parts}: give (T, H, W), "
-            "(T − 1, H, W, 2) and 1 or more"
-        )
-    hidden = np.zeros(flow.shape[:3], np.bool_) if hidden is None else hidden
-    following = NextFrames(radiance=frames[1:, ..., None], flow=flow, hidden=hidden)
-    middles = (np.arange(parts) + 0.5) / parts
-    parts_of = (
-        following.between(frames[..., None], index, middles)[..., 0] for index in range(len(flow))
-    )
-    return np.stack(list(parts_of))
-
-
 def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:
     """Light at a fraction of the way from one frame to the next."""
     grid = np.indices(before.shape, dtype=np.float64)

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.effects.dead_time import DeadTime, expected_counts
+from megalopta.sensor.effects.dead_time import DeadTime, moments
 
 EXPOSURE_S, DEAD_TIME_S = 1e-4, 1e-6
 rates_hz = np.geomspace(1e4, 1e7, 13)
@@ -22,7 +22,7 @@ for kind, marker in kinds.items():
     sensor = changed(preset("ideal"), exposure_s=EXPOSURE_S, dead_time=effect.model_dump())
     light = np.broadcast_to(rates_hz[:, None, None], (rates_hz.size, 40, 40))
     counts = expose_rate(light, sensor, seed=0, stream=kind).counts.mean(axis=(1, 2))
-    (line,) = plt.loglog(fine_hz, expected_counts(fine_hz, EXPOSURE_S, effect), label=kind)
+    (line,) = plt.loglog(fine_hz, moments(fine_hz, EXPOSURE_S, effect)[0], label=kind)
     plt.loglog(rates_hz, counts, marker, color=line.get_color())
 plt.xlabel("arrivals (Hz)")
 plt.ylabel("mean counts in 100 µs (dead time 1 µs)")

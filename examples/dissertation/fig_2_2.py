@@ -10,14 +10,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import DeadTime
-from megalopta.sensor.effects.dead_time import expected_counts
+from megalopta.sensor.effects.dead_time import moments
 
 photons_hz = np.geomspace(1e3, 1e10, 281)
 plt.loglog(photons_hz, photons_hz, "k", label="ideal")
 for place, dead_time_s in enumerate((1e-9, 1e-8, 1e-7, 1e-6)):
     for kind, dash in (("nonparalyzable", "-"), ("paralyzable", "--")):
         dead_time = DeadTime(kind=kind, dead_time_s=dead_time_s, start="stationary")
-        counts_hz = expected_counts(photons_hz, 1.0, dead_time)
+        counts_hz, _ = moments(photons_hz, 1.0, dead_time)
         label = f"τ = {1e9 * dead_time_s:g} ns" if dash == "-" else None
         plt.loglog(photons_hz, counts_hz, dash, color=f"C{place}", label=label)
         if dead_time_s == 1e-7:

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from numpy.typing import ArrayLike
 from pydantic_core import to_json
 
 from megalopta.core import strict_yaml
@@ -25,14 +24,14 @@ from megalopta.core.progress import step
 from megalopta.core.quantities import number, percent, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, block, table, write_sections
-from megalopta.scenes import Light
-from megalopta.scenes.stimuli.pictures import ColorsAsLight
+from megalopta.scenes.levels import LEVELS
+from megalopta.scenes.spectra.color import band_means
 from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation
 from megalopta.sensor.image_sensors import sensor_named
 from megalopta.sensor.optics import photon_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-_SIDE, _BRIGHTER, _AT_REST_S, _FULL, _MOST_READ, _STILL_GROWS = 16, 0.01, 1e-9, 0.9, 1e9, 1.02
+_REFLECTANCE, _BRIGHTER, _AT_REST_S = 0.18, 0.01, 1e-9
 _QUANTILES = 0.05, 0.5, 0.95
 _HEAD = "photons", "lux", "reading", "SNR", "ideal SNR"
 _NOTE = (
@@ -80,21 +79,21 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
     it is. Raises UserError if the sensor is unknown or damaged, or sees nothing there.
     """
     with refused_as("sensor"):
-        named = sensor_named(sensor)
-        stated = {"preset": sensor} if isinstance(sensor, str) else {}
+        named, stated = sensor_named(sensor), {"preset": sensor if isinstance(sensor, str) else ""}
         if str(sensor).endswith((".yaml", ".yml")):
             stated = strict_yaml.load(read_text(Path(str(sensor))))
-        base = f"preset {stated['preset']}" if "preset" in stated else "not stated"
-        origins = dict.fromkeys(type(named).model_fields, base)
-        origins |= dict.fromkeys(stated, "device file")
-        origins |= dict.fromkeys(stated.get("measured", ()), "measured map")
+        base = stated.get("preset")
+        origins = {
+            **dict.fromkeys(type(named).model_fields, f"preset {base}" if base else "not stated"),
+            **dict.fromkeys(stated, "device file"),
+            **dict.fromkeys(stated.get("measured", ()), "measured map"),
+        }
         filters = dict.fromkeys(("red", "green", "blue", "white")) | {"mosaic": ()}
-        lens = {"falloff_fov_deg": None, "blur_m": 0.0}
-        pixel = changed(named, lens=lens, filters=filters)
+        pixel = changed(named, lens={"falloff_fov_deg": None, "blur_m": 0.0}, filters=filters)
         whole = (128, 128)
         if isinstance(pixel, Sensor) and pixel.measured.is_on:
             pixel, whole = changed(pixel, measured={"fit": "center"}), pixel.measured.shape
-        shape = min(whole[0], _SIDE), min(whole[1], _SIDE)
+        shape = min(whole[0], 16), min(whole[1], 16)
 
         curves = [pixel.efficiency, *pixel.lens.curves]
         low_nm = max(curve.wavelengths_nm[0] for curve in curves)
@@ -103,32 +102,40 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             usual = np.clip([550, *pixel.efficiency.wavelengths_nm], low_nm + 0.5, high_nm - 0.5)
             nm = float(usual[np.argmax(pixel.efficiency(usual).round(6))])
         line = [(nm - 0.5, nm + 0.5)]
-        photon = np.full((1, *shape, 1), 1 / pixel.exposure_s)
-        photon /= photon_rate(np.ones((1, 1, 1, 1)), line, pixel).item()
+        per_radiance = photon_rate(np.ones((1, 1, 1, 1)), line, pixel).item() * pixel.exposure_s
+        photon = np.full((1, *shape, 1), 1 / per_radiance)
         if not (pde := float(np.median(detected_photons(photon, line, pixel)))) > 0:
             raise ValueError(f"{named.name} detects nothing at {nm:g} nm; give --wavelength-nm")
-        dark, decades, is_full = _readings(pixel, 0 * photon, line)[1].item(), list[Floats](), False
-        photons = 10.0 ** (math.floor(-1 - math.log10(pde)) + np.arange(10) / 10)
-        while not is_full:
-            decade = _readings(pixel, photons[:, None, None, None] * photon, line)
-            if not decade[1].max() < _MOST_READ:
-                break
-            decades.append(decade)
-            rise, is_lit = decade[1] - dark, max(part[3].max() for part in decades) > 1
-            is_full = is_lit and bool(rise[-1] < _STILL_GROWS * rise[0])
-            photons *= 10
-        if not decades:
-            raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
-        photons, mean, sigma, snr = np.hstack(decades)
-        full = dark + _FULL * (mean.max() - dark) if is_full else math.inf
-        threshold, saturation = _reached(photons, snr, 1.0), _reached(photons, mean, full)
-        curve = pd.DataFrame({"photons": photons, "mean": mean, "sigma": sigma, "snr": snr})
 
-        gray, daylight = ColorsAsLight(spectrum="light"), Light(level="daylight")
-        known_nm = gray.white(daylight).range_nm
-        edges = np.linspace(max(low_nm, known_nm[0]), min(high_nm, known_nm[1]), 60)
-        bands = list(pairwise(edges))
-        radiance = gray.radiance_of_unit(daylight, bands, np.ones(3)).sum(axis=0)
+        columns, full = np.empty((4, 0)), math.inf
+        decade = 10.0 ** (math.floor(-1 - math.log10(pde)) + np.arange(10) / 10)
+        while full == math.inf:  # until a decade of light adds 2 % of the signal, or takes too long
+            light = np.append(0, decade)[:, None, None, None] * photon
+            try:
+                lit, brighter = (
+                    expectation(factor * light, line, pixel, frame_period_s=_AT_REST_S)
+                    for factor in (1.0, 1 + _BRIGHTER)
+                )
+            except UserError:
+                break
+            sigma, snr = np.sqrt(lit.reading_variance), lit.signal_to_noise(brighter, _BRIGHTER)
+            read = np.median([lit.photons, lit.mean_reading, sigma, snr], axis=(2, 3))
+            if read[1].max() > 1e9:
+                break
+            columns, decade = np.hstack((columns, read[:, 1:])), 10 * decade
+            signal, dark = read[1] - read[1, 0], read[1, 0]
+            if columns[3].max() > 1 and signal[-1] < 1.02 * signal[1]:
+                full = dark + 0.9 * (columns[1].max() - dark)
+        if not columns.size:
+            raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
+        photons, mean, _, snr = columns
+        threshold, saturation = _reached(photons, snr, 1.0), _reached(photons, mean, full)
+
+        daylight = LEVELS["daylight"]
+        known_nm = daylight.spectrum().range_nm
+        ends_nm = max(low_nm, known_nm[0]), min(high_nm, known_nm[1])
+        bands = list(pairwise(np.linspace(*ends_nm, 60)))
+        radiance = _REFLECTANCE / math.pi * band_means([daylight.spectrum()], bands)[0]
         by_day = detected_photons(np.ones((1, *shape, 1)) * radiance, bands, pixel)
         if isinstance(pixel, Sensor):
             states = draw_fixed_pattern(pixel, whole).dark_levels()
@@ -141,8 +148,8 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             origins=origins,
             wavelength_nm=nm,
             pde=pde,
-            curve=curve,
-            lux_per_photon=pde / float(np.median(by_day)) * daylight.resolved().illuminance_lux,
+            curve=pd.DataFrame(columns.T, columns=["photons", "mean", "sigma", "snr"]),
+            lux_per_photon=pde / float(np.median(by_day)) * daylight.illuminance_lux,
             threshold_photons=threshold,
             saturation_photons=saturation,
             dynamic_range_db=20 * math.log10(saturation / threshold),
@@ -151,26 +158,11 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         )
 
 
-def _readings(pixel: ImageSensor, light: Floats, bands_nm: ArrayLike) -> Floats:
-    """Columns of `DataSheet.curve` (4, N) at radiances (N, H, W, B); NaN where too slow."""
-    try:
-        lit, brighter = (
-            expectation(factor * light, bands_nm, pixel, frame_period_s=_AT_REST_S)
-            for factor in (1.0, 1 + _BRIGHTER)
-        )
-    except UserError:
-        return np.full((4, len(light)), np.nan)
-    sigma, snr = np.sqrt(lit.reading_variance), lit.signal_to_noise(brighter, _BRIGHTER)
-    return np.median([lit.photons, lit.mean_reading, sigma, snr], axis=(2, 3))
-
-
 def _reached(photons: Floats, values: Floats, level: float) -> float:
     """Least light at which values are at a level, between the points of a curve; NaN if never."""
-    if not (after := int(np.argmax(values >= level))):  # the first of all, or none
-        return math.nan
-    ends = slice(after - 1, after + 1)
-    logs = np.log(np.maximum(values[ends], 1e-9))
-    return math.exp(np.interp(math.log(level), logs, np.log(photons[ends])))
+    rising = slice(int(np.argmax(values)) + 1)
+    logs = np.log(np.maximum(values[rising], 1e-9)), np.log(photons[rising])
+    return math.exp(np.interp(math.log(level), *logs, left=math.nan, right=math.nan))
 
 
 def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
@@ -196,8 +188,8 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
         ):
             shown = text if getattr(sensor, field).is_on else "none"
             rows.append((field.replace("_", " "), shown, field))
-    limits = {"SNR = 1 at": sheet.threshold_photons, "90 % saturated at": sheet.saturation_photons}
-    for name, photons in limits.items():
+    limits = sheet.threshold_photons, sheet.saturation_photons
+    for name, photons in zip(("SNR = 1 at", "90 % saturated at"), limits, strict=True):
         light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"
         rows.append((name, "not reached" if math.isnan(photons) else light, ""))
     rows.append(("dynamic range", f"{number(sheet.dynamic_range_db)} dB", ""))

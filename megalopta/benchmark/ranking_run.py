@@ -21,7 +21,7 @@ from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress, step
-from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frame
 from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import Method
@@ -138,10 +138,10 @@ def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
     """Return the true motion of the inner blocks of a grid, and the groups that they are in."""
     camera, poses = dataset.configuration.camera, dataset.configuration.trajectory.poses()
     directions, pairs = camera.directions(), []
-    for index, truth in enumerate(read_truth_frames(dataset)):
-        if index + 1 < len(poses):
-            turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
-            pairs.append(_block_means(truth, camera.displacement(directions @ turn.T), grid))
+    for index in range(len(poses) - 1):
+        turn = poses[index + 1, :3, :3].T @ poses[index, :3, :3]
+        turned = camera.displacement(directions @ turn.T)
+        pairs.append(_block_means(read_truth_frame(dataset, index), turned, grid))
     means = {name: np.stack([pair[name] for pair in pairs])[:, 1:-1, 1:-1] for name in pairs[0]}
     speed = np.linalg.norm(means["velocity"], axis=-1)
     groups = {

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
+    BeforeValidator,
     Field,
     InstanceOf,
     SerializeAsAny,
@@ -74,29 +75,24 @@ class GratingTemplate(Record, frozen=True):
         return sine_grating(x, x[:, np.newaxis], *waves)
 
 
-class PanoramaTemplate(Record, frozen=True):
-    """A panorama of natural surroundings, 251 × m."""
-
-    kind: Literal["panorama"] = "panorama"
-    """Kind of the template"""
-    name: Annotated[str, Field(min_length=1)]
-    """A forest rendered by this project, open, dense, understorey or clearing, or the path of an
-    equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that contains
-    them; on the command line, to the working folder"""
-    coding: Literal["linear", "srgb"] = "linear"
-    """linear: light. srgb: gray values of a photograph of it, with the brightest 1 % white"""
-
-    @field_validator("name", mode="before")
-    @classmethod
-    def _path_from_its_file(cls, name: Any, validation: ValidationInfo) -> Any:
-        return path_from_its_file(name, validation)
-
-
 def path_from_its_file(name: Any, validation: ValidationInfo) -> Any:
     """Return a path relative to the file being read; a forest's name unchanged."""
     if not isinstance(name, str) or not Path(name).suffix:
         return name
     return str(named_path(name, folder_of(validation)))
+
+
+class PanoramaTemplate(Record, frozen=True):
+    """A panorama of natural surroundings, 251 × m."""
+
+    kind: Literal["panorama"] = "panorama"
+    """Kind of the template"""
+    name: Annotated[str, BeforeValidator(path_from_its_file), Field(min_length=1)]
+    """A forest rendered by this project, open, dense, understorey or clearing, or the path of an
+    equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that contains
+    them; on the command line, to the working folder"""
+    coding: Literal["linear", "srgb"] = "linear"
+    """linear: light. srgb: gray values of a photograph of it, with the brightest 1 % white"""
 
 
 Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]

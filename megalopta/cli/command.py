@@ -167,17 +167,15 @@ def out_file(default: str, what: str) -> Option:
     return option("--out", what, file, Path(default))
 
 
-def whole(text: str, least: int | None = None) -> int:
-    """Parse a whole number of at most 18 digits, at least `least`."""
-    if re.fullmatch(r"[+-]?[0-9]{1,18}", text) and (least is None or int(text) >= least):
-        return int(text)
-    limit = " of at most 18 digits" if least is None else f", {least} or more"
-    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number{limit}")
-
-
 def at_least(least: int) -> Callable[[str], int]:
-    """Return a parser of whole numbers from `least` up."""
-    return partial(whole, least=least)
+    """Return a parser of whole numbers of at most 18 digits, from `least` up."""
+
+    def whole(text: str) -> int:
+        if re.fullmatch(r"[+-]?[0-9]{1,18}", text) and int(text) >= least:
+            return int(text)
+        raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number, {least} or more")
+
+    return whole
 
 
 def finite(

@@ -19,7 +19,6 @@ from megalopta.cli.command import (
     positive,
     stopped_by_signals,
     verb,
-    whole,
     within,
 )
 from megalopta.core.errors import UserError, refused_as
@@ -65,11 +64,11 @@ def _list(options: Namespace) -> list[str]:
     option("--seconds", "stop after this time (s)", positive),
     option("--exposure", "exposure of a frame, s", within(1e-6, 4000.0), 0.05, dest="exposure_s"),
     option("--rate", "frames per second", within(1e-3, 4000.0), 10.0, dest="frame_rate_hz"),
-    option("--step-bias", "code of the DAC that biases the counters' step, 0 to 4095", whole, 2048),
+    option("--step-bias", "code of the DAC for the counters' step, 0 to 4095", at_least(0), 2048),
     option(
         "--rows",
         "rows to read (default: 0 16, all)",
-        whole,
+        at_least(0),
         (0, 16),
         nargs=2,
         metavar=("FIRST", "END"),

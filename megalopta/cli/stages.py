@@ -27,11 +27,7 @@ from megalopta.core.progress import say, step
 if TYPE_CHECKING:
     from megalopta.config.model import Configuration
 
-_RANKED = {
-    "methods": "[BM, DIS, PM, PF]",
-    "fluxes": "[1e5, 1e6, 1e7]",
-    "repeats": "1",
-}
+_RANKED = {"methods": "[BM, DIS, PM, PF]", "fluxes": "[1e5, 1e6, 1e7]", "repeats": "1"}
 """Settings of the demo's ranking: few, for a short demo"""
 
 
@@ -51,10 +47,6 @@ _FROM_CONFIGURATION = (
     "render",
     "render a scene to spectral-radiance EXRs with exact ground truth",
     *_FROM_CONFIGURATION,
-    switch(
-        "--dry-run",
-        "estimate size, time and memory from a short measurement; render nothing",
-    ),
     settings=VerbSettings(stage="render", values="demo"),
     often=(
         *("scene.kind", "scene.preset", "scene.trees", "light.level", "light.illuminance_lux"),
@@ -63,7 +55,7 @@ _FROM_CONFIGURATION = (
     ),
     example="megalopta render demo --out out/night --light.level full_moon --scene.trees 300",
 )
-def _render(options: Namespace) -> str | None:
+def _render(options: Namespace) -> None:
     from megalopta.dataset.store import Tree
 
     folder = Path(options.configuration or "demo")
@@ -71,23 +63,16 @@ def _render(options: Namespace) -> str | None:
         from megalopta.config.recipe import load_plan
         from megalopta.stages.make import make
 
-        if options.redo or options.dry_run:
+        if options.redo:
             raise UserError(
                 f"{options.configuration}: a dataset of many sequences; remove a sequence's record "
-                "to make it again, and see megalopta dataset make --help for --dry-run"
+                "to make it again"
             )
         make(options.out, load_plan(folder, options.overrides))
-        return None
-    if options.dry_run:
-        from megalopta.stages.estimate import estimate_frames
-
-        if not (settings := _configuration(options)).scene.has_truth:
-            raise UserError("--dry-run: pictures are not rendered, only copied; omit it")
-        return estimate_frames(options.out, settings)
+        return
     from megalopta.stages.run import run_stage
 
     run_stage(options.out, _configuration(options), "render", options.redo)
-    return None
 
 
 @verb(

@@ -1,7 +1,8 @@
 """Draw a sequence of a plan from seed and index alone."""
 
+from collections import defaultdict
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -41,17 +42,10 @@ def check_plan(plan: Plan) -> list[Configuration]:
         number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
         entry = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
         for share in (0.0, 0.5, 1 - 2**-53):
-            ranges = list[str]()
-
-            def at(
-                path: str, entry: Any = entry, share: float = share, ranges: Any = ranges
-            ) -> float:
-                ranges += [] if path in entry else [path]
-                return float(entry.get(path, share))
-
+            at = defaultdict[str, float](partial(float, share), entry)
             for camera in range(plan.cameras_per_path):
-                configurations.append(configuration_at(plan, camera, at))
-            if not ranges:  # all shares are alike
+                configurations.append(configuration_at(plan, camera, at.__getitem__))
+            if len(at) == len(entry):  # without ranges all shares are alike
                 break
     return configurations
 

@@ -40,10 +40,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
 
 
 def parse(
-    text: str,
-    source: str,
-    overrides: Mapping[str, str] | None = None,
-    folder: Path | None = None,
+    text: str, source: str, overrides: Mapping[str, str] | None = None, folder: Path | None = None
 ) -> Configuration:
     """Configuration from YAML text; `source` names it in errors. Raises UserError.
 

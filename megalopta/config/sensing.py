@@ -91,10 +91,7 @@ class SensingSettings(RenderingSettings, frozen=True):
             "is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative to the file "
             "that contains them and stay in its folder; on the command line, any.",
         ),
-    ] = (
-        IMAGE_SENSORS["spadcam"],
-        IMAGE_SENSORS["ideal"],
-    )
+    ] = (IMAGE_SENSORS["spadcam"], IMAGE_SENSORS["ideal"])
 
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,

@@ -422,19 +422,6 @@ def open_store(path: Path) -> Store:
     return Store(dict(group.attrs), arrays)  # type: ignore[arg-type]
 
 
-def open_array(path: Path) -> "zarr.Array[Any]":
-    """Open a store that is one array; raises as `open_store`."""
-    import zarr
-    from zarr.storage import LocalStore
-
-    from megalopta.core.folders import check_enclosed
-
-    check_enclosed(path)
-    _check_array(path, _metadata(path, "array"))
-    with zarr.config.set(_bounded_codecs()):
-        return zarr.open_array(LocalStore(path, read_only=True), mode="r", zarr_format=3)
-
-
 def _metadata(path: Path, kind: str) -> dict[str, Any]:
     """Return the metadata of a group or array of format 3."""
     if older := next(chain(path.glob(".z*"), path.glob("*/.z*")), None):

@@ -14,10 +14,7 @@ from pydantic import BaseModel, ValidationError
 from megalopta.core.bounded import QUOTED, quoted, sentence
 
 Model = TypeVar("Model", bound=BaseModel)
-_TOLD = {
-    "missing": "missing; give a value",
-    "too_short": "empty; give at least one",
-}
+_TOLD = {"missing": "missing; give a value", "too_short": "empty; give at least one"}
 _EXPECTED = {
     "tuple_type": "give a list",
     **dict.fromkeys(

@@ -1,6 +1,7 @@
 """Content of flow.json: errors of one method on one sensor at one light level."""
 
 import math
+from typing import Literal
 
 from pydantic import BaseModel, FiniteFloat, NonNegativeInt
 
@@ -43,23 +44,6 @@ class TruthErrors(_Record, frozen=True):
     """Errors from corrected readings, if there are any"""
 
 
-class SplitErrors(_Record, frozen=True):
-    """Errors by true speed, and by the hidden share of a block."""
-
-    slow: TruthErrors
-    medium: TruthErrors
-    fast: TruthErrors
-    clear: TruthErrors
-    occlusion: TruthErrors
-
-
-class MixtureErrors(_Record, frozen=True):
-    """Errors with and without mixed pixels."""
-
-    all: TruthErrors
-    without_mixed: TruthErrors
-
-
 class FlowRecord(_Record, frozen=True):
     """The errors of one method; the file holds `model_dump(exclude_unset=True)`."""
 
@@ -82,10 +66,11 @@ class FlowRecord(_Record, frozen=True):
     truth: TruthErrors | None = None
     """Errors of methods that give velocities"""
 
-    truth_by_mixture: MixtureErrors | None = None
+    truth_by_mixture: dict[Literal["all", "without_mixed"], TruthErrors] = {}
     """Errors with mixed pixels, as in `truth`, and without them"""
 
-    truth_splits: SplitErrors | None = None
+    truth_splits: dict[Literal["slow", "medium", "fast", "clear", "occlusion"], TruthErrors] = {}
+    """Errors by true speed, and by the hidden share of a block"""
 
     @property
     def median_error(self) -> float:

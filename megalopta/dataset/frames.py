@@ -97,12 +97,6 @@ def read_motion(dataset: Dataset, index: int) -> FrameMotion:
     return FrameMotion(flow, np.zeros(shape, np.bool_), np.ones(shape))
 
 
-def read_truth_frames(dataset: Dataset) -> "Iterator[Truth]":
-    """Yield the ground truth of every frame that sensors see."""
-    for index in range(dataset.configuration.trajectory.frames):
-        yield read_truth_frame(dataset, index)
-
-
 def read_truth_frame(dataset: Dataset, index: int) -> "Truth":
     """Ground truth of one frame that sensors see. Raises UserError, for pictures always."""
     dataset.require_truth()

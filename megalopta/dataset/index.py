@@ -4,7 +4,6 @@ https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html; splits link a
 """
 
 import errno
-import hashlib
 import json
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -20,6 +19,7 @@ from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.dataset.record import SequenceRecord
 from megalopta.dataset.store import Tree, frame_file
+from megalopta.scenes.hashed_file import sha256_of
 
 _SAMPLE = "sample"
 """Split of the first few sequences."""
@@ -96,7 +96,7 @@ def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, A
             "contentUrl": f"index/{path.name}",
             "contentSize": f"{path.stat().st_size} B",
             "encodingFormat": "application/x-parquet",
-            "sha256": _sha256(path),
+            "sha256": sha256_of(path),
         }
         for path in paths.values()
     ]
@@ -152,7 +152,7 @@ def table_path(root: Path, name: str) -> Path:
         parts = bounded.read_json(described)["distribution"]
         hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
     with bounded.undamaged(path, again):
-        digest = _sha256(path)
+        digest = sha256_of(path)
     if digest != hashes.get(f"index/{name}.parquet"):
         raise UserError(f"{path} differs from its description; {again}")
     with bounded.undamaged(path, again):
@@ -160,12 +160,6 @@ def table_path(root: Path, name: str) -> Path:
         # 200 bytes of memory are a number of a table as Python reads it
         bounded.check_decoded(path, (stated.num_rows, stated.num_columns), 200)
     return path
-
-
-def _sha256(path: Path) -> str:
-    bounded.check_file(path)
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_index(tree: Tree, plan: Plan) -> None:

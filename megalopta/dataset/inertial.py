@@ -46,12 +46,8 @@ class ImuReadings(NamedTuple):
 
 def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
     """Write readings and poses of a sequence to a folder, all or nothing."""
-    rng, camera, path = (
-        generator(settings.seed, "imu", settings.name),
-        settings.camera,
-        settings.trajectory,
-    )
-    readings, poses = imu.read(path, rng), path.poses()
+    camera, path, poses = settings.camera, settings.trajectory, settings.trajectory.poses()
+    readings = imu.read(path, generator(settings.seed, "imu", settings.name))
     truth, turn_first = readings.truth, (3, 0, 1, 2)
     turns = Rotation.from_matrix(truth.rotations).as_quat()[:, turn_first]
     biases = readings.gyroscope_biases, readings.accelerometer_biases

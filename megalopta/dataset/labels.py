@@ -62,12 +62,9 @@ def _in_colors(number: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 def write_tracks(path: Path, settings: TrackSettings, by_frame: Sequence["Tracks"]) -> None:
     """Write the tracks of the points of each frame."""
-    seen = [
-        tracks.points[:, frame] for frame, tracks in zip(settings.frames, by_frame, strict=True)
-    ]
     queries = [
-        np.column_stack([np.full(len(place), frame), place[:, ::-1]])
-        for frame, place in zip(settings.frames, seen, strict=True)
+        np.insert(tracks.points[:, frame, ::-1], 0, frame, axis=1)
+        for frame, tracks in zip(settings.frames, by_frame, strict=True)
     ]
     stored = PointTracks(
         np.concatenate(queries).astype(np.float32),

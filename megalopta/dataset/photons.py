@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.pictures import SENSED_BYTES
@@ -73,7 +72,9 @@ def photons_from_images(
         check_decoded(footage.path, (len(footage), *footage.shape), SENSED_BYTES)
         device = sensor_named(sensor)
         model = checked(ColorsAsLight, colors)
-        mean = _mean(footage)
+        mean = np.mean([footage.mean(index) for index in range(len(footage))], axis=0)
+        if not mean.any():
+            raise ValueError("the pictures are black; give pictures with light")
         bands = footage.bands_nm or RenderSettings().bands_nm
         dim = model.radiance_of_unit(Light(), bands, mean, footage.bands_nm)
         per_lux = photons_per_lux(dim, Light(), bands, device, mean)
@@ -84,13 +85,6 @@ def photons_from_images(
             say(note)
         light = np.stack([footage.frame(index) @ of_unit for index in range(len(footage))])
         return expose(light, bands, device, seed=seed, stream="pictures", expectation=True)
-
-
-def _mean(footage: "Footage") -> Floats:
-    mean = np.mean([footage.mean(index) for index in range(len(footage))], axis=0)
-    if not mean.any():
-        raise UserError("photons_from_images: the pictures are black; give pictures with light")
-    return np.asarray(mean)
 
 
 def _opened(images: ArrayLike | str | Path, unit: Unit | None) -> "Footage":

@@ -127,11 +127,7 @@ def clean_flow(first: Float32, second: Float32) -> Floats:
 
 
 def photons_per_lux(
-    radiance_of_unit: Floats,
-    light: Light,
-    bands_nm: Bands,
-    sensor: ImageSensor,
-    mean: ArrayLike,
+    radiance_of_unit: Floats, light: Light, bands_nm: Bands, sensor: ImageSensor, mean: ArrayLike
 ) -> float:
     """Return the mean photons on a pixel in an exposure, for each lux on the scene.
 

@@ -144,11 +144,7 @@ def _over_speeds(
         ),
         draw=draw,
         numbers=pd.DataFrame(
-            {
-                "speed_mm_s": np.array(speeds, float),
-                "velocity_px_per_frame": velocity,
-                **columns,
-            }
+            {"speed_mm_s": np.array(speeds, float), "velocity_px_per_frame": velocity, **columns}
         ),
         name="fig-2.18-and-2.19",
     )

@@ -5,23 +5,18 @@ from functools import cache, partial
 from pathlib import Path
 from typing import cast
 
-import numpy as np
 import zarr
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import open_array, undamaged
+from megalopta.core.bounded import open_store, undamaged
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
-from megalopta.dataset.frames import frames_at_once, read_radiance_frames
+from megalopta.dataset.frames import read_radiance_frames, write_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark import (
-    checked_warm_up,
-    photon_benchmark,
-    work_units,
-)
+from megalopta.flow.benchmark import checked_warm_up, photon_benchmark, work_units
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.sensor import PRESETS, photon_rate
@@ -37,14 +32,13 @@ def benchmark(dataset: Dataset) -> None:
     path = parts / "light.zarr"
     if not path.exists():
         with files.atomic_write(path) as temporary:
-            shape = _shape(settings)  # photons per second of the ideal sensor, without noise
-            chunk = frames_at_once(settings), *shape[1:]
-            store = zarr.create_array(temporary, shape=shape, chunks=chunk, dtype=np.float64)
+            group = zarr.open_group(temporary, mode="w", zarr_format=3)
             for first, radiance in read_radiance_frames(dataset):
+                # photons per second of the ideal sensor, without noise
                 photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
-                store[first : first + len(photons)] = photons
+                write_frames(group, "photons", first, photons, settings.trajectory.frames)
     with undamaged(path, "remove it"):
-        light = cast("Frames", open_array(path))
+        light = cast("Frames", open_store(path).arrays["photons"])
         if light.shape != _shape(settings):
             raise ValueError(f"its frames are {light.shape}, not those of the dataset")
     total = work_units(light.shape, settings.benchmark)

@@ -14,10 +14,7 @@ from megalopta.core.progress import progress
 from megalopta.dataset.frames import frames_at_once, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
-from megalopta.sensor.calibrate.correction import (
-    correct,
-    simulated_calibration,
-)
+from megalopta.sensor.calibrate.correction import correct, simulated_calibration
 from megalopta.sensor.expectations import settled
 from megalopta.sensor.formats.counts_store import format_attribute
 

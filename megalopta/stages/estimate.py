@@ -1,4 +1,4 @@
-"""Estimate the cost of a plan, or of one sequence, to a factor of two.
+"""Estimate the cost of a plan to a factor of two.
 
 Two strips of a frame of at most three sequences are rendered; the second is multiplied.
 """
@@ -19,11 +19,10 @@ from megalopta.core.progress import duration, say, silent
 from megalopta.dataset.store import Dataset
 from megalopta.render import dr
 from megalopta.stages.jobs import threads_of
-from megalopta.stages.limits import needed_bytes, size
+from megalopta.stages.limits import size
 from megalopta.stages.make import write_flow_files
 from megalopta.stages.registry import STAGES
 from megalopta.stages.render import FrameWriter, write_previews
-from megalopta.stages.run import check_stage
 
 _FEWEST_ROWS, _PIXELS, _PATHS = 8, 8192, 60_000
 
@@ -47,18 +46,7 @@ def estimate_plan(
     return f"{root}: {len(indices)} sequences, {frames} frames, {text}{more}"
 
 
-def estimate_frames(root: Path, settings: Configuration) -> str:
-    """Return the estimated cost of rendering a sequence, in a line. Raises UserError if absurd."""
-    check_stage("render", settings, root)
-    camera, frames = settings.camera, settings.trajectory.frames
-    seconds, bytes_ = cost_of([settings])
-    return (
-        f"{root}: {frames} frames of {camera.width} × {camera.height}, about {size(bytes_)}, about "
-        f"{duration(seconds)}, up to {size(needed_bytes(settings, 'render')[0])} of memory"
-    )
-
-
-def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[float, float]:
+def cost_of(drawn: Sequence[Configuration], plan: Plan) -> tuple[float, float]:
     """Return seconds and bytes of some sequences, from one of each third, by scene and size."""
     ordered = sorted(drawn, key=lambda settings: (settings.scene.kind, _pixels(settings)))
     total = np.zeros(2)
@@ -72,7 +60,7 @@ def cost_of(drawn: Sequence[Configuration], plan: Plan | None = None) -> tuple[f
     return float(total[0]), float(total[1])
 
 
-def measured(settings: Configuration, plan: Plan | None) -> tuple[float, NDArray[np.float64]]:
+def measured(settings: Configuration, plan: Plan) -> tuple[float, NDArray[np.float64]]:
     """Return seconds before the second frame, and seconds and bytes of a pixel of a frame."""
     camera, shading = settings.camera, settings.render
     rows = min(_PIXELS, _PATHS / shading.samples_per_pixel) / camera.width
@@ -89,9 +77,8 @@ def measured(settings: Configuration, plan: Plan | None) -> tuple[float, NDArray
         first = time.perf_counter()
         writer.write(path.frames - 1)
         write_previews(dataset)
-        if plan:
-            STAGES["sense"].work(dataset)
-            write_flow_files(dataset, plan.flow_files)
+        STAGES["sense"].work(dataset)
+        write_flow_files(dataset, plan.flow_files)
         seconds = time.perf_counter() - first
         bytes_ = sum(file.stat().st_size for file in files.files_in([dataset.root])) / path.frames
     return first - start, np.array([seconds, bytes_]) / (strip.width * strip.height)

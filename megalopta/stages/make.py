@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.config import drawing
@@ -212,7 +211,10 @@ def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
         is_sky = np.isinf(truth.depth)
         sky.append(np.mean(is_sky))
         depths.append(truth.depth[~is_sky])
-        textures.append(_texture(read_radiance_frame(dataset, index).sum(axis=-1)))
+        light = read_radiance_frame(dataset, index).sum(axis=-1)
+        steps = [np.diff(light.astype(np.float64), axis=axis).ravel() for axis in (1, 0)]
+        rms = np.sqrt(np.mean(np.square(np.concatenate(steps))))
+        textures.append(rms / max(float(light.mean()), 1e-300))
     speed, depth = np.concatenate(speeds), np.concatenate(depths)
     return SequenceStatistics(
         mean_speed_px=_rounded(speed.mean()) if speed.size else None,
@@ -240,13 +242,6 @@ def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
             mean_reading=_rounded(opened["counts"].mean()),
             saturated_fraction=_rounded(opened["saturated"].mean()),
         )
-
-
-def _texture(light: NDArray[np.float32]) -> float:
-    """RMS of the differences between neighbors, relative to the mean."""
-    across, down = (np.diff(light.astype(np.float64), axis=axis).ravel() for axis in (1, 0))
-    square = np.mean(np.square(np.concatenate([across, down])))
-    return float(np.sqrt(square) / max(float(light.mean()), 1e-300))
 
 
 def _rounded(value: float | np.floating) -> float:
@@ -277,11 +272,7 @@ def measure(
 
 
 def _on_all(
-    tree: Tree,
-    title: str,
-    job: Callable[..., object],
-    workers: int | None,
-    scheduler: str | None,
+    tree: Tree, title: str, job: Callable[..., object], workers: int | None, scheduler: str | None
 ) -> None:
     """Do a job on every sequence of a plan, after each `is_checked`, and renew the index."""
     plan = tree.plan

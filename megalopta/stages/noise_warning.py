@@ -21,17 +21,6 @@ LIMIT = 0.1
 _MOST_NAMED = 3
 
 
-def noise_share(
-    noise: Mapping[str, Any],
-    settings: Configuration,
-    sensor: ImageSensor,
-    scale: NDArray[np.float64],
-) -> float:
-    """Return the variance of rendering noise over that of shot noise and detail (`variances`)."""
-    rendering, shot, detail = variances(noise, settings, sensor, scale)
-    return rendering / max(shot + detail, 1e-300)
-
-
 def variances(
     noise: Mapping[str, Any],
     settings: Configuration,
@@ -64,7 +53,7 @@ def noise_warning(
     """Return a sentence on exposures with too much rendering noise; None if there are none.
 
     The suggested samples suffice: variance falls at least as fast as their number grows. `shares`
-    are the `noise_share` of exposures by name.
+    are variances of rendering noise over those of shot noise and detail, of exposures by name.
     """
     noisy = sorted((share, name) for name, share in shares.items() if share > LIMIT)
     if not noisy:

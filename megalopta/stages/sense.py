@@ -36,7 +36,7 @@ from megalopta.sensor.shot import Following, NextFrames, Shot
 from megalopta.sensor.spad.simulation import PixelState
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.noise_warning import noise_share, noise_warning
+from megalopta.stages.noise_warning import noise_warning, variances
 
 LIGHT_SPEED_M_S = 299_792_458.0
 
@@ -197,7 +197,9 @@ def _warn_of_noise(dataset: Dataset) -> None:
     for sensor, level in settings.exposures:
         name = f"{sensor.name} at {level_text(level)}"
         with refused_as(f"sense: {name}"):
-            shares[name] = noise_share(noise, settings, sensor, light_scale(settings, level))
+            scale = light_scale(settings, level)
+            rendering, shot, detail = variances(noise, settings, sensor, scale)
+        shares[name] = rendering / max(shot + detail, 1e-300)
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
 

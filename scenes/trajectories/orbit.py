@@ -76,9 +76,6 @@ class Fit(Path, frozen=True):
     rate_deg_s: float = 10.0
     """Angular rate (degrees/s); positive is counterclockwise seen from above."""
 
-    start_deg: float = 180.0
-    """Position of the first frame on the circle (degrees from +x toward +y)."""
-
     def around(self, bounds: Floats, camera: Camera) -> Orbit:
         """Return the circle around a box, of lowest and highest corner (2, 3), m."""
         center, half = bounds.mean(axis=0), float(np.linalg.norm(np.diff(bounds, axis=0))) / 2
@@ -95,7 +92,6 @@ class Fit(Path, frozen=True):
                 radius_m=float(f"{distance * np.cos(elevation):.{_DIGITS}g}"),
                 height_m=float(f"{distance * np.sin(elevation):.{_DIGITS}g}"),
                 rate_deg_s=self.rate_deg_s,
-                start_deg=self.start_deg,
             )
             # All corners are within the image from all around.
             around = orbit.model_copy(update={"rate_deg_s": 360 / _AZIMUTHS, "mount": None})

@@ -5,7 +5,7 @@ from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, ValidationInfo, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -43,19 +43,15 @@ class Recorded(Path, frozen=True):
     from camera axes, +x right, +y down, +z forward, to world axes); a header line is optional. It
     is read once; from then on this is the file's text."""
 
-    start_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time in the recording of the first frame, counted from the recording's first line (s)."""
-
     @model_validator(mode="after")
     def _recording_lasts(self) -> "Recorded":
         lasts = float(np.ptp(read_recording(self.csv)[:, 0]))
-        needed = self.start_s + (self.frames - 1) / self.frame_rate_hz
+        needed = (self.frames - 1) / self.frame_rate_hz
         if needed > lasts * (1 + 1e-9):
-            most = math.floor((lasts - self.start_s) * self.frame_rate_hz * (1 + 1e-9)) + 1
-            remedy = f"at most {most} frames" if self.start_s <= lasts else "a smaller start_s"
+            most = math.floor(lasts * self.frame_rate_hz * (1 + 1e-9)) + 1
             raise ValueError(
-                f"csv: the recording lasts {lasts:g} s, but the frames are taken from "
-                f"{self.start_s:g} to {needed:g} s: use {remedy}"
+                f"csv: the recording lasts {lasts:g} s, but the frames are taken from 0 to "
+                f"{needed:g} s: use at most {most} frames"
             )
         return self
 
@@ -66,13 +62,12 @@ class Recorded(Path, frozen=True):
         """
         recording = read_recording(self.csv)
         knots = recording[:, 0] - recording[0, 0]
-        times = times_s + self.start_s
         turns = Rotation.from_quat(recording[:, 4:])
-        first = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
-        part = (times - knots[first]) / np.diff(knots)[first]
+        first = np.clip(np.searchsorted(knots, times_s, side="right") - 1, 0, len(knots) - 2)
+        part = (times_s - knots[first]) / np.diff(knots)[first]
         steps = (turns[:-1].inv() * turns[1:]).as_rotvec()
         rotations = turns[first] * Rotation.from_rotvec(part[:, None] * steps[first])
-        return CubicSpline(knots, recording[:, 1:4])(times), rotations.as_matrix()
+        return CubicSpline(knots, recording[:, 1:4])(times_s), rotations.as_matrix()
 
     def __str__(self) -> str:
         """Camera motion."""

@@ -84,11 +84,6 @@ class DeadTime(Effect, frozen=True):
         return self.twilight_s == 0 and self.recharge_s == 0
 
 
-def expected_counts(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> Floats:
-    """Exact mean number of counts in one exposure, in the rates' shape; as `moments`."""
-    return moments(rate_hz, exposure_s, dead_time)[0]
-
-
 def moments(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime, scale: ArrayLike = 1.0
 ) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from megalopta import sensor as sensors
 from megalopta.sensor import IMAGE_SENSORS as PRESETS
+from tests.sensor.plainest import sub_frames
 
 LIGHT = np.random.default_rng(0).uniform(0.05, 1.0, (3, 6, 9, 2))
 FLOW = np.full((2, 6, 9, 2), (0.7, -0.4))
@@ -37,7 +38,7 @@ def readings(sensor):
     if sensor.kind == "ctia":
         return
     still_hz = sensors.detection_rate(light, bands_nm, sensor)
-    for motion, hz in ("still", still_hz), ("moving", sensors.sub_frames(still_hz, FLOW, 3)):
+    for motion, hz in ("still", still_hz), ("moving", sub_frames(still_hz, FLOW, 3)):
         yield f"{motion} moments", sensors.reading_moments(hz, sensor)
         for runs, kind in (False, motion), (True, f"{motion} running"):
             key = {**KEY, "frame_period_s": 0.2, "free_running": runs}

@@ -22,6 +22,7 @@ from scipy.integrate import dblquad, trapezoid
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor import AnalogCounter, DacBias, FixedBias, Sensor
+from megalopta.sensor.shot import NextFrames
 
 _DEAD_TIMES_TO_FORGET = 300
 _STEPS = 200
@@ -389,3 +390,12 @@ def _trimmed(sensor, offset_v):
     while (above := bias - step_v >= way.target_v).any():
         bias -= step_v * above
     return bias
+
+
+def sub_frames(frames, flow, parts, hidden=None):
+    """Light (T − 1, parts, H, W) of frames (T, H, W) in the middle of each part of a frame."""
+    hidden = np.zeros(flow.shape[:3], np.bool_) if hidden is None else hidden
+    following = NextFrames(radiance=frames[1:, ..., None], flow=flow, hidden=hidden)
+    middles = (np.arange(parts) + 0.5) / parts
+    pairs = range(len(flow))
+    return np.stack([following.between(frames[..., None], n, middles)[..., 0] for n in pairs])

@@ -10,11 +10,11 @@ from megalopta.config.model import load
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
-from megalopta.sensor import sub_frames
 from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.sensor.quantities import histogram
 from megalopta.stages.sense import open_exposure, sense
 
+from ...sensor.plainest import sub_frames
 from ..small import made, small
 
 SHAPE, PERIOD_S, DEAD_S, LEVEL, BITS = (20, 24), 0.1, 0.03, 1e-5, 10

@@ -4,7 +4,7 @@ import pytest
 from megalopta.config.model import load
 from megalopta.render import neighbor_differences
 from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expectation
-from megalopta.stages.noise_warning import LIMIT, noise_share, noise_warning
+from megalopta.stages.noise_warning import LIMIT, noise_warning, variances
 
 SETTINGS = load(
     "demo", {"camera.width": "200", "camera.height": "200", "render.target_error": "null"}
@@ -40,7 +40,8 @@ def sensors(tmp_path_factory):
 def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
     sensor, scale = sensors[name], np.array([1.0, 2.0, 0.5, 3.0])
     settings = load("demo", {"camera.width": "24", "camera.height": "20"})
-    share = noise_share(RECORD, settings, sensor, scale)
+    rendering, shot, detail = variances(RECORD, settings, sensor, scale)
+    share = rendering / (shot + detail)
     normal = np.random.default_rng(3).standard_normal((400, 20, 24, 4))
     readings = detected_photons((normal @ NOISE.T + MEAN) * scale, BANDS, sensor)
     dark = expectation(np.zeros((1, 20, 24, 4)), BANDS, sensor).mean_events.mean()
@@ -53,10 +54,9 @@ def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
 def test_noise_that_is_faint_beside_the_scenes_detail_does_no_harm_however_bright_the_light():
     detail = (20 * np.array(RECORD["covariance"])).tolist()
     sensor = IMAGE_SENSORS["ideal"]
-    shares = [
-        noise_share({**RECORD, "detail": detail}, SETTINGS, sensor, factor * np.ones(4))
-        for factor in (1, 1e3, 1e5)
-    ]
+    detailed = {**RECORD, "detail": detail}
+    parts = [variances(detailed, SETTINGS, sensor, f * np.ones(4)) for f in (1, 1e3, 1e5)]
+    shares = [rendering / (shot + fine) for rendering, shot, fine in parts]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1 / 20, rel=1e-3)
 
