@@ -13,8 +13,9 @@ forest shades itself; use `starlight` for it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
+from megalopta.core.errors import nearest
 from megalopta.scenes.spectra import outdoors
 from megalopta.scenes.spectra.spectrum import Spectrum, common_range, luminous, total
 
@@ -159,8 +160,8 @@ def illuminance_of(level: str | float) -> float:
     """
     if isinstance(level, str):
         if level not in LEVELS:
-            names = ", ".join(get_args(LevelName))
-            raise ValueError(f"light level {level!r} is unknown: use one of {names}, or lux")
+            remedy = nearest(level, LEVELS, "give lux, or one of")
+            raise ValueError(f"light level {level!r} is unknown; {remedy}")
         return LEVELS[level].illuminance_lux
     if not DIMMEST_LUX <= level <= BRIGHTEST_LUX:
         raise ValueError(

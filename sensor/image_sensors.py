@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.core.arrays import Floats
+from megalopta.core.errors import nearest
 from megalopta.core.plug_ins import plug_ins
 from megalopta.sensor.ctia.model import CTIA_PRESETS, CtiaSensor, pixels
 from megalopta.sensor.optics import band_means, detected_rate
@@ -45,7 +46,7 @@ def sensor_named(sensor: ImageSensor | str | Path) -> ImageSensor:
     if (name := str(sensor)).endswith((".yaml", ".yml")):
         return load_sensor(name)
     if name not in IMAGE_SENSORS:
-        raise ValueError(f"sensor {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+        raise ValueError(f"sensor {name!r} is unknown; {nearest(name, IMAGE_SENSORS)}")
     return IMAGE_SENSORS[name]
 
 

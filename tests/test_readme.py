@@ -82,7 +82,7 @@ def test_the_python_example_runs_and_prints_a_photon_flux(capsys):
     page = (ROOT / "docs/how-to/python.md").read_text("utf-8")
     example = page[page.index("## From a scene to N_2b") :]
     exec(re.search(r"```python\n(.*?)```", example, re.DOTALL).group(1), {})
-    assert re.fullmatch(r"[\d.]+[kM]? \[[\d.]+[kM]?, [\d.]+[kM]?\]\n", capsys.readouterr().out)
+    assert re.fullmatch(r"[\d\u202f]+ \([\d\u202f]+ to [\d\u202f]+\)\n", capsys.readouterr().out)
 
 
 def test_the_pages_print_commands():

@@ -16,7 +16,7 @@ from megalopta.cli import benchmark, reports, spadcam, stages  # noqa: F401 - th
 from megalopta.cli.command import VERBS, Command
 from megalopta.cli.settings import Words
 from megalopta.core.bounded import quoted, sentence
-from megalopta.core.errors import UserError, machine_problem, missing_extra
+from megalopta.core.errors import UserError, machine_problem, missing_extra, nearest
 from megalopta.core.progress import say, working
 
 try:
@@ -85,8 +85,7 @@ def _run(arguments: Sequence[str]) -> None:
             continue
         if argument not in verbs:
             deeper = [f"{name} {argument}" for name in verbs if argument in verbs[name].verbs]
-            near = deeper or get_close_matches(argument, verbs, 1)
-            remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(verbs)}"
+            remedy = f"did you mean {deeper[0]!r}?" if deeper else nearest(argument, verbs)
             verb = f"{command.prog} {quoted(argument)}".removeprefix("megalopta ")
             raise UserError(f"{verb}: no such verb; {remedy}")
         command = verbs[argument]

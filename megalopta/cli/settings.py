@@ -8,13 +8,12 @@ import shutil
 import textwrap
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 from megalopta.config import built_in_text
-from megalopta.core.errors import UserError
+from megalopta.core.errors import UserError, nearest
 
 FILE = Path(__file__).with_name("settings.json")
 Words = Literal["switch", "one", "all"]
@@ -58,10 +57,8 @@ class VerbSettings:
             inner = [kind for outer in types for kind in _inside(outer, step)]
             if not inner:
                 known = {name for kind in _models(types) for name in models[kind]}
-                near = get_close_matches(step, sorted(known), n=1, cutoff=0.5)
-                remedy = f"the keys are {', '.join(sorted(known))}"
-                remedy = f"did you mean {near[0]!r}?" if near else remedy
-                remedy = remedy if known else f"give {'.'.join(steps[:depth])} as a whole"
+                whole = f"give {'.'.join(steps[:depth])} as a whole"
+                remedy = nearest(step, sorted(known), "the keys are") if known else whole
                 place = ".".join(steps[: depth + 1])
                 raise UserError(f"command line: {place}: unknown key; {remedy}")
             types = inner

@@ -11,7 +11,7 @@ from megalopta.config import built_in_names
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import mapping, validated, yaml_text
 from megalopta.core.bounded import folder_of, named_path, quoted
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, nearest, shell_command
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.scenes.trajectories.base import Mount
@@ -150,8 +150,8 @@ class Plan(Record, frozen=True):
         for index, entry in enumerate(entries):
             name = entry.get("preset") if isinstance(entry, Mapping) else entry
             if name not in built_in_names():
-                known = ", ".join(built_in_names())
-                raise ValueError(f"{index}: preset {name!r} is unknown: use one of {known}")
+                remedy = nearest(str(name), built_in_names())
+                raise ValueError(f"{index}: preset {name!r} is unknown; {remedy}")
         return entries
 
     @model_validator(mode="after")

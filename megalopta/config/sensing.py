@@ -17,6 +17,7 @@ from pydantic import (
 from megalopta.config.rendering import RenderingSettings
 from megalopta.config.scene import ONCE, folder_name
 from megalopta.core.bounded import folder_of, named_path
+from megalopta.core.errors import nearest
 from megalopta.core.record import Record
 from megalopta.core.validation import merged
 from megalopta.scenes.imu import Imu
@@ -189,5 +190,5 @@ def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
     elif isinstance(name, str) and name in IMAGE_SENSORS:
         base = IMAGE_SENSORS[name]
     else:
-        raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+        raise ValueError(f"preset {name!r} is unknown; {nearest(str(name), IMAGE_SENSORS)}")
     return merged(base.model_dump(mode="json"), changes) if changes else base

@@ -3,8 +3,9 @@
 import errno
 import os
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space and run the same command again",
@@ -42,6 +43,13 @@ _EXTRAS = {
 def shell_command(*words: object) -> str:
     """Return a command of this program as a shell reads it, whatever its paths hold."""
     return shlex.join(["megalopta", *map(str, words)])
+
+
+def nearest(word: str, known: Iterable[str], all_are: str = "use one of") -> str:
+    """Return "did you mean 'x'?" for a misspelled word; if none is near, what is known."""
+    names = list(known)
+    near = get_close_matches(word, names, 1)
+    return f"did you mean {near[0]!r}?" if near else f"{all_are} {', '.join(names)}"
 
 
 class UserError(Exception):

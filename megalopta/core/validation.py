@@ -5,13 +5,13 @@ Every folder may import this module.
 
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from megalopta.core.bounded import QUOTED, quoted, sentence
+from megalopta.core.errors import nearest
 
 Model = TypeVar("Model", bound=BaseModel)
 _TOLD = {"missing": "missing; give a value", "too_short": "empty; give at least one"}
@@ -76,9 +76,7 @@ def _told(problem: Any, model: type[BaseModel]) -> str:
         *above, name = problem["loc"]
         types = _place(model, above)[1]
         known = sorted({field for kind in types for field in getattr(kind, "model_fields", ())})
-        near = get_close_matches(str(name), known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
-        return f"unknown key; {hint}"
+        return f"unknown key; {nearest(str(name), known, 'the keys are')}"
     if kind == "union_tag_not_found":
         _, types = _place(model, problem["loc"])
         return f"missing key 'kind'; add it, one of {', '.join(map(str, map(_tag, types)))}"

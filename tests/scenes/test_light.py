@@ -170,7 +170,7 @@ def test_an_overcast_night_is_a_dark_night_less_its_infrared():
 
 def test_levels_are_named_or_given_in_lux():
     assert (illuminance_of("starlight"), illuminance_of(0.3)) == (1e-3, 0.3)
-    with pytest.raises(ValueError, match="'dusk' is unknown: use one of daylight"):
+    with pytest.raises(ValueError, match="'dusk' is unknown; give lux, or one of daylight"):
         illuminance_of("dusk")
     with pytest.raises(ValueError, match="lux: give between 1e-12 and 1e.09 lux"):
         illuminance_of(-1.0)

@@ -151,5 +151,5 @@ def test_a_sensor_by_its_name():
     np.testing.assert_array_equal(
         named.counts, sensors.expose(light, bands, sensors.preset("spadcam"), **draws).counts
     )
-    with pytest.raises(ValueError, match="'spadca' is unknown: use one of ideal, spadcam"):
+    with pytest.raises(ValueError, match="'spadca' is unknown; did you mean 'spadcam'"):
         sensors.expose(light, bands, "spadca", **draws)

@@ -85,7 +85,7 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
 
 def test_what_cannot_be_computed_is_refused():
     for sensor, wavelength_nm, problem in (
-        ("nothing", None, "is unknown: use one of"),
+        ("nothing", None, "is unknown; use one of"),
         ("missing.yaml", None, "give the path of a device's YAML file"),
         ("spadcam", 1500.0, "outside the efficiency curve"),
         (changed(COUNTER, efficiency={"values": (0, 0)}), 500.0, "detects nothing"),

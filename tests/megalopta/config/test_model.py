@@ -111,7 +111,7 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("objects: [{shape: box, sise_m: [1, 1, 1]}]", r"objects\.0\.sise_m: unknown key; did you mean 'size_m'"),
         ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
         ("shutter: {exposure_s: 9}", r"shutter\.exposure_s 9 is longer than a frame"),
-        ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
+        ("sensors: [spadcan]", "'spadcan' is unknown; did you mean 'spadcam'"),
         ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
         ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'opencv', 'equirectangular'"),
         ("camera: {focus_m: 2}", r"camera: focus_m without aperture_mm: give both"),
