@@ -110,7 +110,7 @@ def few_colors(picture: Image.Image) -> Image.Image:
     palette, colors = Image.new("P", (1, 1)), []
     for part, count in zip(seen, COLORS, strict=True):
         colors += (part.quantize(count).getpalette() or [])[: 3 * count]
-    palette.putpalette(colors)
+    palette.putpalette([255 if value > 247 else value for value in colors])  # the page's white
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
