@@ -4,7 +4,8 @@
 
 Every frame is rendered in its own light, as `flight.yaml` says, to `out/pictures/flight`; levels
 that are there are not rendered again. The sensor counts the light as rendered; the panel of light
-is denoised. Its brightness falls with the logarithm of the illuminance, to a floor.
+is denoised. Its brightness falls with the logarithm of the illuminance, to a floor. Motion is shown
+and its error measured where the content stays in the frame; elsewhere no second frame shows it.
 """
 
 from pathlib import Path
@@ -77,6 +78,10 @@ def draw_level(name: str, settings: Configuration, seen: Arrays, share: float) -
     ImageDraw.Draw(disk).ellipse((0, 0, WHEEL_PX - 1, WHEEL_PX - 1), fill=255)
     for at, flow in enumerate(seen["flow"]):
         truth = block_reduce(flow, (BINNED_PX, BINNED_PX, 1), np.mean) / BINNED_PX
+        height, width = truth.shape[:2]
+        arrives = truth + np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+        leaves = ((arrives < 0) | (arrives > (width - 1, height - 1))).any(axis=-1)
+        truth[leaves] = np.nan
         light = Image.fromarray((encode_srgb(curve(clean[at])) * brightness).astype(np.uint8))
         photons = gray_counts(counts[at]).resize(PANEL_PX, Image.Resampling.NEAREST)
         above: Row = [
@@ -90,7 +95,8 @@ def draw_level(name: str, settings: Configuration, seen: Arrays, share: float) -
         below = [("true motion", motion)]
         for method, title in METHODS.items():
             estimate = optical_flow(counts[at], counts[at + 1], method)
-            error_px = np.median(np.linalg.norm(estimate - truth, axis=-1))
+            estimate[leaves] = np.nan
+            error_px = np.nanmedian(np.linalg.norm(estimate - truth, axis=-1))
             below.append((f"{title}: {error_px:.2g} px off", colored(estimate)))
         pictures.append(sheet([above, below], LETTERS_PX))
     return pictures
@@ -104,7 +110,7 @@ def few_colors(picture: Image.Image) -> Image.Image:
     palette, colors = Image.new("P", (1, 1)), []
     for part, count in zip(seen, COLORS, strict=True):
         colors += (part.quantize(count).getpalette() or [])[: 3 * count]
-    palette.putpalette(colors)
+    palette.putpalette([255 if value > 247 else value for value in colors])  # the page's white
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
