@@ -165,9 +165,7 @@ _SAMPLES = 3
 
 
 def dead_leaves(
-    shape: tuple[int, int],
-    rng: np.random.Generator,
-    radii_px: tuple[float, float] = (1.5, 80.0),
+    shape: tuple[int, int], rng: np.random.Generator, radii_px: tuple[float, float] = (1.5, 80.0)
 ) -> FloatArray:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 

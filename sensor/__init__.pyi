@@ -1,6 +1,4 @@
-from .change import (
-    changed as changed,
-)
+from .change import changed as changed
 from .ctia.bias import (
     DacBias as DacBias,
     FixedBias as FixedBias,
@@ -49,14 +47,8 @@ from .formats.events import (
     write_events_hdf5 as write_events_hdf5,
     write_events_npz as write_events_npz,
 )
-from .formats.reading import (
-    read_events as read_events,
-    read_frames as read_frames,
-)
-from .histograms import (
-    expose_histograms as expose_histograms,
-    mean_histograms as mean_histograms,
-)
+from .formats.reading import read_events as read_events, read_frames as read_frames
+from .histograms import expose_histograms as expose_histograms, mean_histograms as mean_histograms
 from .image_sensors import (
     IMAGE_SENSORS as IMAGE_SENSORS,
     ImageSensor as ImageSensor,
@@ -70,25 +62,10 @@ from .optics import (
     demosaiced as demosaiced,
     photon_rate as photon_rate,
 )
-from .quantities import (
-    Events as Events,
-    Expectation as Expectation,
-    Exposure as Exposure,
-)
+from .quantities import Events as Events, Expectation as Expectation, Exposure as Exposure
 from .sampling.streams import generator as generator
 from .spad.array import detection_rate as detection_rate
 from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
-from .spad.measured import (
-    MapFile as MapFile,
-    MeasuredMaps as MeasuredMaps,
-)
-from .spad.model import (
-    ORDER_OF_EFFECTS as ORDER_OF_EFFECTS,
-    Sensor as Sensor,
-    without as without,
-)
-from .spad.presets import (
-    PRESETS as PRESETS,
-    load_sensor as load_sensor,
-    preset as preset,
-)
+from .spad.measured import MapFile as MapFile, MeasuredMaps as MeasuredMaps
+from .spad.model import ORDER_OF_EFFECTS as ORDER_OF_EFFECTS, Sensor as Sensor, without as without
+from .spad.presets import PRESETS as PRESETS, load_sensor as load_sensor, preset as preset

@@ -101,12 +101,7 @@ def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int
 
 @compiled
 def _search(
-    pair: Floats,
-    corners: Ints,
-    size: int,
-    guesses: Ints,
-    radius: int,
-    around: Floats,
+    pair: Floats, corners: Ints, size: int, guesses: Ints, radius: int, around: Floats
 ) -> Ints:
     """Return the best shifts (x, y) of patches; fill in the differences around them, (n, 3, 3)."""
     shifts = np.empty((len(corners), 2), np.int64)

@@ -60,9 +60,7 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
         sections.block("pair", *over_photons),
         sections.block("wide", group_curves(ranking)),
         sections.folded(
-            "Best method by motion",
-            sections.paragraph(_BY_MOTION, "note"),
-            best_by_motion(ranking),
+            "Best method by motion", sections.paragraph(_BY_MOTION, "note"), best_by_motion(ranking)
         ),
     ]
     page = [_errors(ranking), Section("More over photons", body=Markup("\n").join(more))]

@@ -10,14 +10,7 @@ from matplotlib.ticker import NullFormatter
 
 from megalopta.core.quantities import UNDEFINED, number, percent, with_error
 from megalopta.report import style
-from megalopta.report.sections import (
-    Section,
-    captioned,
-    folded,
-    paragraph,
-    table,
-    write_sections,
-)
+from megalopta.report.sections import Section, captioned, folded, paragraph, table, write_sections
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.sensor import Crosstalk, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
@@ -98,10 +91,7 @@ class Quantity(NamedTuple):
 
 
 def write_page(
-    path: Path,
-    summary: str,
-    quantities: Sequence[Quantity],
-    sections: Sequence[Section | None],
+    path: Path, summary: str, quantities: Sequence[Quantity], sections: Sequence[Section | None]
 ) -> None:
     """Write a page: sections, and before the last one maps and values of quantities."""
     rows: list[tuple[str, ...]] = []

@@ -143,9 +143,9 @@ def first_screen(report: Report, best: FlowRecord | None) -> Markup:
         score = Markup("<b>{}</b>").format(percent(best.median_error))
         low, high = map(percent, truth.counts.relative_error_interval)
         meaning = (
-            f"median error of flow at {level_name(best.level)}, over the speed (95 %: {low} to "
+            f"of the speed is the median error of flow at {level_name(best.level)} (95 %: {low} to "
             f"{high}). {percent(truth.counts.outlier_fraction)} of blocks are off by over 25 %; "
-            "a quarter is good. "
+            "below a quarter is good. "
             f"{'' if report.has_truth else STAND_IN}"
         )
         parts.append(html.block("score", score, html.paragraph(meaning)))
@@ -178,10 +178,7 @@ def scene_and_light(report: Report) -> str:
 
 def light_section(report: Report) -> Section:
     """Return the section "From light to counts"; without counts, the command to run."""
-    section = Section(
-        f"From light to {' and '.join(report.units)}",
-        name="light",
-    )
+    section = Section(f"From light to {' and '.join(report.units)}", name="light")
     if not report.exposures:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)

@@ -208,11 +208,7 @@ class SequencePanels:
     """
 
     def __init__(
-        self,
-        sequence: Sequence,
-        frames: Listed[int],
-        step: int,
-        treatment: Treatment | None = None,
+        self, sequence: Sequence, frames: Listed[int], step: int, treatment: Treatment | None = None
     ) -> None:
         self.sequence, self.frames, self.step = sequence, frames, step
         self._treatment = treatment or Treatment()

@@ -19,13 +19,7 @@ from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.opened import open_dataset
 from megalopta.report import images
 from megalopta.report.dataset_card import SHOWN, write_contact_sheet
-from megalopta.report.panels import (
-    LONGEST_SIDE_PX,
-    MOST_FRAMES,
-    View,
-    file_view,
-    sequence_view,
-)
+from megalopta.report.panels import LONGEST_SIDE_PX, MOST_FRAMES, View, file_view, sequence_view
 from megalopta.report.readings import Treatment, read_mask
 from megalopta.report.sections import Section, block, write_sections
 from megalopta.sensor.formats.reading import FrameKind

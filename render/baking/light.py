@@ -137,11 +137,7 @@ class BakedLight:
     """
 
     def __init__(
-        self,
-        gatherer: Gatherer,
-        cells: Cells,
-        bands: int,
-        survey: tuple[UInt32, UInt32, UInt32],
+        self, gatherer: Gatherer, cells: Cells, bands: int, survey: tuple[UInt32, UInt32, UInt32]
     ) -> None:
         self._gatherer, self._cells = gatherer, cells
         self._bands, self._columns = bands, gatherer.spectra * bands

@@ -16,9 +16,7 @@ DEAR = {page for page in PAGES if any(block.language == "sh" for block in blocks
     "page",
     [
         pytest.param(
-            page,
-            marks=[pytest.mark.slow] if page in DEAR else [],
-            id=str(page.relative_to(DOCS)),
+            page, marks=[pytest.mark.slow] if page in DEAR else [], id=str(page.relative_to(DOCS))
         )
         for page in PAGES
         if blocks(page)

@@ -8,12 +8,7 @@ import hashlib
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from megalopta.flow import (
-    METHODS,
-    camera_motion_with_error,
-    likely_camera_motion,
-    optical_flow,
-)
+from megalopta.flow import METHODS, camera_motion_with_error, likely_camera_motion, optical_flow
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.scenes import PerspectiveCamera
 

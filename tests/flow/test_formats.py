@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.flow.formats import (
-    read_flo,
-    read_flow,
-    read_kitti_png,
-    write_flo,
-    write_kitti_png,
-)
+from megalopta.flow.formats import read_flo, read_flow, read_kitti_png, write_flo, write_kitti_png
 
 
 def some_flow(shape=(5, 7)):

@@ -68,10 +68,7 @@ def test_directions_are_drawn_with_the_density_that_is_stated():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "lighting, variance",
-    [
-        (Lighting(flat(1e-6)), 0.5),
-        (Lighting(flat(1e-6), Sun((0.8, 0.1, 0.6), flat(1e-5))), 0.75),
-    ],
+    [(Lighting(flat(1e-6)), 0.5), (Lighting(flat(1e-6), Sun((0.8, 0.1, 0.6), flat(1e-5))), 0.75)],
 )
 def test_a_guided_room_has_the_light_of_plain_paths_and_less_noise(lighting, variance):
     means, scatters = [], []

@@ -177,12 +177,7 @@ PDP, GLASS = ({"wavelengths_nm": (300, 1100), "values": pair} for pair in ((0.2,
 
 def shares(filters):
     """Detections behind filters relative to those without, of even light."""
-    sensor = changed(
-        IDEAL,
-        filters=filters,
-        efficiency=PDP,
-        lens={"transmission_curve": GLASS},
-    )
+    sensor = changed(IDEAL, filters=filters, efficiency=PDP, lens={"transmission_curve": GLASS})
     bare = changed(sensor, filters=ColorFilters())
     return (detection_rate(GRAY, BANDS, sensor) / detection_rate(GRAY, BANDS, bare))[0]
 

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.metrics.endpoint_error import (
-    DenseErrors,
-    block_flow,
-    truth_error,
-    truth_splits,
-)
+from megalopta.flow.metrics.endpoint_error import DenseErrors, block_flow, truth_error, truth_splits
 
 
 def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():

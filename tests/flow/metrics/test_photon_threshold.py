@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.metrics.photon_threshold import (
-    Threshold,
-    first_crossing,
-    threshold,
-)
+from megalopta.flow.metrics.photon_threshold import Threshold, first_crossing, threshold
 
 FLUXES = 10.0 ** np.arange(3, 9.1, 0.5)
 

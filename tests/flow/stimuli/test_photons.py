@@ -5,11 +5,7 @@ import pytest
 
 from megalopta.flow import triangular_pool
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred, sum_frames
-from megalopta.flow.stimuli.photons import (
-    draw_counts,
-    frame_light,
-    resize,
-)
+from megalopta.flow.stimuli.photons import draw_counts, frame_light, resize
 
 
 def template(rows=31, columns=70):

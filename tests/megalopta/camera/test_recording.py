@@ -56,11 +56,7 @@ def test_counts_follow_from_codes_by_step_supply_and_leak(recorder, tmp_path):
 
 @pytest.mark.parametrize(
     ("numbers", "gaps", "missing"),
-    [
-        ([2**32 - 2, 2**32 - 1, 0, 1], 0, 0),
-        ([2**32 - 1, 3], 1, 3),
-        ([5, 6, 9, 10, 20], 2, 11),
-    ],
+    [([2**32 - 2, 2**32 - 1, 0, 1], 0, 0), ([2**32 - 1, 3], 1, 3), ([5, 6, 9, 10, 20], 2, 11)],
 )
 def test_gaps_are_counted_through_the_wrap(recorder, tmp_path, numbers, gaps, missing):
     take(recorder, numbers)

@@ -55,8 +55,7 @@ def test_no_setting_is_taken_for_a_mistyped_option():
 
 
 @pytest.mark.parametrize(
-    "words",
-    ["benchmark pairs a b c", "benchmark submit a b", "spadcam compare a --device b"],
+    "words", ["benchmark pairs a b c", "benchmark submit a b", "spadcam compare a --device b"]
 )
 def test_a_file_to_write_is_no_folder(words, tmp_path, refused):
     told = refused(*words.split(), "--out", tmp_path)

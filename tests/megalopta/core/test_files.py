@@ -12,11 +12,7 @@ import pytest
 from PIL import Image
 
 from megalopta.core import freshness
-from megalopta.core.bounded import (
-    check_file,
-    read_bytes,
-    sentence,
-)
+from megalopta.core.bounded import check_file, read_bytes, sentence
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.files import atomic_write, sweep, write_text
 from megalopta.core.folders import ensure_directory, locked

@@ -91,9 +91,6 @@ def test_p_values_of_one_device_are_even(seeds):
 def _uniform(side):
     """An array of 400 Hz of dark counts everywhere, on 1 µm²."""
     sensor = changed(
-        preset("ideal"),
-        pitch_m=1e-6,
-        fill_factor=1.0,
-        dark_counts={"bulk_mean_hz_um2": 400.0},
+        preset("ideal"), pitch_m=1e-6, fill_factor=1.0, dark_counts={"bulk_mean_hz_um2": 400.0}
     )
     return Model(sensor, [np.zeros((1, side, side))])
