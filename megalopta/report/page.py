@@ -144,7 +144,7 @@ def first_screen(report: Report, best: FlowRecord | None) -> Markup:
         low, high = map(percent, truth.counts.relative_error_interval)
         meaning = (
             f"of the speed is the median error of flow at {level_name(best.level)} (95 %: {low} to "
-            f"{high}). {percent(truth.counts.outlier_fraction)} of blocks are off by over 25 %; "
+            f"{high}). {percent(truth.counts.outlier_fraction)} of blocks err by over 25 %; "
             "below a quarter is good. "
             f"{'' if report.has_truth else STAND_IN}"
         )
@@ -186,7 +186,7 @@ def light_section(report: Report) -> Section:
     if not report.has_truth:
         timing = "The light of a picture is constant during an exposure, but for sub_frames."
     elif shutter.is_instant:
-        timing = "Every frame is rendered at one instant, without motion blur."
+        timing = "Frames are rendered at one instant, without blur."
     else:
         timing = (
             "Frames and true motion are those of the shutter, blurred by the motion during "

@@ -48,5 +48,5 @@ def test_report_speaks_of_electrons(night):
 
 
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
+    with pytest.raises(ValueError, match=r"400–500 nm reaches outside the efficiency curve"):
         STAGE.check(parse("sensors: [ctia_ingaas]", "x"))
