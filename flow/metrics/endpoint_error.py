@@ -14,6 +14,7 @@ those of zero motion.
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -153,7 +154,7 @@ def truth_error(
         bias_px=(_of(np.mean, difference[:, 0]), _of(np.mean, difference[:, 1])),
         spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
         relative_error_median=_of(np.median, relative),
-        relative_error_interval=(_of(np.max, relative[: low + 1]), _of(np.min, relative[high:])),
+        relative_error_interval=(_of(itemgetter(low), relative), _of(itemgetter(high), relative)),
         outlier_fraction=_of(np.mean, relative > _OUTLIER),
     )
 

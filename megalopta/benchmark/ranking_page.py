@@ -87,17 +87,18 @@ def verdict(ranking: Ranking) -> str:
             unsure.append(short(flux))
     runs = []
     for method, rows in groupby(leaders, key=lambda row: str(row["method"])):
-        first, *_, last = [*rows] * 2
-        lights = dict.fromkeys(short(row["photons"]) for row in (first, last))
-        interval = f" ({number(last['low'])} to {number(last['high'])})" * math.isfinite(
-            last["low"]
-        )
+        *before, last = rows
+        lights = dict.fromkeys(short(row["photons"]) for row in (*before[:1], last))
+        interval = _interval(last["low"], last["high"])
         error = f"{number(last['value'])}{interval} px at {[*lights][-1]}"
         runs.append(f"{method} at {' to '.join(lights)} photons per frame, {error}")
-    text = f"Lowest mean error (95 % CI): {'; '.join(runs)}."
     median = f", but {', '.join(exceptions)}" if exceptions else ""
-    text += f" By median error the same{median}."
+    text = f"Lowest mean error (95 % CI): {'; '.join(runs)}. By median error the same{median}."
     return text + (f" The lead may be chance at {', '.join(unsure)}." if unsure else "")
+
+
+def _interval(low: float, high: float, write: Callable[[float], str] = number) -> str:
+    return f" ({write(low)} to {write(high)})" if math.isfinite(low) else ""
 
 
 def caution(ranking: Ranking) -> str:
@@ -121,9 +122,7 @@ def _errors(ranking: Ranking) -> Section:
 
     def cell(metric: str, method: str, flux: float, *, has_interval: bool = False) -> Markup:
         row, write = cells[metric, method, flux], percent if metric == table.FAR else number
-        text = write(row.value)
-        if has_interval and math.isfinite(row.low):
-            text += f" ({write(row.low)} to {write(row.high)})"
+        text = write(row.value) + (_interval(row.low, row.high, write) if has_interval else "")
         return Markup("<b>{}</b>" if row.surely_lowest else "{}").format(text)
 
     levels = {

@@ -3,7 +3,7 @@
 import errno
 import os
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 
@@ -45,11 +45,10 @@ def shell_command(*words: object) -> str:
     return shlex.join(["megalopta", *map(str, words)])
 
 
-def nearest(word: str, known: Iterable[str], all_are: str = "use one of") -> str:
+def nearest(word: str, known: Collection[str], all_are: str = "use one of") -> str:
     """Return "did you mean 'x'?" for a misspelled word; if none is near, what is known."""
-    names = list(known)
-    near = get_close_matches(word, names, 1)
-    return f"did you mean {near[0]!r}?" if near else f"{all_are} {', '.join(names)}"
+    near = get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else f"{all_are} {', '.join(known)}"
 
 
 class UserError(Exception):

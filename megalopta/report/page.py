@@ -82,7 +82,8 @@ def best_flow(report: Report) -> FlowRecord | None:
 
 def is_accurate(record: FlowRecord) -> bool:
     """Return whether three quarters of the blocks or more are within 25 %."""
-    return record.truth is not None and (record.truth.counts.outlier_fraction or 0) <= ACCURATE
+    outliers = record.truth.counts.outlier_fraction if record.truth else None
+    return outliers is not None and outliers <= ACCURATE
 
 
 def outcome(report: Report, best: FlowRecord | None) -> str:
