@@ -14,7 +14,7 @@ displacements that are likelier replace the flow first. Those to where the flow 
 second frame cost more.
 
 **Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
-factorization, or by conjugate gradients from the factors of a similar one.
+conjugate gradients from the flow so far (`solver`).
 
 **Covariance.** The blocks on the diagonal of the inverse of information plus prior (Laplace's
 approximation). A row of nodes is linked to the rows beside it alone, so these follow exactly from
@@ -30,11 +30,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.flow.likelihood import messages, roots
+from megalopta.flow.likelihood import messages, roots, solver
 from megalopta.flow.likelihood.messages import REACH_PX
 from megalopta.flow.likelihood.roots import MOST_NOISE, NODE_PX, Level
 
@@ -75,9 +73,8 @@ _LONGEST_STEP_PX, _STILL_PX = 1.0, 1e-4
 """Longest change of a step, and the one below which steps end, px of a level"""
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
-_TOLERANCE, _MOST_ITERATIONS, _FEW_NODES = 1e-6, 40, 200
-"""Relative residual at which conjugate gradients stop; steps after which, and nodes up to which,
-factors are cheaper"""
+_INEXACT = 1e-6
+"""Negative log-likelihood per node above the least at which a system counts as solved"""
 
 Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
@@ -152,7 +149,6 @@ def _most_likely_flow(counts: NDArray[Any], smoothness: float) -> tuple[Floats, 
 
 def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
     """Return a flow at nodes, (2, n, m), after steps toward the most likely one."""
-    factors = None
     for _ in range(steps):
         aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
         xx, xy, yy = information = to_nodes(aligned.products[0] * aligned.information)
@@ -160,8 +156,7 @@ def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps:
         target = to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
         best = flow
         for _ in range(_PRIOR_STEPS):
-            weights = _links(best, smoothness)
-            best, factors = most_likely(information, target, weights, best, factors)
+            best = most_likely(information, target, _links(best, smoothness), best)
         change = np.clip(best - flow, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
         flow = flow + change
         if np.abs(change).max() < _STILL_PX:
@@ -336,40 +331,18 @@ def with_large_motion(level: Level, times: Floats, flow: Floats) -> Floats:
 
 
 def most_likely(
-    information: Floats, slope: Floats, weights: Links, start: Floats, factors: SuperLU | None
-) -> tuple[Floats, SuperLU]:
+    information: Floats, slope: Floats, weights: Links, start: Floats, inexact: float = _INEXACT
+) -> Floats:
     """Return the velocities u, (2, n, m), that minimize ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
-    Without factors of the matrix of a similar system, this one's are computed. With them conjugate
-    gradients, preconditioned, take some ten steps; where that fails, new factors replace them.
-
     `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
-    `weights`: w; `start` (2, n, m): velocities nearby. Returns the factors, too.
+    `weights`: w; `start` (2, n, m): velocities nearby; `inexact`: sum above the least, per node.
     """
-    shape, target = information.shape[1:], slope.ravel()
-    nodes = int(np.prod(shape))
-    first, second = links(shape)
-    weight = np.concatenate([part.ravel() for part in weights])
-    ends = np.concatenate((first, second))
-    pull = np.bincount(ends, np.concatenate((weight, weight)), nodes) + _LEAST
-    xx, xy, yy = information.reshape(3, nodes)
-    x = np.arange(nodes)
-    y = x + nodes
-    # (row, column, value) of every entry, x of all nodes before y
-    entries = [(x, x, xx + pull), (y, y, yy + pull), (x, y, xy), (y, x, xy)]
-    for offset in (0, nodes):
-        entries.append((first + offset, second + offset, -weight))
-        entries.append((second + offset, first + offset, -weight))
-    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-    matrix = coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
-    if factors is not None and nodes > _FEW_NODES:
-        similar = LinearOperator(matrix.shape, factors.solve, dtype=target.dtype)
-        options: dict[str, Any] = {"rtol": _TOLERANCE, "maxiter": _MOST_ITERATIONS, "M": similar}
-        velocities, failed = cg(matrix, target, start.ravel(), **options)
-        if not failed:
-            return np.asarray(velocities).reshape(slope.shape), factors
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    return np.asarray(factors.solve(target)).reshape(slope.shape), factors
+    (xx, xy, yy), (right, down), velocities = information, weights, start.copy()
+    right, down = np.pad(right, ((0, 0), (0, 1))), np.pad(down, ((0, 1), (0, 0)))
+    matrix = np.stack((xx + _LEAST, xy, yy + _LEAST, right, down))
+    solver.improve(matrix, slope, velocities, inexact * xx.size)
+    return velocities
 
 
 def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
