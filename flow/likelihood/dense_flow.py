@@ -214,13 +214,10 @@ def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask
 
     Brightness that differs from frame to frame by a factor is equalized.
     """
-    shape = level.roots.shape[1:]
-    inside = np.ones(shape, np.bool_)
+    inside = np.ones(level.roots.shape[1:], np.bool_)
     aligned = np.empty_like(level.roots)
     for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
-        frame[:] = map_coordinates(splines, moved, order=3, mode="nearest", prefilter=False)
-        for along, side in zip(moved, shape, strict=True):
-            inside &= (along > -0.5) & (along < side - 0.5)
+        roots.interpolate(splines, moved, frame, inside)
     mean = aligned.mean(axis=0) * inside
     power, shared = (mean**2).sum(), (aligned * mean).sum(axis=(1, 2))
     aligned *= np.divide(power, shared, out=np.ones_like(shared), where=shared > 0)[:, None, None]
@@ -242,11 +239,14 @@ def place_of_pixels(level: Level, times: Floats, flow: Floats) -> Iterator[Float
 
 def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
     """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
-    along = ((np.arange(side) + 0.5) / factor - 0.5 for side in shape)
-    places = np.stack(np.meshgrid(*along, indexing="ij"))
-    return np.stack(
-        [map_coordinates(component, places, order=1, mode="nearest") for component in coarse]
-    )
+    for axis, side in enumerate(shape, start=1):
+        last = coarse.shape[axis] - 1
+        place = ((np.arange(side) + 0.5) / factor - 0.5).clip(0, last)
+        before = place.astype(np.intp)
+        share = np.expand_dims(place - before, tuple(range(axis, 2)))
+        start = coarse.take(before, axis)
+        coarse = start + share * (coarse.take(np.minimum(before + 1, last), axis) - start)
+    return coarse
 
 
 def _at_pixels(values: Floats, counts: NDArray[Any]) -> Floats:

@@ -18,13 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, median_filter, rank_filter, spline_filter
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
 
 NODE_PX = 4
 """Distance of the nodes of a motion"""
 MOST_NOISE = 2.0
 """Mean squared difference of aligned frames, over that of noise, above which evidence is reduced"""
+
+BORDER_PX = 3
+"""Width of the border of splines, which repeats their edge"""
 
 _SMALLEST_LEVEL_PX = 12
 _BLURS_PX = 0.7, 2.5
@@ -43,7 +46,7 @@ class Level(NamedTuple):
     roots: Floats
     """(n, H, W), smoothed"""
     splines: Floats
-    """Their cubic splines"""
+    """Coefficients of their cubic splines, with a border of `BORDER_PX`"""
     noise: float
     """Variance of the roots"""
     bins: int
@@ -115,8 +118,42 @@ def level_of(frames: Floats, bins: int = 1) -> Level:
     excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
     smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
     roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
-    splines = np.stack([spline_filter(root, 3, mode="nearest") for root in roots])
-    return Level(roots, splines, root_noise(smooth), bins)
+    splines = (spline_filter(root, 3, mode="nearest") for root in roots)
+    bordered = np.stack([np.pad(spline, BORDER_PX, "edge") for spline in splines])
+    return Level(roots, bordered, root_noise(smooth), bins)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def interpolate(splines: Floats, places: Floats, values: Floats, inside: Mask) -> None:
+    """Write the values (H, W) of splines at places; make false what is `inside` no longer.
+
+    `places` (2, H, W): row and column; `inside` (H, W): whether it is in the frame.
+    """
+    rows, columns = values.shape
+    for i in range(rows):
+        for j in range(columns):
+            y, x = places[0, i, j], places[1, i, j]
+            inside[i, j] &= (-0.5 < y < rows - 0.5) & (-0.5 < x < columns - 0.5)
+            y = 2 + min(y, rows) if y > -1 else 1.0  # also what is not finite
+            x = 2 + min(x, columns) if x > -1 else 1.0
+            top, left = int(y), int(x)
+            down, right = _spline_weights(y - top), _spline_weights(x - left)
+            value = 0.0
+            for k in range(4):
+                across = 0.0
+                for m in range(4):
+                    across += right[m] * splines[top + k, left + m]
+                value += down[k] * across
+            values[i, j] = value
+
+
+@compiled
+def _spline_weights(after: float) -> tuple[float, float, float, float]:
+    """Return the weights of the coefficients around a place, so far after the second of them."""
+    left = 1 - after
+    second = 2 / 3 - after**2 * (1 - after / 2)
+    third = 2 / 3 - left**2 * (1 - left / 2)
+    return left**3 / 6, second, third, after**3 / 6
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
 
 from megalopta.flow.likelihood.dense_flow import (
     evidence,
@@ -10,7 +10,7 @@ from megalopta.flow.likelihood.dense_flow import (
     node_covariance,
     with_large_motion,
 )
-from megalopta.flow.likelihood.roots import NODE_PX, level_of
+from megalopta.flow.likelihood.roots import BORDER_PX, NODE_PX, interpolate, level_of
 
 from ..textures import drifting_texture
 
@@ -40,7 +40,7 @@ def squares(level, motion, inside):
     """Twice the squared differences of the roots, aligned, from their mean."""
     aligned = np.stack(
         [
-            map_coordinates(splines, where, order=3, mode="nearest", prefilter=False)
+            map_coordinates(splines, where + BORDER_PX, order=3, mode="nearest", prefilter=False)
             for splines, where in zip(level.splines, places(*motion), strict=True)
         ]
     )
@@ -71,6 +71,17 @@ def test_aligned_frames_differ_by_their_noise():
     # roots of means of 50 have a quarter of a photon's variance to 1 %, interpolation takes some
     assert aligned.misfit == pytest.approx(1, abs=0.15)
     assert evidence(level_of(drifting(50)), STEADY, places((-1.2, 0.7))).misfit > 2
+
+
+def test_splines_between_pixels_are_those_of_scipy():
+    level = level_of(drifting(50))
+    frame, inside = np.empty(SHAPE), np.ones(SHAPE, bool)
+    where = places((-3.3, 5.6))[2]
+    interpolate(level.splines[0], where, frame, inside)
+    smooth = spline_filter(level.roots[0], 3, mode="nearest")
+    expected = map_coordinates(smooth, where, order=3, mode="nearest", prefilter=False)
+    np.testing.assert_allclose(frame, expected, rtol=1e-12)
+    assert inside.sum() == (SHAPE[0] - 6) * (SHAPE[1] - 3)
 
 
 def test_a_frame_of_twice_the_light_is_equal_evidence():
