@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, median_filter, rank_filter, spline_filter
+from scipy.ndimage import gaussian_filter, spline_filter
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.compiling import compiled
@@ -86,15 +86,40 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     more than noise, and alike in all of them. What moves is so in one frame, other bright specks
     that replace it differ, and a line has two neighbors alike.
     """
-    frames, around = counts.astype(np.float64), (1, 3, 3)
+    frames = counts.astype(np.float64)
     roots = np.sqrt(frames)
-    above = (roots - rank_filter(roots, -3, around)).min(axis=0)
-    below = (rank_filter(roots, 2, around) - roots).min(axis=0)
-    stands_out = np.maximum(above, below) > _STANDS_OUT
-    stands_out &= np.ptp(roots, axis=0) < _STANDS_OUT
-    if not stands_out.any():
+    defects = np.ptp(roots, axis=0) < _STANDS_OUT
+    defects &= _stand_out(roots, 1.0) | _stand_out(roots, -1.0)
+    if not defects.any():
         return frames
-    return np.where(stands_out, median_filter(frames, around), frames)
+    bordered = np.pad(frames, ((0, 0), (1, 1), (1, 1)), "edge")
+    around = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3), axis=(1, 2))
+    frames[:, defects] = np.median(around[:, defects], axis=(2, 3))
+    return frames
+
+
+@compiled
+def _stand_out(roots: Floats, sign: float) -> Mask:
+    """Return which pixels of roots (n, H, W) exceed all but one neighbor in every frame.
+
+    Where the sign is negative, they are less. Beyond the edge is the same as at the edge.
+    """
+    frames, rows, columns = roots.shape
+    stand_out = np.ones((rows, columns), np.bool_)
+    for y in range(rows):
+        for x in range(columns):
+            for frame in range(frames):
+                few = 2  # neighbors that do not differ may be, and the pixel itself
+                for row in (max(y - 1, 0), y, min(y + 1, rows - 1)):
+                    for column in (max(x - 1, 0), x, min(x + 1, columns - 1)):
+                        excess = sign * (roots[frame, y, x] - roots[frame, row, column])
+                        few -= excess <= _STANDS_OUT
+                    if few < 0:
+                        break
+                if few < 0:
+                    stand_out[y, x] = False
+                    break
+    return stand_out
 
 
 def pyramid(counts: Floats) -> Iterator[Level]:
