@@ -33,7 +33,6 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.likelihood import messages, roots, solver
-from megalopta.flow.likelihood.messages import REACH_PX
 from megalopta.flow.likelihood.roots import MOST_NOISE, NODE_PX, Level
 
 _AGREEMENT_PX = 2.0
@@ -57,6 +56,8 @@ and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"
 
 _MOST_BINS = 4
 """Pixels along a side of the coarsest bins at which large motion is sought"""
+_REACH_PX = 8
+"""Largest displacement along x and y, px of a level"""
 _LEAVING = 0.25
 """Cost per frame but one of any other displacement than that of the flow so far, which coarser
 scales and all frames have voted for; fitted as the costs in `messages`"""
@@ -65,7 +66,6 @@ _CLAIM = 1.0
 hidden in one frame resembles something in the other by chance"""
 _DARK = 1e-9
 """Least mean root of a frame, for a defined result"""
-_DIRECTIONS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -289,7 +289,7 @@ def _links(flow: Floats, smoothness: float) -> Links:
 # Search
 
 
-def with_large_motion(level: Level, times: Floats, flow: Floats) -> Floats:
+def with_large_motion(level: Level, times: Floats, flow: Floats, reach: int = _REACH_PX) -> Floats:
     """Return the flow at nodes (2, n, m), px, where another displacement is likelier, that one.
 
     The two frames in the middle tell: in frames farther apart, a fraction of a pixel is many.
@@ -301,30 +301,22 @@ def with_large_motion(level: Level, times: Floats, flow: Floats) -> Floats:
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
     seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
     now = to_nodes(squares[np.newaxis])[0] * area / seen
-    costs = np.empty((*now.shape, messages.SIDE**2 + 1), np.float32)
-    brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
-    equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
-    messages.fill_costs(equal.astype(np.float32), now, area * level.noise, costs)
-    costs[..., :-1] += _LEAVING * (len(times) - 1)
     # how well the flow so far explains the second frame around each node, 0 to 1
     *_, back = place_of_pixels(middle, np.array([0.0, -1.0]), flow)
     around = gaussian_filter(squares, _AGREEMENT_PX) / middle.noise
     at_second = map_coordinates(around, back, order=1, mode="nearest")
     explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
-    # displacements to a place of the second frame that is explained otherwise cost more
-    shifts = np.arange(-REACH_PX, REACH_PX + 1)[:, np.newaxis]
-    middles = (NODE_PX * np.arange(count) + NODE_PX // 2 for count in explained.shape)
-    places = ((centers + shifts) // NODE_PX for centers in middles)
-    rows, columns = (place.clip(0, place[REACH_PX, -1]) for place in places)
-    for down, row in enumerate(rows):
-        to_right = costs[..., down * messages.SIDE : (down + 1) * messages.SIDE]
-        to_right += _CLAIM * explained[row[:, np.newaxis, np.newaxis], columns.T]
+    side = 2 * reach + 1
+    costs = np.empty((*now.shape, side**2 + 1), np.float32)
+    brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
+    equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
+    leaving, noise = _LEAVING * (len(times) - 1), area * level.noise
+    messages.fill_costs(equal.astype(np.float32), now, noise, leaving, _CLAIM * explained, costs)
     total = costs.copy()
-    for down, right in _DIRECTIONS:
-        messages.add_messages(costs, flow, down, right, total)
+    messages.add_messages(costs, flow, total)
     best = total.argmin(axis=-1)
-    y, x = np.divmod(best, messages.SIDE)
-    return np.where(best == messages.SIDE**2, flow, np.stack((x, y)) - float(REACH_PX))
+    y, x = np.divmod(best, side)
+    return np.where(best == side**2, flow, np.stack((x, y)) - float(reach))
 
 
 # Solve

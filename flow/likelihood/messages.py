@@ -5,6 +5,8 @@ negative log-likelihoods, and of changes between neighbors, by messages along ei
 last label is the flow so far.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,10 +16,6 @@ from megalopta.flow.likelihood.roots import NODE_PX, misfit
 
 Singles = NDArray[np.float32]
 
-REACH_PX = 8
-"""Largest displacement along x and y, px of a level"""
-SIDE = 2 * REACH_PX + 1
-"""Displacements along an axis"""
 _STEP, _JUMP = 0.7, 3.0
 """Costs of a change by one pixel along one axis, and of any change; fitted to dead leaves and disks
 with motion up to 20 px, of other seeds than those reported, as all constants here"""
@@ -28,24 +26,38 @@ _LEAST_SEEN = 0.5
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def fill_costs(pair: Singles, now: Floats, noise: float, costs: Singles) -> None:
+def fill_costs(
+    pair: Singles, now: Floats, noise: float, leaving: float, claims: Floats, costs: Singles
+) -> None:
     """Write the cost of each displacement, (n, m, displacements), and of the flow so far.
 
-    `now` (n, m): squares of the flow so far; `noise`: their mean where it is right.
+    Displacements reach equally far along x and y: with the flow so far, (2·reach + 1)² + 1.
+
+    `now` (n, m): squares of the flow so far; `noise`: their mean where it is right; `leaving`: cost
+    of any displacement; `claims` (n, m): cost of one to a node.
     """
-    area = NODE_PX**2
-    costs[..., -1] = 2 * noise * misfit(now / noise)
-    squares = np.empty(now.shape)
-    for label in range(SIDE**2):
-        down, right = label // SIDE - REACH_PX, label % SIDE - REACH_PX
-        _sum_squares(pair, down, right, squares)
-        for y in range(now.shape[0]):
-            tall = _overlap(pair.shape[1], down, y)
-            for x in range(now.shape[1]):
-                seen = tall * _overlap(pair.shape[2], right, x)
-                cost = squares[y, x] * area / max(seen, 1)
+    _, height, width = pair.shape
+    rows, columns, labels = costs.shape
+    side, area = int(math.sqrt(labels - 1)), NODE_PX**2
+    middle = np.arange(max(rows, columns)) * NODE_PX + NODE_PX // 2
+    squares = np.empty(columns * NODE_PX, np.float32)
+    for y in range(rows):
+        for label in range(labels - 1):
+            down, right = label // side - side // 2, label % side - side // 2
+            first, last = max(0, -right), min(width, width - right)
+            squares[:] = 0
+            for i in range(max(NODE_PX * y, -down), min(NODE_PX * (y + 1), height, height - down)):
+                second = pair[1, i + down, first + right : last + right]
+                _add_squares(pair[0, i, first:last], second, squares[first:last])
+            tall = _overlap(height, down, y)
+            claimed = claims[min(max((middle[y] + down) // NODE_PX, 0), rows - 1)]
+            for x in range(columns):
+                seen = tall * _overlap(width, right, x)
+                cost = squares[NODE_PX * x : NODE_PX * (x + 1)].sum() / 2 * area / max(seen, 1)
                 cost = cost if seen >= _LEAST_SEEN * area else max(cost, now[y, x])
-                costs[y, x, label] = 2 * noise * misfit(cost / noise)
+                claim = claimed[min(max((middle[x] + right) // NODE_PX, 0), columns - 1)]
+                costs[y, x, label] = 2 * noise * misfit(cost / noise) + leaving + claim
+    costs[..., -1] = 2 * noise * misfit(now / noise)
 
 
 @compiled
@@ -56,77 +68,90 @@ def _overlap(length: int, shift: int, node: int) -> int:
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _sum_squares(pair: Singles, down: int, right: int, squares: Floats) -> None:
-    """Write squared differences from the mean of two frames, the second displaced, at nodes."""
-    _, height, width = pair.shape
-    first, last = max(0, -right), min(width, width - right)
-    row = np.zeros(squares.shape[1] * NODE_PX, np.float32)
-    squares[:] = 0.0
-    for y in range(max(0, -down), min(height, height - down)):
-        for x in range(first, last):
-            difference = pair[1, y + down, x + right] - pair[0, y, x]
-            row[x] = difference * difference / 2
-        for node in range(squares.shape[1]):
-            for x in range(NODE_PX):
-                squares[y // NODE_PX, node] += row[NODE_PX * node + x]
+def _add_squares(first: Singles, second: Singles, squares: Singles) -> None:
+    for x in range(len(squares)):
+        difference = second[x] - first[x]
+        squares[x] += difference * difference
 
 
 @compiled
-def add_messages(costs: Singles, nodes: Floats, down: int, right: int, total: Singles) -> None:
-    """Add to the total the messages to each node from those before it, in one direction."""
+def add_messages(costs: Singles, nodes: Floats, total: Singles) -> None:
+    """Add to the total the messages to each node from those before it, along eight directions.
+
+    Costs, (n, m, displacements), are 0 or more; `nodes` (2, n, m): flow so far.
+    """
     rows, columns, labels = costs.shape
-    before, here = np.zeros((2, columns, labels), np.float32)
-    known = np.empty(labels, np.float32)
-    for i in range(rows):
-        y = i if down >= 0 else rows - 1 - i
-        for j in range(columns):
-            x = j if right >= 0 else columns - 1 - j
-            above, left = y - down, x - right
-            if 0 <= above < rows and 0 <= left < columns:
-                message = before[left] if down else here[left]
-                for label in range(labels):
-                    known[label] = costs[above, left, label] + message[label]
-                _pass_on(known, nodes[:, above, left], nodes[:, y, x], here[x])
-                for label in range(labels):
-                    total[y, x, label] += here[x, label]
-            else:
-                here[x] = 0.0
-        before, here = here, before
+    last, side = labels - 1, int(math.sqrt(labels - 1))
+    # costs of a change by one pixel from the left and from the right; a row of labels ends
+    from_left = np.full(last, _STEP, np.float32)
+    from_left[::side] = np.inf
+    from_right = from_left[::-1].copy()
+    bordered = np.full(last + 2 * side, np.inf, np.float32)
+    known, half_step = bordered[side : side + last], np.float32(_STEP / 2)
+    for way in (1, -1):
+        received = np.zeros((2, columns, 4, labels), np.float32)
+        for i in range(rows):
+            y = i if way > 0 else rows - 1 - i
+            here, below = received[i % 2], received[1 - i % 2]
+            for j in range(columns):
+                x = j if way > 0 else columns - 1 - j
+                for k in range(4):  # along the row, and to three nodes of the next one
+                    message = here[x, k]
+                    least = _gather(costs[y, x], message, total[y, x], known)
+                    b, a = (y, x + way) if k == 0 else (y + way, x + k - 2)
+                    if not (0 <= b < rows and 0 <= a < columns):
+                        continue
+                    sent = here[a, k] if k == 0 else below[a, k]
+                    _pass_on(bordered, from_left, from_right, least, sent)
+                    # between whole displacements and the flow so far
+                    before, after = nodes[:, y, x], nodes[:, b, a]
+                    stays = costs[y, x, last] + message[last]
+                    change = abs(after[0] - before[0]) + abs(after[1] - before[1])
+                    cost = stays + np.float32(_CHANGE_PER_PX * change)
+                    nearest_before, nearest_after = _nearest(before, side), _nearest(after, side)
+                    if nearest_after >= 0:
+                        cost = min(cost, known[nearest_after] + half_step)
+                    if nearest_before >= 0:
+                        from_flow = stays + half_step - least
+                        sent[nearest_before] = min(sent[nearest_before], from_flow)
+                    sent[last] = min(cost - least, np.float32(_JUMP))
 
 
 @compiled
-def _pass_on(known: Singles, before: Floats, here: Floats, sent: Singles) -> None:
-    """Write the least cost of each label here, given that of each label before, less the least."""
-    last = len(known) - 1
-    step, least = np.float32(_STEP), known.min()
-    sent[:] = known
-    for row in range(0, last, SIDE):
-        _lower(sent[row + 1 : row + SIDE], known[row : row + SIDE - 1], step)
-        _lower(sent[row : row + SIDE - 1], known[row + 1 : row + SIDE], step)
-    _lower(sent[SIDE:last], known[: last - SIDE], step)
-    _lower(sent[: last - SIDE], known[SIDE:last], step)
-    change = abs(here[0] - before[0]) + abs(here[1] - before[1])
-    sent[last] = known[last] + _CHANGE_PER_PX * change
-    nearest_here, nearest_before = _nearest(here), _nearest(before)
-    if nearest_here >= 0:  # from a whole displacement to the flow so far
-        sent[last] = min(sent[last], known[nearest_here] + step / 2)
-    if nearest_before >= 0:
-        sent[nearest_before] = min(sent[nearest_before], known[last] + step / 2)
-    for label in range(last + 1):
-        cost = sent[label] - least
-        sent[label] = cost if cost < _JUMP else np.float32(_JUMP)
+def _gather(costs: Singles, message: Singles, total: Singles, known: Singles) -> np.float32:
+    """Add a message to the total, and to the costs; return the least cost."""
+    total[-1] += message[-1]
+    for label in range(len(known)):
+        total[label] += message[label]
+        known[label] = costs[label] + message[label]
+    least = np.float32(costs[-1] + message[-1]).view(np.int32)
+    for bits in known.view(np.int32):  # of floats from 0, in the same order, but faster to compare
+        least = bits if bits < least else least
+    return np.int32(least).view(np.float32)
 
 
-@compiled(fastmath={"nnan", "nsz"}, inline="always")
-def _lower(costs: Singles, neighbors: Singles, step: float) -> None:
-    """Lower costs to those of neighboring labels and a step, in place."""
-    for label in range(len(costs)):
-        cost = neighbors[label] + step
-        costs[label] = cost if cost < costs[label] else costs[label]
+@compiled(fastmath={"nnan", "nsz"})
+def _pass_on(
+    bordered: Singles, from_left: Singles, from_right: Singles, least: np.float32, sent: Singles
+) -> None:
+    """Write the least cost of each displacement here, given that of each before, less the least."""
+    last, step, jump = len(from_left), np.float32(_STEP), np.float32(_JUMP)
+    side = (len(bordered) - last) // 2
+    known, left, right = bordered[side:], bordered[side - 1 :], bordered[side + 1 :]
+    lower = bordered[2 * side :]
+    for label in range(last):
+        above, below = bordered[label], lower[label]
+        cost = (above if above < below else below) + step
+        beside = left[label] + from_left[label]
+        cost = beside if beside < cost else cost
+        beside = right[label] + from_right[label]
+        cost = beside if beside < cost else cost
+        cost = (known[label] if known[label] < cost else cost) - least
+        sent[label] = cost if cost < jump else jump
 
 
 @compiled
-def _nearest(flow: Floats) -> int:
+def _nearest(flow: Floats, side: int) -> int:
     """Return the label of the whole displacement nearest to a flow (2,), -1 beyond reach."""
-    x, y = int(np.rint(flow[0])) + REACH_PX, int(np.rint(flow[1])) + REACH_PX
-    return y * SIDE + x if 0 <= x < SIDE and 0 <= y < SIDE else -1
+    x, y = int(np.rint(flow[0])) + side // 2, int(np.rint(flow[1])) + side // 2
+    return y * side + x if 0 <= x < side and 0 <= y < side else -1
