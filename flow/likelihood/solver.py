@@ -12,6 +12,9 @@ from megalopta.core.compiling import compiled
 
 _MOST_ITERATIONS = 500
 
+Grid = tuple[int, int, int]
+"""First row in the array, rows and columns of nodes"""
+
 
 @compiled(fastmath={"reassoc", "contract"})
 def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float) -> None:
@@ -23,29 +26,28 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
     last column, and downward, 0 in the last row; `slope` (2, n, m): b.
     """
     _, rows, columns = velocities.shape
-    grids = [(1, rows, columns)]  # first row, and size
+    grids = [(1, rows, columns)]
     while grids[-1][1] * grids[-1][2] > 1:
         top, height, width = grids[-1]
         grids.append((top + height + 2, (height + 1) // 2, (width + 1) // 2))
-    system = np.zeros((5, grids[-1][0] + 2, columns + 2))
-    system[:, 1 : rows + 1, 1 : columns + 1] = matrix
-    inverse = np.zeros((3, *system.shape[1:]))
+    # xx, xy, yy, and weights to the right and downward; then the inverse of each node's xx, xy, yy
+    system = np.zeros((8, grids[-1][0] + 2, columns + 2))
+    system[:5, 1 : rows + 1, 1 : columns + 1] = matrix
     for k in range(len(grids)):
         top, height, width = grids[k]
-        for i in range(height):
-            for j in range(1, width + 1):
-                y = top + i
-                pull = system[3, y, j - 1] + system[3, y, j] + system[4, y - 1, j] + system[4, y, j]
-                xx, xy, yy = system[0, y, j] + pull, system[1, y, j], system[2, y, j] + pull
-                determinant = xx * yy - xy**2
-                inverse[0, y, j] = yy / determinant
-                inverse[1, y, j] = -xy / determinant
-                inverse[2, y, j] = xx / determinant
+        for y in range(top, top + height):
+            for x in range(1, width + 1):
                 if k + 1 < len(grids):
-                    square, column = grids[k + 1][0] + i // 2, (j + 1) // 2
+                    square, column = grids[k + 1][0] + (y - top) // 2, (x + 1) // 2
                     for part in range(5):  # links within a square do not count
-                        if (part != 3 or j % 2 == 0) and (part != 4 or i % 2 == 1):
-                            system[part, square, column] += system[part, y, j]
+                        if (part != 3 or x % 2 == 0) and (part != 4 or (y - top) % 2 == 1):
+                            system[part, square, column] += system[part, y, x]
+                pull = system[3, y, x - 1] + system[3, y, x] + system[4, y - 1, x] + system[4, y, x]
+                xx, xy, yy = system[0, y, x] + pull, system[1, y, x], system[2, y, x] + pull
+                system[0, y, x], system[2, y, x] = xx, yy
+                determinant = xx * yy - xy**2
+                system[5, y, x], system[7, y, x] = yy / determinant, xx / determinant
+                system[6, y, x] = -xy / determinant
     residual = np.zeros((2, *system.shape[1:]))
     change = np.zeros_like(residual)
     direction = np.zeros((2, rows + 2, columns + 2))
@@ -56,7 +58,7 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
     residual[inner] = slope - pushed[inner]
     error = np.inf
     for _ in range(_MOST_ITERATIONS):
-        _cycle(system, inverse, grids, residual, change)
+        _cycle(system, grids, residual, change)
         before, error = error, (fine * change[:, : rows + 2]).sum()
         if not error > 2 * most_error:
             break
@@ -71,45 +73,38 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
 @compiled(fastmath={"reassoc", "contract"})
 def _push(system: Floats, velocities: Floats, pushed: Floats) -> None:
     """Write the product of the matrix of nodes and velocities."""
-    _, rows, columns = velocities.shape
-    right, down = system[3], system[4]
     for k in range(2):
-        u, other = velocities[k], velocities[1 - k]
-        for y in range(1, rows - 1):
-            for x in range(1, columns - 1):
-                here = u[y, x]
-                force = system[2 * k, y, x] * here + system[1, y, x] * other[y, x]
-                force += right[y, x - 1] * (here - u[y, x - 1]) + right[y, x] * (here - u[y, x + 1])
-                force += down[y - 1, x] * (here - u[y - 1, x]) + down[y, x] * (here - u[y + 1, x])
-                pushed[k, y, x] = force
+        here, other = velocities[k], velocities[1 - k]
+        for y in range(1, here.shape[0] - 1):
+            for x in range(1, here.shape[1] - 1):
+                force = system[2 * k, y, x] * here[y, x] + system[1, y, x] * other[y, x]
+                pushed[k, y, x] = force - _pull(system, here, y, x)
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _cycle(
-    system: Floats,
-    inverse: Floats,
-    grids: list[tuple[int, int, int]],
-    residual: Floats,
-    change: Floats,
-) -> None:
+def _pull(system: Floats, component: Floats, y: int, x: int) -> float:
+    """Return the sum of velocities of neighbors times the weights of their links."""
+    beside = system[3, y, x - 1] * component[y, x - 1] + system[3, y, x] * component[y, x + 1]
+    beyond = system[4, y - 1, x] * component[y - 1, x] + system[4, y, x] * component[y + 1, x]
+    return float(beside + beyond)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _cycle(system: Floats, grids: list[Grid], residual: Floats, change: Floats) -> None:
     """Write the change of velocities by one cycle over all grids, from fine to coarse and back."""
     change[:] = 0
     for k in range(len(grids)):
         top, rows, columns = grids[k]
         for color in range(2):  # of a chessboard
-            _relax(system, inverse, residual, change, grids[k], color)
+            _relax(system, residual, change, grids[k], color)
         if k + 1 < len(grids):
             below = grids[k + 1][0]
             residual[:, below : below + (rows + 1) // 2] = 0
-            for i in range(rows):
-                y = top + i  # the other color changed last
-                for x in range(1 + y % 2, columns + 1, 2):
-                    for component in range(2):
-                        left = system[3, y, x - 1] * change[component, y, x - 1]
-                        left += system[3, y, x] * change[component, y, x + 1]
-                        left += system[4, y - 1, x] * change[component, y - 1, x]
-                        left += system[4, y, x] * change[component, y + 1, x]
-                        residual[component, below + i // 2, (x + 1) // 2] += left
+            for component in range(2):
+                for y in range(top, top + rows):  # the other color changed last
+                    for x in range(1 + y % 2, columns + 1, 2):
+                        left = _pull(system, change[component], y, x)
+                        residual[component, below + (y - top) // 2, (x + 1) // 2] += left
     for k in range(len(grids) - 2, -1, -1):
         top, rows, columns = grids[k]
         for component in range(2):
@@ -118,27 +113,16 @@ def _cycle(
                     square = change[component, grids[k + 1][0] + i // 2, (x + 1) // 2]
                     change[component, top + i, x] += square
         for color in range(1, -1, -1):
-            _relax(system, inverse, residual, change, grids[k], color)
+            _relax(system, residual, change, grids[k], color)
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _relax(
-    system: Floats,
-    inverse: Floats,
-    residual: Floats,
-    change: Floats,
-    grid: tuple[int, int, int],
-    color: int,
-) -> None:
+def _relax(system: Floats, residual: Floats, change: Floats, grid: Grid, color: int) -> None:
     """Give nodes of a color the changes that their neighbors ask for."""
     top, rows, columns = grid
     for y in range(top, top + rows):
         for x in range(1 + (y + color) % 2, columns + 1, 2):
-            before, after = system[3, y, x - 1], system[3, y, x]
-            above, below = system[4, y - 1, x], system[4, y, x]
-            right = residual[0, y, x] + before * change[0, y, x - 1] + after * change[0, y, x + 1]
-            right += above * change[0, y - 1, x] + below * change[0, y + 1, x]
-            down = residual[1, y, x] + before * change[1, y, x - 1] + after * change[1, y, x + 1]
-            down += above * change[1, y - 1, x] + below * change[1, y + 1, x]
-            change[0, y, x] = inverse[0, y, x] * right + inverse[1, y, x] * down
-            change[1, y, x] = inverse[1, y, x] * right + inverse[2, y, x] * down
+            right = residual[0, y, x] + _pull(system, change[0], y, x)
+            down = residual[1, y, x] + _pull(system, change[1], y, x)
+            change[0, y, x] = system[5, y, x] * right + system[6, y, x] * down
+            change[1, y, x] = system[6, y, x] * right + system[7, y, x] * down
