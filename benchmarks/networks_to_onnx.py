@@ -59,9 +59,9 @@ class SpyNet(nn.Module):
         pyramid = [[(picture - mean) / spread for picture in pair]]
         for _ in self.levels[1:]:
             pyramid.insert(0, [functional.avg_pool2d(each, 2) for each in pyramid[0]])
-        flow = functional.avg_pool2d(0 * pyramid[0][0][:, :2], 2)
+        flow = 0 * pyramid[0][0][:, :2]
         for network, (first, second) in zip(self.levels, pyramid, strict=True):
-            flow = 2 * functional.interpolate(flow, scale_factor=2.0, mode="bilinear")
+            flow = 2 * functional.interpolate(flow, first.shape[2:], mode="bilinear")
             flow = flow + network(torch.cat((first, sampled(second, flow), flow), 1))
         return flow
 

@@ -18,10 +18,6 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
-_SMALLEST_DIS_FRAME_PX, _SMALLEST_RLOF_FRAME_PX = 12, 24
-_FEWEST_PX = 128
-"""Side to which PCA-Flow's pictures are padded."""
-
 
 class LucasKanade(GrayDetector, frozen=True):
     """Newton search for the shift of a window around the center of each block, coarse to fine.
@@ -99,20 +95,11 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's trade-off of speed and accuracy"""
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of a frame (H, W); ValueError if it is too small."""
-        if max(shape) < _SMALLEST_DIS_FRAME_PX:
-            raise ValueError(
-                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
-                f" {_SMALLEST_DIS_FRAME_PX} px along one side"
-            )
-        return super().grid(shape)
-
     def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
-        return _calculated(cv2.DISOpticalFlow.create(preset), eight_bits(pair))
+        return _calculated(cv2.DISOpticalFlow.create(preset), eight_bits(pair), 12)
 
 
 @contextmanager
@@ -166,8 +153,8 @@ class TotalVariation(DenseDetector, frozen=True):
 class DualTotalVariation(DenseDetector, frozen=True):
     """Dense flow smoothed by its total variation, by OpenCV, averaged over blocks.
 
-    The model of `TotalVariation` in the form of Sánchez, Meinhardt-Llopis and Facciolo (2013): a
-    median filter after every warp, and cubic steps between levels of a pyramid.
+    As `TotalVariation`, with a median filter after every warp (Sánchez, Meinhardt-Llopis and
+    Facciolo 2013).
     """
 
     place: ClassVar[float] = 10.2
@@ -198,8 +185,7 @@ class DeepFlow(DenseDetector, frozen=True):
     def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
-        estimator = cv2.optflow.createOptFlow_DeepFlow()
-        return _calculated(estimator, (255 * pair).astype(np.float32))
+        return _calculated(cv2.optflow.createOptFlow_DeepFlow(), (255 * pair).astype(np.float32))
 
 
 class PCAFlow(DenseDetector, frozen=True):
@@ -216,12 +202,8 @@ class PCAFlow(DenseDetector, frozen=True):
     def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
-        # in small pictures OpenCV writes beyond the memory
-        more = [(0, 0), *((0, max(0, _FEWEST_PX - side)) for side in grid.shape)]
-        pictures = np.pad(eight_bits(pair), more, mode="edge")
         try:
-            flow = _calculated(cv2.optflow.createOptFlow_PCAFlow(), pictures)
-            return flow[: grid.shape[0], : grid.shape[1]]
+            return _calculated(cv2.optflow.createOptFlow_PCAFlow(), eight_bits(pair), 128)
         except cv2.error:  # no corner was tracked
             return np.full((*grid.shape, 2), np.nan)
 
@@ -230,9 +212,9 @@ class RobustLocalFlow(DenseDetector, frozen=True):
     """Dense flow between tracked points (RLOF, Senst et al. 2012), averaged over blocks.
 
     Points of a grid of 6 px are tracked with a robust norm, and the flow between them is
-    interpolated within edges (Geistert et al. 2016). Two steps of OpenCV's are left out: the prior
-    of a global motion never ends, and the check of the way back leaves too few neighbors, which
-    reads beyond the memory, in the dark.
+    interpolated within edges (Geistert et al. 2016). Two steps of OpenCV's are left out, for few
+    points: the prior of a global motion never ends, and the check of the way back leaves fewer
+    neighbors than are read.
     """
 
     place: ClassVar[float] = 10.7
@@ -241,16 +223,7 @@ class RobustLocalFlow(DenseDetector, frozen=True):
     window_px: Annotated[int, Field(ge=5, le=99)] | None = None
     """Side of the window of a point; default: 9 to 21 px, cut where gray levels change"""
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of a frame (H, W); ValueError if it is too small."""
-        if min(shape) < _SMALLEST_RLOF_FRAME_PX:
-            raise ValueError(
-                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
-                f" {_SMALLEST_RLOF_FRAME_PX} px along each side"
-            )
-        return super().grid(shape)
-
-    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         tracking = cv2.optflow.RLOFOpticalFlowParameter.create()
@@ -259,17 +232,21 @@ class RobustLocalFlow(DenseDetector, frozen=True):
             tracking.setSupportRegionType(cv2.optflow.SR_FIXED)
             tracking.setLargeWinSize(self.window_px)
         between = cv2.optflow.DenseRLOFOpticalFlow.create(tracking, forwardBackwardThreshold=0)
-        rows, columns = (side // 6 - 1 for side in grid.shape)
-        between.setEPICK(min(128, rows * columns))
         in_color = np.repeat(eight_bits(pair)[..., np.newaxis], 3, axis=-1)
-        return _calculated(between, in_color)
+        return _calculated(between, in_color, 128)
 
 
-def _calculated(estimator: Any, pictures: NDArray[Any]) -> NDArray[Any]:
-    """Return the flow (H, W, 2) by an estimator of OpenCV between two pictures, on one thread."""
-    start = np.zeros((*pictures.shape[1:3], 2), np.float32)
+def _calculated(estimator: Any, pictures: NDArray[Any], fewest_px: int = 1) -> NDArray[Any]:
+    """Return the flow (H, W, 2) by an estimator of OpenCV between two pictures, on one thread.
+
+    Sides with fewer pixels are padded: estimators go beyond the memory of small pictures.
+    """
+    height, width = pictures.shape[1:3]
+    more = [(0, 0), *((0, max(0, fewest_px - side)) for side in (height, width)), (0, 0)]
+    padded = np.pad(pictures, more[: pictures.ndim], mode="edge")
     with one_thread():
-        return np.asarray(estimator.calc(*pictures, start))
+        start = np.zeros((*padded.shape[1:3], 2), np.float32)
+        return np.asarray(estimator.calc(*padded, start))[:height, :width]
 
 
 class DenseLucasKanade(DenseDetector, frozen=True):

@@ -127,7 +127,8 @@ def stretched(name: str, kind: str) -> GrayDetector:
 
 def methods_and_baselines() -> list[BlockDetector]:
     """Return all methods that run on two frames, tuned to the light where there are settings."""
-    return [each for each in map(block_detector, STRONGEST) if each.memory_frames == 1]
+    chosen = (*STRONGEST, "DIS √", "DeepFlow √")
+    return [each for each in map(block_detector, chosen) if each.memory_frames == 1]
 
 
 def identity(detector: Detector) -> str:

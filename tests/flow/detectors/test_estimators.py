@@ -42,20 +42,14 @@ def test_a_hot_pixel_spoils_its_surroundings_only(name):
     assert wrong.mean() < 0.15
 
 
-@pytest.mark.parametrize(("name", "side_px", "least_px"), [("DIS", 11, 12), ("RLOF", 23, 24)])
-def test_frames_that_a_library_cannot_search_are_refused(name, side_px, least_px):
-    with pytest.raises(ValueError, match=f"{name} needs at least {least_px} px"):
-        METHODS[name].dense(*np.eye(side_px)[np.newaxis].repeat(2, axis=0))
-
-
 @pytest.mark.parametrize("window_px", [None, 15])
-@pytest.mark.parametrize("shape", [(24, 24), (36, 40), (61, 63)])
+@pytest.mark.parametrize("shape", [(6, 24), (36, 40), (61, 63)])
 def test_few_points_in_the_dark_give_the_same_flow_twice(window_px, shape):
     """OpenCV reads and writes beyond its memory where RLOF and PCA-Flow have few points."""
     pairs = [np.random.default_rng(seed).poisson(0.2, (2, *shape)) for seed in range(5)]
     for method in (METHODS["RLOF"].model_copy(update={"window_px": window_px}), METHODS["PCAFlow"]):
         first, second = (
-            [method.model_copy(update={"block_px": 4}).dense(*pair) for pair in pairs] for _ in "12"
+            [method.model_copy(update={"block_px": 2}).dense(*pair) for pair in pairs] for _ in "12"
         )
         np.testing.assert_array_equal(first, second)
 
