@@ -17,7 +17,7 @@ import inspect
 import traceback
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,17 @@ class DenseDetector(GrayDetector, frozen=True):
     @abstractmethod
     def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
         """Return the flow (H, W, 2) between two frames (2, H, W), from 0 to 1."""
+
+
+class ZeroMotion(DenseDetector, frozen=True):
+    """No motion at all, which every other method must beat."""
+
+    place: ClassVar[float] = 16
+    name: str = "zero"
+    label: str = "No motion"
+
+    def _flow(self, grid: BlockGrid, _: Floats) -> Floats:
+        return np.zeros((*grid.shape, 2))
 
 
 class FunctionDetector(DenseDetector, frozen=True):

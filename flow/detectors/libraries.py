@@ -1,18 +1,14 @@
-"""Estimators of OpenCV and scikit-image, and of OpenCV's contributed modules where installed.
+"""Estimators of OpenCV, its contributed modules, and scikit-image.
 
 OpenCV runs on one thread: its parallel loops cut a frame by the number of threads, and some
 estimators propagate results within such a part, so only one thread gives the same numbers on every
 machine.
-
-RLOF: Senst et al. 2012, Geistert et al. 2016. PCAFlow: Wulff and Black 2015. DeepFlow: the
-variational part, coarse to fine, without its matches (Weinzaepfel et al. 2013). They are in no
-default list: an environment without them gives the same tables.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +17,6 @@ from pydantic import Field
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
-
-_SMALLEST_DIS_FRAME_PX = 12
 
 
 class LucasKanade(GrayDetector, frozen=True):
@@ -101,23 +95,11 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's trade-off of speed and accuracy"""
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of a frame (H, W); ValueError if it is too small."""
-        if max(shape) < _SMALLEST_DIS_FRAME_PX:
-            raise ValueError(
-                f"frames of {shape[0]} × {shape[1]} px: {self.name} needs at least"
-                f" {_SMALLEST_DIS_FRAME_PX} px along one side"
-            )
-        return super().grid(shape)
-
-    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
         import cv2
 
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
-        first, second = eight_bits(pair)
-        start = np.zeros((*grid.shape, 2), np.float32)
-        with one_thread():
-            return cv2.DISOpticalFlow.create(preset).calc(first, second, start)
+        return _calculated(cv2.DISOpticalFlow.create(preset), eight_bits(pair), 12)
 
 
 @contextmanager
@@ -168,6 +150,105 @@ class TotalVariation(DenseDetector, frozen=True):
         return np.stack((right, down), axis=-1)
 
 
+class DualTotalVariation(DenseDetector, frozen=True):
+    """Dense flow smoothed by its total variation, by OpenCV, averaged over blocks.
+
+    As `TotalVariation`, with a median filter after every warp (Sánchez, Meinhardt-Llopis and
+    Facciolo 2013).
+    """
+
+    place: ClassVar[float] = 10.2
+    name: str = "DualTVL1"
+    label: str = "Total variation, OpenCV"
+    attachment: Annotated[float, Field(gt=0)] = 0.06
+    """Weight of the frames' difference, gray levels from 0 to 255; smaller gives smoother flow.
+    OpenCV's 0.15 suits pictures without noise"""
+
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
+        estimator = cv2.optflow.DualTVL1OpticalFlow.create(lambda_=self.attachment)
+        return _calculated(estimator, pair.astype(np.float32))
+
+
+class DeepFlow(DenseDetector, frozen=True):
+    """Dense flow of constant brightness and gradients, averaged over blocks.
+
+    The variational part of DeepFlow (Weinzaepfel et al. 2013; Brox et al. 2004), coarse to fine,
+    without its matches of descriptors. Its weights are fixed by OpenCV.
+    """
+
+    place: ClassVar[float] = 10.3
+    name: str = "DeepFlow"
+    label: str = "DeepFlow, variational"
+
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
+        return _calculated(cv2.optflow.createOptFlow_DeepFlow(), (255 * pair).astype(np.float32))
+
+
+class PCAFlow(DenseDetector, frozen=True):
+    """Dense flow as a sum of smooth basis fields (Wulff and Black 2015), averaged over blocks.
+
+    Their weights are those that fit tracked corners best, so the flow has no edges. A pair without
+    corners has no velocity (NaN).
+    """
+
+    place: ClassVar[float] = 10.6
+    name: str = "PCAFlow"
+    label: str = "PCA-Flow"
+
+    def _flow(self, grid: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
+        try:
+            return _calculated(cv2.optflow.createOptFlow_PCAFlow(), eight_bits(pair), 128)
+        except cv2.error:  # no corner was tracked
+            return np.full((*grid.shape, 2), np.nan)
+
+
+class RobustLocalFlow(DenseDetector, frozen=True):
+    """Dense flow between tracked points (RLOF, Senst et al. 2012), averaged over blocks.
+
+    Points of a grid of 6 px are tracked with a robust norm, and the flow between them is
+    interpolated within edges (Geistert et al. 2016). Two steps of OpenCV's are left out, for few
+    points: the prior of a global motion never ends, and the check of the way back leaves fewer
+    neighbors than are read.
+    """
+
+    place: ClassVar[float] = 10.7
+    name: str = "RLOF"
+    label: str = "Robust local flow"
+    window_px: Annotated[int, Field(ge=5, le=99)] | None = None
+    """Side of the window of a point; default: 9 to 21 px, cut where gray levels change"""
+
+    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
+        import cv2
+
+        tracking = cv2.optflow.RLOFOpticalFlowParameter.create()
+        tracking.setUseGlobalMotionPrior(False)
+        if self.window_px is not None:
+            tracking.setSupportRegionType(cv2.optflow.SR_FIXED)
+            tracking.setLargeWinSize(self.window_px)
+        between = cv2.optflow.DenseRLOFOpticalFlow.create(tracking, forwardBackwardThreshold=0)
+        in_color = np.repeat(eight_bits(pair)[..., np.newaxis], 3, axis=-1)
+        return _calculated(between, in_color, 128)
+
+
+def _calculated(estimator: Any, pictures: NDArray[Any], fewest_px: int = 1) -> NDArray[Any]:
+    """Return the flow (H, W, 2) by an estimator of OpenCV between two pictures, on one thread.
+
+    Sides with fewer pixels are padded: estimators go beyond the memory of small pictures.
+    """
+    height, width = pictures.shape[1:3]
+    more = [(0, 0), *((0, max(0, fewest_px - side)) for side in (height, width)), (0, 0)]
+    padded = np.pad(pictures, more[: pictures.ndim], mode="edge")
+    with one_thread():
+        start = np.zeros((*padded.shape[1:3], 2), np.float32)
+        return np.asarray(estimator.calc(*padded, start))[:height, :width]
+
+
 class DenseLucasKanade(DenseDetector, frozen=True):
     """Lucas–Kanade around each pixel (Le Besnerais and Champagnat 2005), averaged over blocks.
 
@@ -215,42 +296,3 @@ class PhaseCorrelation(GrayDetector, frozen=True):
             first, second, upsample_factor=20, normalization="phase"
         )
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))
-
-
-Algorithm = Literal["RLOF", "PCAFlow", "DeepFlow"]
-_REMEDY = "pip uninstall -y opencv-python-headless; pip install opencv-contrib-python-headless"
-
-
-class ContribFlow(DenseDetector, frozen=True):
-    """Dense flow of a contributed estimator with OpenCV's settings, averaged over blocks."""
-
-    algorithm: Algorithm
-    """Name of the estimator"""
-
-    def _flow(self, _: BlockGrid, pair: Floats) -> NDArray[Any]:
-        import cv2
-
-        optflow = vars(cv2)["optflow"]  # unknown to the types of OpenCV without it
-        first, second = eight_bits(pair)
-        start = np.zeros((*pair.shape[1:], 2), np.float32)
-        with one_thread():
-            if self.algorithm == "RLOF":  # which takes colors
-                colors = [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) for picture in (first, second)]
-                return np.asarray(optflow.calcOpticalFlowDenseRLOF(*colors, start))
-            create = getattr(optflow, f"createOptFlow_{self.algorithm}")
-            return np.asarray(create().calc(first, second, start))
-
-
-def contrib_detector(name: str) -> ContribFlow | None:
-    """Return an estimator by name, upper or lower case; None for any other name.
-
-    Raises ValueError if OpenCV comes without it.
-    """
-    known = {algorithm.casefold(): algorithm for algorithm in get_args(Algorithm)}
-    if (algorithm := known.get(name.casefold())) is None:
-        return None
-    import cv2
-
-    if not hasattr(cv2, "optflow"):
-        raise ValueError(f"{algorithm} needs OpenCV's contributed modules; run: {_REMEDY}")
-    return ContribFlow(name=algorithm, label=f"{algorithm}, OpenCV contrib", algorithm=algorithm)

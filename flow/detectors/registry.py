@@ -17,7 +17,6 @@ from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
-from megalopta.flow.detectors.libraries import contrib_detector
 from megalopta.flow.detectors.onnx_detector import onnx_detector
 
 Method: TypeAlias = str | Detector | DenseFlow
@@ -62,9 +61,8 @@ VELOCITY_METHODS = tuple(
 def method(chosen: Method, allows_code: bool = True) -> Detector:
     """Return the detector of a name (upper or lower case), of a function, or the detector itself.
 
-    OpenCV's contributed estimators have names, too (`contrib`). A name may also be
-    `module:function`, or the path of an ONNX file (`detector_at`), unless code is not allowed: a
-    name from a file is not the user's own choice.
+    A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code
+    is not allowed: a name from a file is not the user's own choice.
 
     Raises ValueError for an unknown name, with the names that exist.
     """
@@ -75,8 +73,6 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
     for known, detector in METHODS.items():
         if known.casefold() == chosen.casefold():
             return detector
-    if contributed := contrib_detector(chosen):
-        return contributed
     if allows_code and (elsewhere := detector_at(chosen)):
         return elsewhere
     more = "give module:function" if allows_code else "run code that a file names by --allow-code"

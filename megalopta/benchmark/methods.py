@@ -21,7 +21,7 @@ from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import METHODS, VELOCITY_METHODS, Method, velocity_method
+from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity_method
 
 Methods = Mapping[str, BlockDetector]
 
@@ -38,6 +38,8 @@ TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = MappingProxyType(
     strict_yaml.load(Path(__file__).with_name("tuned.yaml").read_text("utf-8"))
 )
 """Settings by method and photons per pixel, with their error on the tuning scenes"""
+STRONGEST = tuple(f"{name} tuned" if name in TUNED else name for name in VELOCITY_METHODS)
+"""Names of the methods that give velocities, tuned to the light where there are settings"""
 
 
 class TunedMethod(BlockDetector, frozen=True):
@@ -88,29 +90,32 @@ def gray_method(name: str) -> GrayDetector:
 
 
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
-    """Return methods by name.
+    """Return methods and baselines by name.
 
     Raises ValueError if one is unknown, gives no velocities, or has a duplicate name.
     """
     detectors: dict[str, BlockDetector] = {}
-    for detector in map(velocity_method, chosen):
+    for detector in map(method_or_baseline, chosen):
         if detector.name in detectors:
             raise ValueError(f"methods: duplicate {detector.name!r}; give each once")
         detectors[detector.name] = detector
     return detectors
 
 
-def block_detector(chosen: Method) -> BlockDetector:
+def method_or_baseline(chosen: Method) -> BlockDetector:
     """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `√` or `NLM`.
 
     Raises ValueError for any other.
     """
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
     if kind == "tuned":
-        detector: BlockDetector = tuned(name)
-    else:
-        detector = stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
-    return detector.model_copy(update={"block_px": BLOCK_PX})
+        return tuned(name)
+    return stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
+
+
+def block_detector(chosen: Method) -> BlockDetector:
+    """Return a method or baseline with the blocks of boards of whole frames."""
+    return method_or_baseline(chosen).model_copy(update={"block_px": BLOCK_PX})
 
 
 def stretched(name: str, kind: str) -> GrayDetector:
@@ -121,16 +126,18 @@ def stretched(name: str, kind: str) -> GrayDetector:
 
 
 def methods_and_baselines() -> list[BlockDetector]:
-    """Return all methods and baselines that run on two frames."""
-    of_pairs = [name for name in VELOCITY_METHODS if METHODS[name].memory_frames == 1]
-    return [block_detector(name) for name in (*of_pairs, *(f"{name} tuned" for name in TUNED))]
+    """Return all methods that run on two frames, tuned to the light where there are settings."""
+    chosen = (*STRONGEST, "DIS √", "DeepFlow √")
+    return [each for each in map(block_detector, chosen) if each.memory_frames == 1]
 
 
 def identity(detector: Detector) -> str:
-    """Identify a method: its parameters, its class, and the file of a function."""
+    """Identify a method: its parameters, its class, the file of a function, tuned settings."""
     function = getattr(detector, "function", None)
     places = type(detector), inspect.unwrap(function) if inspect.isfunction(function) else None
-    return digest(detector.model_dump_json(), *(_source(place) for place in places if place))
+    settings = str(TUNED.get(detector.method.name)) if isinstance(detector, TunedMethod) else ""
+    parts = detector.model_dump_json(), settings
+    return digest(*parts, *(_source(place) for place in places if place))
 
 
 @cache

@@ -8,11 +8,11 @@ import pandas as pd
 from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_validator
 
 from megalopta.benchmark import table
+from megalopta.benchmark.methods import STRONGEST
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
 from megalopta.core.format_numbers import FORMATS
 from megalopta.core.record import Record
-from megalopta.flow.detectors.registry import VELOCITY_METHODS
 from megalopta.scenes.levels import illuminance_of
 
 FEWEST_SEQUENCES = 5
@@ -31,8 +31,11 @@ PARALLAX_PX = (0.3, 1.0)
 class RankingSettings(Record, frozen=True):
     """Methods and photons."""
 
-    methods: Annotated[tuple[str, ...], ONCE, Field(min_length=1)] = VELOCITY_METHODS
-    """Methods that give velocities: names, `module:function`, or ONNX files."""
+    methods: Annotated[tuple[str, ...], ONCE, Field(min_length=1)] = tuple(
+        name for name in STRONGEST if name not in ("DualTVL1 tuned", "zero")
+    )
+    """Methods that give velocities: names, baselines such as `DIS tuned` and `DIS √`,
+    `module:function`, or ONNX files."""
     fluxes: Annotated[tuple[Annotated[float, Field(gt=0)], ...], ONCE] = (
         *(1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
     )

@@ -61,7 +61,7 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     option(
         "--methods A,B",
         "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
-        " (default: all two-frame methods)",
+        " (default: all two-frame methods, tuned if possible)",
     ),
     _PHOTONS,
     _PNG_SCALE,

@@ -16,7 +16,7 @@ TRUTH_MODEL = 4
 SENSOR_MODEL = 8
 """Version of readings: effects, their order, random streams."""
 
-_LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
+_LIBRARIES = ("numba", "numpy", "opencv-contrib-python-headless", "scikit-image", "scipy")
 
 
 def digest(*parts: str | bytes) -> str:

@@ -40,7 +40,8 @@ METHOD_COLORS = {
     **{"BM": BLUE, "IIA": ORANGE, "EMD": GREEN, "NDM": VERMILION, "NDS": PURPLE, "IM": SKY},
     **{"LK": "#A5002D", "FB": "#3C5A00", "DIS": "#879600", "TV-L1": "#005A5A", "ILK": "#694B2D"},
     **{"PC": "#4B4B69", "BA": "#96783C", "PM": "#FF4B5A", "PPM": "#C39687"},
-    **{"PF": "#780FB4", "PF-fast": "#9669FF", "PPF": "#C30F87"},
+    **{"PF": "#780FB4", "PF-fast": "#9669FF", "PPF": "#C30F87", "DualTVL1": "#5A2D3C"},
+    **{"DeepFlow": "#00C31E", "PCAFlow": "#A5A5C3", "RLOF": "#A5A587", "zero": "#787878"},
 }
 """One color a method, on all pages and pictures; those after the first six are as far apart (18 or
 more by CIEDE2000) as light and dark pages allow"""
@@ -55,8 +56,9 @@ _STYLE = matplotlib.rc_params_from_file(
 def method_style(name: str) -> dict[str, Any]:
     """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
 
-    A Python function, which is not in the list, gets a hue by its name.
+    `DIS tuned` looks like DIS. A Python function, which is not in the list, gets a hue by its name.
     """
+    name = name.removesuffix(" tuned")
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
     hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)).tolist())
     return {

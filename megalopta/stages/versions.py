@@ -14,7 +14,7 @@ PACKAGES = (
     "numpy",
     "scipy",
     "numba",
-    "opencv-python-headless",
+    "opencv-contrib-python-headless",
     "scikit-image",
     "trimesh",
     "zarr",

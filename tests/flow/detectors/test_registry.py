@@ -76,7 +76,10 @@ def test_darkness_has_no_velocity(name):
     "name",
     [
         # dear, and their velocities have tests of their own
-        pytest.param(name, marks=[pytest.mark.slow] if name in ("TV-L1", "PC", "PF", "PPF") else [])
+        pytest.param(
+            name,
+            marks=[pytest.mark.slow] if name in ("TV-L1", "DualTVL1", "PC", "PF", "PPF") else [],
+        )
         for name in METHODS
     ],
 )
@@ -89,7 +92,7 @@ def test_detectors_that_tell_direction_answer_with_its_sign(name):
     right, left = (
         np.nanmean(x_of(detector.respond(each)[-3:])) for each in (frames, frames[..., ::-1])
     )
-    assert (right > 0 > left) == (name not in ("NDM", "NDS", "IM"))
+    assert (right > 0 > left) == (name not in ("NDM", "NDS", "IM", "zero"))
 
 
 def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):

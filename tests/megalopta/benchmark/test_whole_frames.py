@@ -10,7 +10,13 @@ import pytest
 from PIL import Image
 
 from megalopta.benchmark.clips import FlowClip
-from megalopta.benchmark.methods import TUNED, block_detector, methods_and_baselines, tuned
+from megalopta.benchmark.methods import (
+    TUNED,
+    block_detector,
+    methods_and_baselines,
+    tuned,
+    velocity_methods,
+)
 from megalopta.benchmark.whole_frames import (
     FAR,
     FROM_OTHERS,
@@ -107,13 +113,17 @@ def test_methods_and_baselines_of_a_board_do_with_two_frames():
     assert {"PM", "DIS tuned"} <= set(two) and not {"PPM", "EMD"} & set(two)
     assert block_detector("DIS tuned") == block_detector(two["DIS tuned"])
     assert block_detector("DIS √").name == "DIS √"
+    assert list(velocity_methods(["DIS √", "DeepFlow tuned"])) == ["DIS √", "DeepFlow tuned"]
     denoised = block_detector("DIS NLM")
     assert (denoised.name, denoised.stretch) == ("DIS NLM", "denoised")
     with pytest.raises(ValueError, match="settings exist for DIS, .*; or give .* √"):
         block_detector(f"{next(name for name in GRAY if name not in TUNED)} tuned")
 
 
-@pytest.mark.parametrize("name", TUNED)
+SLOW = {"DualTVL1": pytest.mark.slow}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in TUNED])
 def test_a_tuned_method_has_the_settings_for_the_nearest_light(name, clip):
     for flux, nearest in ((0.4, 1.0), (12.0, 10.0)):
         first, second = clip.counts(flux, 0)[3:5]

@@ -11,8 +11,8 @@ from ..small import TINY, made, small
 
 pytestmark = pytest.mark.slow
 
-# TV-L1 takes as long as all others; tests/flow/detectors/test_estimators.py has it
-QUICK = [name for name in METHODS if name != "TV-L1"]
+# these take as long as all others; tests/flow/detectors/test_estimators.py has them
+QUICK = [name for name in METHODS if name not in ("TV-L1", "DualTVL1")]
 
 DOTS = TINY | small(60, 60, 30, samples=16, sensors="ideal", levels="twilight")
 DOTS |= {
