@@ -1,10 +1,10 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every method gives one velocity per block of 24 × 24 px, which is compared with the mean true flow
-of the block. The outermost blocks are excluded. A block without velocity counts as zero motion.
-Next to the median there are the mean, shares of blocks that are far off, Fl and WAUC
-(`flow.metrics.endpoint_error`, with blocks for pixels), and means by speed and by occlusion. A
-method's value is the mean over draws and scenes, with its interval over scenes (`table`).
+Every pixel with known flow is scored (`flow.metrics.endpoint_error`). Methods of blocks have blocks
+of 24 × 24 px, between which their velocities are interpolated. A pixel without flow counts as zero
+motion. Next to the median there are the mean, shares of pixels that are far off, Fl and WAUC, and
+means by speed and by occlusion. A method's value is the mean over draws and pairs, with its
+interval over pairs (`table`).
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
 pictures without photon noise, which favors it and similar methods. The other is the median of all
@@ -12,7 +12,7 @@ other methods on the same photons, which may share an error.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -26,7 +26,8 @@ import pandas as pd
 
 from megalopta.benchmark import table
 from megalopta.benchmark.clips import FlowClip
-from megalopta.benchmark.methods import BLOCK_PX, block_detector, methods_and_baselines
+from megalopta.benchmark.disturbances import Disturbance
+from megalopta.benchmark.methods import block_detector, methods_and_baselines
 from megalopta.benchmark.table import FAR, FAR_PX, MEAN, MEDIAN
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
@@ -35,9 +36,9 @@ from megalopta.core.files import write_text
 from megalopta.core.pictures import SENSED_BYTES
 from megalopta.core.progress import progress, say
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
+from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
-from megalopta.flow.metrics import endpoint_error
+from megalopta.flow.metrics.endpoint_error import DenseErrors
 from megalopta.render import Footage, open_footage
 from megalopta.scenes.stimuli.pictures import Unit
 
@@ -54,7 +55,7 @@ _DENSE: Mapping[str, tuple[str, str]] = {
     "mean_epe_visible_px": ("visible", "epe_px"),
     "mean_epe_occluded_px": ("occluded", "epe_px"),
 }
-"""Group of blocks and field of `endpoint_error.DenseError` by metric; speeds are px per frame"""
+"""Group of pixels and field of `endpoint_error.DenseError` by metric; speeds are px per frame"""
 METRICS: Mapping[str, str] = MappingProxyType(
     {
         MEDIAN: "median px",
@@ -80,6 +81,10 @@ FROM_STAND_IN, FROM_OTHERS = (
 """Metrics against the flow of the reference, and against the median of the other methods, by the
 corresponding metric of an error."""
 
+OWN_METHODS = "PM", "PPM", "PF", "PPF", "PF-fast"
+"""Methods of this program for photon counts, which a verdict names where they are not first"""
+UNDISTURBED = "none"
+
 _CLEAN_PHOTONS = 1000.0
 """Photons per pixel of the noise-free light that the reference sees."""
 
@@ -92,28 +97,65 @@ _Light: TypeAlias = Callable[[], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """Errors of methods over the blocks of scenes, by photons per pixel and frame."""
+    """Errors of methods over the pixels of pairs, by photons per pixel and frame."""
 
     detectors: Sequence[BlockDetector]
     samples: pd.DataFrame
-    """A row per metric, method, photons and scene (`table.samples`): the sum over known draws"""
+    """A row per set, metric, method, photons, disturbance (group) and pair (`table.samples`): the
+    sum over known draws, and their number (blocks)"""
 
-    @property
-    def scenes(self) -> list[str]:
-        """Names of the scenes."""
-        return list(self.samples["unit"].unique())
+    def parts(self) -> Mapping[str | None, str]:
+        """Return the headings of all pairs together (None) and, if there are several, of sets."""
+        pairs = self.samples.groupby("set", sort=False)["unit"].nunique()
+        count = int(pairs.sum())
+        whole = {None: f"All {count} pairs" if count > 1 else str(self.samples["unit"].iloc[0])}
+        sets = {str(name): f"{name} ({number} pairs)" for name, number in pairs.items()}
+        return whole | (sets if len(sets) > 1 else {})
 
-    def means(self) -> pd.DataFrame:
-        """Return the mean of every metric over the scenes that have it (`table.means`)."""
-        return table.means(self.samples)
+    def of(self, set_name: str | None, group: str = UNDISTURBED) -> pd.DataFrame:
+        """Return the samples of a set, or of all, with a disturbance or without."""
+        samples = self.samples[self.samples["group"] == group]
+        return samples if set_name is None else samples[samples["set"] == set_name]
 
     def by_scene(self) -> pd.DataFrame:
-        """Return the mean over draws: a row per scene, method and photons, a column per metric."""
+        """Return the mean over draws, a column per metric.
+
+        A row per set, pair, disturbance, photons and method.
+        """
         rows = self.samples.assign(value=self.samples["total"] / self.samples["blocks"])
-        names = [detector.name for detector in self.detectors]
-        wide = rows.pivot(index=["unit", "method", "photons"], columns="metric", values="value")
-        order = (self.scenes, names, list(rows["photons"].unique()))
-        return wide.reindex(pd.MultiIndex.from_product(order, names=wide.index.names))
+        names = ["set", "unit", "group", "photons", "method"]
+        wide = rows.pivot(index=names, columns="metric", values="value")
+        return wide.reindex(pd.MultiIndex.from_frame(rows[names].drop_duplicates()))
+
+
+def verdicts(board: Board) -> Iterator[str]:
+    """Yield which methods are first, by how much: a sentence per set, disturbance and photons.
+
+    All pairs together come first. The difference to the next method, and to the first of
+    `OWN_METHODS` if none of the two is among them, has Student's 95 % interval over pairs.
+    """
+    if len(board.detectors) < 2:
+        return
+    for group, (set_name, pairs) in product(board.samples["group"].unique(), board.parts().items()):
+        disturbed = "" if group == UNDISTURBED else f", {group}"
+        for flux, rows in board.of(set_name, group).groupby("photons", sort=False):
+            mean, median = (_lead(rows[rows["metric"] == name]) for name in (MEAN, MEDIAN))
+            where = f"{pairs}{disturbed}, {flux:g} photons"
+            yield f"{where}: lowest mean {mean}; lowest median {median}"
+
+
+def _lead(rows: pd.DataFrame) -> str:
+    """Return the method of the least mean, and how far the next and our own first are above it."""
+    sums = table.by_method(rows)
+    mean_px = {name: table.mean(errors) for name, errors in sums.items()}
+    first, *others = sorted(mean_px, key=lambda name: mean_px[name])
+    own = [name for name in (first, *others) if name in OWN_METHODS]
+    above = []
+    for name in dict.fromkeys((others[0], *own[: first not in OWN_METHODS])):
+        gap = table.difference(sums[name], sums[first])
+        interval = f" ± {gap.high - gap.value:.2f}" if gap.high == gap.high else ""
+        above.append(f"{name} {gap.value:.2f}{interval} px")
+    return f"{first} {mean_px[first]:.2f} px, {' and '.join(above)} above it"
 
 
 def frame_errors(
@@ -121,40 +163,42 @@ def frame_errors(
     methods: Sequence[Method],
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
+    disturbances: Sequence[Disturbance] = (),
+    count: int | None = None,
 ) -> Board:
     """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
-    Raises ValueError if a method gives no velocity of blocks or needs more frames than a clip has,
-    or a clip is too small.
+    One clip is in memory at a time; `count` is their number, if an iterator gives them. Raises
+    ValueError if a method gives no velocity or needs more frames than a clip has, or a clip is too
+    small.
     """
     detectors = [block_detector(method) for method in methods]
-    scenes, key = list(clips), ("whole frames",)
-    for detector in detectors:  # compiled before time is measured
-        block_velocities(detector, scenes[0], scenes[0].counts(fluxes[0], 0, key))
+    key, is_compiled = ("whole frames",), False
 
     def measure(clip: FlowClip, counts: Frames) -> Measures:
-        truth = true_velocities(clip)
-        known = np.isfinite(truth).all(axis=-1)
-        occluded = None
-        if clip.hidden is not None:
-            hidden = clip.hidden & np.isfinite(clip.flow).all(axis=-1)
-            share = endpoint_error.block_share(hidden[np.newaxis], _grid(clip))[0, 1:-1, 1:-1]
-            occluded = np.asarray(share >= endpoint_error.OCCLUDED_SHARE)
+        nonlocal is_compiled
+        if not is_compiled:  # before time is measured
+            for detector in detectors:
+                dense_flow(detector, clip, counts)
+            is_compiled = True
+        known = np.isfinite(clip.flow).all(axis=-1)
         for detector in detectors:
             start = time.process_time()
-            velocities = block_velocities(detector, clip, counts)
+            flow = dense_flow(detector, clip, counts)
             yield SECONDS, detector.name, time.process_time() - start
-            for metric, value in measures(distances(velocities, truth)[known]):
+            for metric, value in measures(distances(flow, clip.flow)[known]):
                 yield metric, detector.name, value
-            dense = endpoint_error.DenseErrors()
-            dense.add(velocities, truth, occluded)
+            dense = DenseErrors()
+            dense.add(flow, clip.flow, clip.hidden)
             for metric, (group, field) in _DENSE.items():
                 value = asdict(dense.of(group))[field]
-                unknown = group == "visible" and occluded is None
+                unknown = group == "visible" and clip.hidden is None
                 scale = 100 if field.endswith("percent") else 1
                 yield metric, detector.name, np.nan if unknown else value / scale
 
-    return Board(detectors, _samples(scenes, len(scenes), fluxes, draws, key, measure))
+    total = len(clips) if isinstance(clips, Sized) else count or 0
+    samples = _samples(clips, total, fluxes, draws, key, measure, (None, *disturbances))
+    return Board(detectors, samples)
 
 
 def _samples(
@@ -164,67 +208,56 @@ def _samples(
     draws: int,
     key: tuple[str, ...],
     measure: Callable[[FlowClip, Frames], Measures],
+    disturbances: Sequence[Disturbance | None] = (None,),
 ) -> pd.DataFrame:
     """Return what is measured on the counts of every clip, draw and flux, summed over draws."""
-    rows = []
-    with progress("Drawing photons", count, "pair") as advance:
+    parts = []
+    cases = list(product(range(draws), disturbances, fluxes))
+    with progress("Measuring flow", count * len(cases), "frame") as advance:
         for clip in clips:
-            for draw, flux in product(range(draws), fluxes):
-                for metric, name, value in measure(clip, clip.counts(flux, draw, key)):
+            rows = []
+            for draw, disturbance, flux in cases:
+                counts = clip.counts(flux, draw, key, disturbance)
+                for metric, name, value in measure(clip, counts):
                     known = np.isfinite(value)
-                    case = metric, name, flux, "all", clip.name
+                    case = metric, name, flux, str(disturbance or UNDISTURBED), clip.name
                     rows.append((*case, value if known else 0.0, float(known)))
-            advance(1)
-    draws_of_all = table.samples(rows).groupby([*table.CASE, "unit"], sort=False)
-    return draws_of_all.sum().reset_index()
+                advance(1)
+            sums = table.samples(rows).groupby([*table.CASE, "unit"], sort=False).sum()
+            parts.append(sums.reset_index().assign(set=clip.set_name))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
-    """Write a row per pair, method and flux, as CSV: means over the draws of the pair.
+    """Write a row per pair, disturbance, flux and method, as CSV: means over the pair's draws.
 
     Without truth, rows say what stands in for it.
     """
-    names = {"unit": "pair", "photons": "photons_per_px"}
+    names = {"unit": "pair", "group": "disturbance", "photons": "photons_per_px"}
     rows = board.by_scene().reset_index().rename(columns=names)
     if stand_in:
-        rows.insert(3, "stand_in", stand_in)
+        rows = rows.drop(columns=["set", "disturbance"]).assign(stand_in=stand_in)
         metrics = [m for m in (*FROM_STAND_IN.values(), *FROM_OTHERS.values()) if m in rows]
     else:
         frames = {detector.name: detector.memory_frames + 1 for detector in board.detectors}
-        rows.insert(2, "frames", rows["method"].map(frames))
+        rows["frames"] = rows["method"].map(frames)
         metrics = list(METRICS)
     first = [name for name in rows if name not in metrics]
     text = rows[[*first, *metrics]].to_csv(index=False, float_format="%.6g", na_rep="nan")
     write_text(path, text)
 
 
-def block_velocities(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
-    """Return velocities of the inner blocks, (rows, columns, 2), 0 if a method gives none.
+def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
+    """Return the flow (H, W, 2) in the middle of counts (T, H, W), px; 0 if a method gives none.
 
-    It sees the frames in the middle of counts (T, H, W). Raises ValueError if it needs more.
+    Raises ValueError if the method needs more frames.
     """
     needed = detector.memory_frames + 1
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
     first = (len(counts) - needed) // 2
-    return np.nan_to_num(detector.respond(counts[first : first + needed])[-1, 1:-1, 1:-1])
-
-
-def _grid(clip: FlowClip) -> BlockGrid:
-    return block_grid((clip.light.shape[1], clip.light.shape[2]), BLOCK_PX)
-
-
-def true_velocities(clip: FlowClip) -> Floats:
-    """Return the mean flow of the inner blocks, (rows, columns, 2); NaN if unknown.
-
-    A block needs flow for half of its pixels. Raises ValueError if no block has it.
-    """
-    flow = endpoint_error.block_flow(clip.flow[np.newaxis], _grid(clip))[0, 1:-1, 1:-1]
-    if not np.isfinite(flow).all(axis=-1).any():
-        raise ValueError(
-            f"{clip.name}: no block of {BLOCK_PX} px has half of its flow known; give other flow"
-        )
-    return flow
+    flow = detector.dense(*counts[first : first + needed])
+    return np.nan_to_num(flow, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def distances(first: Floats, second: Floats) -> Floats:
@@ -233,7 +266,7 @@ def distances(first: Floats, second: Floats) -> Floats:
 
 
 def measures(distances_px: Floats) -> Iterator[tuple[str, float]]:
-    """Yield median, mean, and the share above `FAR_PX` of the distances of blocks, (n,)."""
+    """Yield median, mean, and the share above `FAR_PX` of the distances of pixels, (n,)."""
     yield MEDIAN, float(np.median(distances_px))
     yield MEAN, float(distances_px.mean())
     yield FAR, float((distances_px > FAR_PX).mean())
@@ -296,16 +329,20 @@ def distances_of_pairs(
                     say(f"{name}: both pictures are uniform; skipping the pair")
                     continue
                 light /= light.mean()
-                yield FlowClip(name, light, standing_in.dense(*light * _CLEAN_PHOTONS))
+                stand_in = standing_in.dense(*light * _CLEAN_PHOTONS)
+                if np.isfinite(stand_in).any():
+                    yield FlowClip(name, light, stand_in)
+                else:
+                    say(f"{name}: {standing_in.name} finds no flow; skipping the pair")
 
         def measure(clip: FlowClip, counts: Frames) -> Measures:
-            stand_in = true_velocities(clip)
-            known = np.isfinite(stand_in).all(axis=-1)
+            known = np.isfinite(clip.flow).all(axis=-1)
             flows = {
-                detector.name: block_velocities(detector, clip, counts) for detector in detectors
+                detector.name: dense_flow(detector, clip, counts).astype(np.float32)
+                for detector in detectors
             }
             for name, flow in flows.items():
-                references = [(FROM_STAND_IN, stand_in)]
+                references = [(FROM_STAND_IN, clip.flow)]
                 other_flows = [flow_of for method, flow_of in flows.items() if method != name]
                 if len(other_flows) > 1:
                     references.append((FROM_OTHERS, np.median(other_flows, axis=0)))

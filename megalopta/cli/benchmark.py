@@ -1,8 +1,9 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
+    from megalopta.benchmark.clips import Files, FlowClip
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 150  # width of tables, on any terminal
@@ -52,8 +54,8 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     "rank flow methods over photon levels on photographs, with or without true flow",
     option(
         "paths PATH",
-        "two pictures and their flow (.flo or another format); or a folder in the layout of"
-        " Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset; with --no-truth: two"
+        "folders, in the layout of Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset;"
+        " or two pictures and their flow (.flo or another format); with --no-truth: two"
         " pictures, a folder of pictures, or a video",
         Path,
         nargs="+",
@@ -67,7 +69,7 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     _PNG_SCALE,
     option(
         "--pairs N",
-        "largest number of pairs from a folder or video, evenly spaced",
+        "largest number of pairs from a set of a folder, or a video, evenly spaced",
         at_least(1),
         20,
     ),
@@ -75,6 +77,12 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         "--draws N",
         f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
         at_least(1),
+    ),
+    option(
+        "--disturb A,B",
+        "also measure with disturbances, such as ramp20,vignette,shadow,dispersion5,mismatch,warm,"
+        "rendering; may be repeated",
+        action="append",
     ),
     switch(
         "--no-truth",
@@ -100,39 +108,75 @@ def _pairs(options: Namespace) -> Path:
     for name in ("reference", "unit"):
         if getattr(options, name):
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    from megalopta.benchmark import clips
-    from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
-    from megalopta.benchmark.whole_frames import METRICS, frame_errors, write_board
+    from megalopta.benchmark import whole_frames
+    from megalopta.benchmark.clips import read_pair
+    from megalopta.benchmark.disturbances import disturbance
+    from megalopta.benchmark.methods import methods_and_baselines
     from megalopta.core.errors import refused_as
+    from megalopta.core.progress import silent
+
+    pairs = list(_pairs_of_sets(options))
+    methods, draws = _methods_and_draws(options, len(pairs))
+    for _, name, files in pairs:  # refused before the work
+        read_pair(name, files)
+
+    def clips() -> "Iterator[FlowClip]":
+        for set_name, name, files in pairs:
+            with silent():
+                clip = read_pair(name, files, set_name)
+            yield clip
+
+    with refused_as():
+        disturbances = [
+            disturbance(name) for name in ",".join(options.disturb or ()).split(",") if name
+        ]
+        board = whole_frames.frame_errors(
+            clips(),
+            methods or methods_and_baselines(),
+            options.photons,
+            draws,
+            list(dict.fromkeys(disturbances)),
+            len(pairs),
+        )
+    whole_frames.write_board(options.out, board)
+    for verdict in whole_frames.verdicts(board):
+        print(verdict)
+    print(
+        f"\nErrors of all pixels{_over(board)}; with means (px) of those that move 0–10, 10–40, 40+"
+        " px, and of visible and occluded ones, if there are any:"
+    )
+    _print_tables(board, whole_frames.METRICS)
+    return Path(options.out)
+
+
+def _pairs_of_sets(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
+    """Yield set, name and files of the pairs to measure."""
+    from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
 
-    if len(options.paths) == 1:
-        pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
-        pairs = dict(evenly_spaced([*pairs_below.items()], options.pairs))
-    elif len(options.paths) == 3:
-        *pictures, truth = options.paths
-        pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
-    else:
+    paths, scale = options.paths, options.png_scale
+    if len(paths) == 3 and not any(path.is_dir() for path in paths):
+        yield "", paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale))
+        return
+    if len(paths) > 1 and not all(path.is_dir() for path in paths):
         raise UserError(
-            f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
-            " their flow (without flow: --no-truth)"
+            f"benchmark pairs: {len(paths)} paths; give folders, or two pictures and their flow"
+            " (without flow: --no-truth)"
         )
-    methods, draws = _methods_and_draws(options, len(pairs))
-    scenes = [clips.read_pair(name, files) for name, files in pairs.items()]
-    with refused_as():
-        errors = frame_errors(scenes, methods or methods_and_baselines(), options.photons, draws)
-    write_board(options.out, errors)
-    print(
-        f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; with means (px) of those that move"
-        " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
-    )
-    _print_tables(errors, METRICS)
-    return Path(options.out)
+    names = [path.resolve().name for path in paths]
+    homes = dict[Path, Path]()
+    for path, name in zip(paths, names, strict=True):
+        for pass_name, pairs in clips.sets_below(path, scale).items():
+            alone = name if names.count(name) == 1 else path.as_posix()
+            for pair, files in evenly_spaced([*pairs.items()], options.pairs):
+                if (home := homes.setdefault(files[0], path)) != path:
+                    raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
+                yield f"{alone} {pass_name}".strip(), pair, files
 
 
 def _pairs_without_truth(options: Namespace) -> None:
     from megalopta.benchmark import whole_frames
-    from megalopta.benchmark.methods import BLOCK_PX, block_detector
+    from megalopta.benchmark.methods import block_detector
     from megalopta.benchmark.table import MEAN
     from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
     from megalopta.report.images import evenly_spaced
@@ -147,7 +191,7 @@ def _pairs_without_truth(options: Namespace) -> None:
     stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
     whole_frames.write_board(options.out, distances, stand_in)
     print(
-        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(distances)}."
+        f"NO TRUE FLOW: these are distances, not errors, of all pixels{_over(distances)}."
         f"\n\nDistance from the flow of the noise-free pictures by {name}, "
         f"which favors {name} and similar methods:"
     )
@@ -166,39 +210,62 @@ def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None
 
 
 def _over(board: "Board") -> str:
-    pairs = len(board.scenes)
-    return f", mean over {pairs} pairs, 95 % CI over pairs" if pairs > 1 else ""
+    pairs = board.samples[["set", "unit"]].drop_duplicates()
+    return ", mean over pairs, 95 % CI over pairs" if len(pairs) > 1 else ""
 
 
 def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per flux: a row per method, a column per metric that is known of any."""
+    """Print a table per set and flux: a row per method, a column per metric known of any.
+
+    Disturbances follow in a table of mean errors, a column for each.
+    """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.table import records
+    from megalopta.benchmark import table
+    from megalopta.benchmark.whole_frames import UNDISTURBED
 
     console = Console(width=_WIDTH)
-    means = board.means()
-    means = means[means["metric"].isin(metrics)]
-    for flux, rows in means.groupby("photons", sort=False):
-        known = [name for name in metrics if name in set(rows["metric"])]
-        table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
-        for name in known:
-            table.add_column(metrics[name], justify="right")
+    disturbances = list(board.samples["group"].unique())
+
+    def show(title: str, heads: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> None:
+        shown = Table(box=SIMPLE, padding=(0, 1))
+        shown.add_column(title, no_wrap=True)
+        for head in heads.values():
+            shown.add_column(head, justify="right")
+        for detector in board.detectors:
+            row = (cells.get((detector.name, name), _UNKNOWN) for name in heads)
+            shown.add_row(detector.name, *row)
+        console.print(shown)
+
+    for (set_name, heading), flux in product(
+        board.parts().items(), board.samples["photons"].unique()
+    ):
+        title = f"{heading}, {flux:g} photons"
         cells = dict[tuple[str, str], str]()
-        for row in records(rows):
+        samples = board.of(set_name)
+        means = table.means(samples[(samples["photons"] == flux) & samples["metric"].isin(metrics)])
+        for row in table.records(means):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
             ends = row.value, row.low, row.high
-            value, low, high = (f"{factor * end:.{digits}f}" for end in ends)
+            value, low, high = (
+                f"{factor * end:.{digits}f}" if end < 1000 else f"{end:.0e}" for end in ends
+            )
             has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px"))
             is_known = has_ends and row.low == row.low
             cells[row.method, row.metric] = f"{value}\n{low}…{high}" if is_known else value
-        for detector in board.detectors:
-            table.add_row(
-                detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)
-            )
-        console.print(table)
+        known = set(means["metric"])
+        show(title, {name: head for name, head in metrics.items() if name in known}, cells)
+        if disturbances == [UNDISTURBED]:
+            continue
+        cells = {}
+        for name in disturbances:
+            samples = board.of(set_name, name)
+            samples = samples[(samples["photons"] == flux) & (samples["metric"] == table.MEAN)]
+            for row in table.records(table.means(samples)):
+                cells[row.method, name] = f"{row.value:.2f}"
+        show(f"{title}, mean px with", {name: name for name in disturbances}, cells)
 
 
 @verb(
