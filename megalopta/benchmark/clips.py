@@ -144,11 +144,11 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
         for frame, path in _frames_below(root, among_pictures=True).items():
             truth, start = TrueFlow(path, png_scale), path.stem.removesuffix("flow")
             if start != path.stem:
-                names = (f"{start}{mask}.png" for mask in ("occlusions", "invalid", "flow_noc"))
-                masks = (
-                    mask if (mask := path.with_name(name)).exists() else None for name in names
-                )
-                truth = TrueFlow(path, png_scale, *masks)
+                beside = [
+                    path.with_name(f"{start}{mask}.png")
+                    for mask in ("occlusions", "invalid", "flow_noc")
+                ]
+                truth = TrueFlow(path, png_scale, *(m if m.exists() else None for m in beside))
             if not path.stem.endswith("flow_noc"):
                 truths[frame] = truth
     if not truths:
@@ -370,8 +370,5 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
 
 def _may_be_flow(path: Path) -> bool:
     """Return whether a PNG has 16 bits and three channels, by its header."""
-    try:
-        with path.open("rb") as file:
-            return file.read(26)[24:] == b"\x10\x02"
-    except OSError:
-        return True  # refused where it is read
+    with path.open("rb") as file:
+        return file.read(26)[24:] == b"\x10\x02"

@@ -1,7 +1,7 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from megalopta.benchmark.clips import Files, FlowClip
     from megalopta.benchmark.whole_frames import Board
 
-_WIDTH = 150  # width of tables, on any terminal
+_WIDTH = 170  # width of tables, on any terminal
 _UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
@@ -102,54 +102,67 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     out_file("pairs.csv", "file of the errors"),
 )
 def _pairs(options: Namespace) -> Path:
-    if options.no_truth:
-        _pairs_without_truth(options)
-        return Path(options.out)
     for name in ("reference", "unit"):
-        if getattr(options, name):
+        if getattr(options, name) and not options.no_truth:
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
     from megalopta.benchmark import whole_frames
-    from megalopta.benchmark.clips import read_pair
     from megalopta.benchmark.disturbances import disturbance
-    from megalopta.benchmark.methods import methods_and_baselines
+    from megalopta.benchmark.methods import block_detector, methods_and_baselines
     from megalopta.core.errors import refused_as
-    from megalopta.core.progress import silent
+    from megalopta.report.images import evenly_spaced
 
-    pairs = list(_pairs_of_sets(options))
-    methods, draws = _methods_and_draws(options, len(pairs))
-    for _, name, files in pairs:  # refused before the work
-        read_pair(name, files)
-
-    def clips() -> "Iterator[FlowClip]":
-        for set_name, name, files in pairs:
-            with silent():
-                clip = read_pair(name, files, set_name)
-            yield clip
-
-    with refused_as():
-        disturbances = [
-            disturbance(name) for name in ",".join(options.disturb or ()).split(",") if name
-        ]
+    with ExitStack() as stack, refused_as():
+        names = filter(None, ",".join(options.disturb or ()).split(","))
+        disturbances = list(dict.fromkeys(map(disturbance, names)))
+        methods = options.methods.split(",") if options.methods else methods_and_baselines()
+        if options.no_truth:
+            reference = block_detector(options.reference or _REFERENCE)
+            pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
+            pictures = dict(evenly_spaced([*pictures.items()], options.pairs))
+            clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
+        else:
+            files = list(_files_of_pairs(options))
+            clips, count = _read(files), len(files)
+        draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
         board = whole_frames.frame_errors(
-            clips(),
-            methods or methods_and_baselines(),
-            options.photons,
-            draws,
-            list(dict.fromkeys(disturbances)),
-            len(pairs),
+            clips, methods, options.photons, draws, disturbances, count, options.no_truth
         )
-    whole_frames.write_board(options.out, board)
-    for verdict in whole_frames.verdicts(board):
-        print(verdict)
-    print(
-        f"\nErrors of all pixels{_over(board)}; with means (px) of those that move 0–10, 10–40, 40+"
-        " px, and of visible and occluded ones, if there are any:"
-    )
-    _print_tables(board, whole_frames.METRICS)
+    over = ", mean over pairs, 95 % CI over pairs" if count > 1 else ""
+    heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
+    if options.no_truth:
+        stand_in = f"{reference.name} on the pictures without noise, which favors {reference.name}"
+        whole_frames.write_board(options.out, board, f"not the truth but {stand_in}")
+        print(
+            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nDistance from "
+            f"the flow by {stand_in} and similar methods; last, the mean from the median of the "
+            "other methods on the same photons, which may share an error:"
+        )
+        heads[whole_frames.FROM_OTHERS] = "others px"
+    else:
+        whole_frames.write_board(options.out, board)
+        print(*whole_frames.verdicts(board), "", sep="\n")
+        print(
+            f"Errors of all pixels{over}; with means (px) of those that move 0–10, 10–40, 40+ px, "
+            "and of visible and occluded ones, if there are any:"
+        )
+    _print_tables(board, heads)
     return Path(options.out)
 
 
-def _pairs_of_sets(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
+def _read(pairs: "list[tuple[str, str, Files]]") -> "Iterator[FlowClip]":
+    """Yield pairs one at a time, after all were read once: a fault is told before the work."""
+    from megalopta.benchmark.clips import read_pair
+    from megalopta.core.progress import silent
+
+    for _, name, files in pairs:
+        read_pair(name, files)
+    for set_name, name, files in pairs:
+        with silent():
+            clip = read_pair(name, files, set_name)
+        yield clip
+
+
+def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
     """Yield set, name and files of the pairs to measure."""
     from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
@@ -174,98 +187,46 @@ def _pairs_of_sets(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
                 yield f"{alone} {pass_name}".strip(), pair, files
 
 
-def _pairs_without_truth(options: Namespace) -> None:
-    from megalopta.benchmark import whole_frames
-    from megalopta.benchmark.methods import block_detector
-    from megalopta.benchmark.table import MEAN
-    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
-    from megalopta.report.images import evenly_spaced
+def _print_tables(board: "Board", heads: dict[str, str]) -> None:
+    """Print a table per set and flux: a row per method, a column per metric that is known of any.
 
-    reference = options.reference or _REFERENCE
-    with ExitStack() as stack:
-        all_pairs = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
-        pairs = dict(evenly_spaced([*all_pairs.items()], options.pairs))
-        choices = _methods_and_draws(options, len(pairs))
-        distances = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
-    name = block_detector(reference).name
-    stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
-    whole_frames.write_board(options.out, distances, stand_in)
-    print(
-        f"NO TRUE FLOW: these are distances, not errors, of all pixels{_over(distances)}."
-        f"\n\nDistance from the flow of the noise-free pictures by {name}, "
-        f"which favors {name} and similar methods:"
-    )
-    _print_tables(distances, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
-    if len(distances.detectors) > 2:
-        print(
-            "\nDistance from the median of the other methods on the same photons; methods that "
-            "agree may share an error:"
-        )
-        _print_tables(distances, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
-
-
-def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
-    draws = options.draws or (_DRAWS_OF_ONE if pairs == 1 else 1)
-    return options.methods.split(",") if options.methods else None, draws
-
-
-def _over(board: "Board") -> str:
-    pairs = board.samples[["set", "unit"]].drop_duplicates()
-    return ", mean over pairs, 95 % CI over pairs" if len(pairs) > 1 else ""
-
-
-def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per set and flux: a row per method, a column per metric known of any.
-
-    Disturbances follow in a table of mean errors, a column for each.
+    Disturbances have a column for the mean error.
     """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark import table
-    from megalopta.benchmark.whole_frames import UNDISTURBED
+    from megalopta.benchmark.table import MEAN, means, records
 
-    console = Console(width=_WIDTH)
-    disturbances = list(board.samples["group"].unique())
-
-    def show(title: str, heads: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> None:
-        shown = Table(box=SIMPLE, padding=(0, 1))
-        shown.add_column(title, no_wrap=True)
-        for head in heads.values():
-            shown.add_column(head, justify="right")
-        for detector in board.detectors:
-            row = (cells.get((detector.name, name), _UNKNOWN) for name in heads)
-            shown.add_row(detector.name, *row)
-        console.print(shown)
-
-    for (set_name, heading), flux in product(
-        board.parts().items(), board.samples["photons"].unique()
-    ):
-        title = f"{heading}, {flux:g} photons"
+    groups, fluxes = (board.samples[name].unique() for name in ("group", "photons"))
+    console = Console(width=_WIDTH + 14 * (len(groups) - 1))
+    for (set_name, heading), flux in product(board.parts().items(), fluxes):
+        rows = means(board.of(set_name, flux))
         cells = dict[tuple[str, str], str]()
-        samples = board.of(set_name)
-        means = table.means(samples[(samples["photons"] == flux) & samples["metric"].isin(metrics)])
-        for row in table.records(means):
+        for row in records(rows):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
-            ends = row.value, row.low, row.high
-            value, low, high = (
-                f"{factor * end:.{digits}f}" if end < 1000 else f"{end:.0e}" for end in ends
+            ends = (factor * end for end in (row.value, row.low, row.high))
+            value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
+            if row.group != groups[0]:
+                cells[row.method, f"{row.group} {row.metric}"] = value
+                continue
+            has_ends = row.metric.startswith(("median", "mean_epe_px")) and row.low == row.low
+            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if has_ends else value
+        table = Table(box=SIMPLE, padding=(0, 1))
+        table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
+        disturbed = {f"{group} {MEAN}": f"{group}, mean px" for group in groups[1:]}
+        columns = {
+            name: head
+            for name, head in (heads | disturbed).items()
+            if any(name == known for _, known in cells)
+        }
+        for head in columns.values():
+            table.add_column(head, justify="right")
+        for detector in board.detectors:
+            table.add_row(
+                detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in columns)
             )
-            has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px"))
-            is_known = has_ends and row.low == row.low
-            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if is_known else value
-        known = set(means["metric"])
-        show(title, {name: head for name, head in metrics.items() if name in known}, cells)
-        if disturbances == [UNDISTURBED]:
-            continue
-        cells = {}
-        for name in disturbances:
-            samples = board.of(set_name, name)
-            samples = samples[(samples["photons"] == flux) & (samples["metric"] == table.MEAN)]
-            for row in table.records(table.means(samples)):
-                cells[row.method, name] = f"{row.value:.2f}"
-        show(f"{title}, mean px with", {name: name for name in disturbances}, cells)
+        console.print(table)
 
 
 @verb(
