@@ -44,6 +44,8 @@ class FlowClip:
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
     hidden: Mask | None = None
     """(H, W), pixels that something else hides in the second of them; None: unknown"""
+    foreground: Mask | None = None
+    """(H, W), pixels of moving objects; None: unknown"""
     set_name: str = ""
     """Name of the set of clips that this one belongs to"""
 
@@ -96,6 +98,8 @@ class TrueFlow(NamedTuple):
     """Mask, white where not scored; Sintel"""
     visible: Path | None = None
     """Flow of pixels visible in the next frame only; KITTI"""
+    objects: Path | None = None
+    """Numbers of moving objects, 0 elsewhere; KITTI 2015"""
 
     def files(self) -> list[Path]:
         """Return all its files."""
@@ -130,7 +134,8 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
         if kitti:
             visible = _frames_below(kitti[-1]) if len(kitti) > 1 else {}
             for frame, path in _frames_below(kitti[0]).items():
-                truths[frame] = TrueFlow(path, png_scale, visible=visible.get(frame))
+                objects = next(iter(folder.glob(f"obj_map/{path.stem}.png")), None)
+                truths[frame] = TrueFlow(path, png_scale, None, None, visible.get(frame), objects)
         elif (folder / "flow").is_dir():
             for frame, path in _frames_below(folder / "flow").items():
                 name = Path(frame.sequence) / f"{frame.name}.png"
@@ -254,7 +259,9 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
         raise UserError(f"{first} and {second} are black; give brighter pictures")
     if not np.isfinite(flow).all(axis=-1).any():
         raise UserError(f"{truth.flow}: no pixel has a known flow; give other flow")
-    return FlowClip(name, light / light.mean(), flow.astype(np.float64), hidden, set_name)
+    objects = _mask(truth.objects, flow.shape) if truth.objects else None
+    light /= light.mean()
+    return FlowClip(name, light, flow.astype(np.float64), hidden, objects, set_name)
 
 
 def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:

@@ -30,15 +30,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 
 AMOUNTS: Mapping[str, float] = MappingProxyType(
-    {
-        "ramp": 20,
-        "vignette": 15,
-        "shadow": 40,
-        "dispersion": 2,
-        "mismatch": 20,
-        "warm": 3,
-        "rendering": 20,
-    }
+    {"ramp": 20, "vignette": 15, "shadow": 40, "dispersion": 2}
+    | {"mismatch": 20, "warm": 3, "rendering": 20}
 )
 """Default amounts by kind: %, but D of dispersion and times the mean light of warm pixels"""
 _LEAST_GAIN = 0.05
@@ -91,9 +84,8 @@ def disturbed_means(means: Floats, disturbance: Disturbance, rng: np.random.Gene
     elif kind == "mismatch":
         means *= np.maximum(rng.normal(1, share, (height, width)), _LEAST_GAIN)
     elif kind == "warm":
-        warmth = gaussian_filter(
-            (rng.random((height, width)) < _WARM_SHARE).astype(np.float64), _WARM_BLUR_PX
-        )
+        seeds = rng.random((height, width)) < _WARM_SHARE
+        warmth = gaussian_filter(seeds.astype(np.float64), _WARM_BLUR_PX)
         means += amount * means.mean() * warmth / max(warmth.max(), 1e-9)
     elif kind == "rendering":
         means *= rng.gamma(share**-2, share**2, means.shape)

@@ -44,7 +44,7 @@ from megalopta.render import Footage, open_footage
 from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-SECONDS = "cpu_s"
+SECONDS, FOREGROUND = "cpu_s", "fl_foreground_share"
 METRICS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
         MEDIAN: ("median px", "", ""),
@@ -59,6 +59,7 @@ METRICS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
         "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
         "mean_epe_visible_px": ("visible", "visible", "epe_px"),
         "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
+        FOREGROUND: ("Fl-fg %", "", ""),
         SECONDS: ("CPU s", "", ""),
     }
 )
@@ -197,6 +198,10 @@ def _measures(
             if group and (group != "visible" or clip.hidden is not None):
                 scale = 0.01 if field.endswith("percent") else 1
                 yield metric, detector.name, scale * asdict(errors.of(group))[field]
+        if clip.foreground is not None:
+            objects = DenseErrors()
+            objects.add(flow, np.where(clip.foreground[..., np.newaxis], clip.flow, np.nan))
+            yield FOREGROUND, detector.name, 0.01 * objects.of("all").fl_percent
         if with_others:
             flows[detector.name] = flow.astype(np.float32)
     for name in flows if len(flows) > 2 else ():
@@ -251,13 +256,11 @@ def pairs_without_truth(
     frames: list[_Light] = [
         partial(_luminance, footage, k) for footage in opened for k in range(len(footage))
     ]
-    if len(opened) > 2 or (len(opened) == 2 and len(frames) > 2):
+    if len(frames) < 2 or len(opened) > 2 or (len(opened) == 2 and len(frames) > 2):
         raise UserError(
-            f"benchmark pairs: {len(paths)} paths of {len(frames)} frames; without truth, give two "
-            "pictures, a folder of pictures or a video"
+            f"benchmark pairs: {len(paths)} paths, {len(frames)} frames in all; without truth, give"
+            " two pictures, a folder of pictures or a video"
         )
-    if len(frames) < 2:
-        raise UserError(f"{paths[0]} has one frame; give two pictures, or a video")
     if len({footage.shape for footage in opened}) > 1:
         sizes = " and ".join(f"{f.shape[1]} × {f.shape[0]}" for f in opened)
         raise UserError(f"{paths[0]} and {paths[1]} have {sizes} px; give one size")

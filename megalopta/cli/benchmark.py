@@ -215,17 +215,11 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
         table = Table(box=SIMPLE, padding=(0, 1))
         table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
         disturbed = {f"{group} {MEAN}": f"{group}, mean px" for group in groups[1:]}
-        columns = {
-            name: head
-            for name, head in (heads | disturbed).items()
-            if any(name == known for _, known in cells)
-        }
-        for head in columns.values():
-            table.add_column(head, justify="right")
-        for detector in board.detectors:
-            table.add_row(
-                detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in columns)
-            )
+        known = [name for name in heads | disturbed if any(name in key for key in cells)]
+        for name in known:
+            table.add_column((heads | disturbed)[name], justify="right")
+        for method in (detector.name for detector in board.detectors):
+            table.add_row(method, *(cells.get((method, name), _UNKNOWN) for name in known))
         console.print(table)
 
 

@@ -104,6 +104,17 @@ def test_pictures_beside_their_flow_are_a_set_and_so_is_each_pass(tmp_path, fold
         assert first.is_relative_to(tmp_path / folder)
 
 
+def test_moving_objects_of_kitti_are_the_foreground(tmp_path):
+    write, flows, frames, name = LAYOUTS["kitti"]
+    save(tmp_path, write, *flows)
+    save(tmp_path, picture, *frames)
+    numbers = np.arange(48, dtype=np.uint8).reshape(6, 8) % 3
+    (tmp_path / "training/obj_map").mkdir()
+    picture(tmp_path / "training/obj_map/000000_10.png", numbers)
+    clip = read_pair(name, pairs_below(tmp_path)[name])
+    np.testing.assert_array_equal(clip.foreground, numbers > 0)
+
+
 def test_masks_beside_flow_are_used(tmp_path):
     """Of a folder for each pair: what is hidden, or visible, and what does not count."""
     save(tmp_path, write_flo, "a/flow.flo")

@@ -92,12 +92,14 @@ def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
     """The left 40 of 120 columns move by 60 px; half of them are hidden."""
     flow, hidden = clip.flow.copy(), np.zeros((96, 120), np.bool_)
     flow[:, :40], hidden[:, :20] = (60.0, 0.0), True
-    moved = replace(clip, flow=flow, hidden=hidden)
+    foreground = np.arange(120) < np.full((96, 1), 80)
+    moved = replace(clip, flow=flow, hidden=hidden, foreground=foreground)
     board = frame_errors([moved], [always(2.0, 1.0)], (3.0,))
     off, found = np.hypot(58, 1), values(board)
     assert "mean_epe_10_to_40_px" not in found
     for name, error in {
         "mean_epe_below_10_px": 0,
+        "fl_foreground_share": 0.5,
         "mean_epe_from_40_px": off,
         "mean_epe_occluded_px": off,
         "mean_epe_visible_px": off / 5,
@@ -118,7 +120,7 @@ def on_sets(errors_by_set):
     """A board of two constant flows, whose truths are at these distances from (0, 0)."""
     light = np.ones((2, 72, 72))
     clips = [
-        FlowClip(f"pair {number}", light, np.broadcast_to((far, 0.0), (72, 72, 2)), None, name)
+        FlowClip(f"pair {number}", light, np.full((72, 72, 2), (far, 0.0)), set_name=name)
         for name, errors in errors_by_set.items()
         for number, far in enumerate(errors)
     ]
@@ -248,10 +250,10 @@ def test_a_folder_becomes_a_table_of_error_against_flux(clip, tmp_path, capsys):
         (["{root}", "--methods", "PPM"], "has 2 frames; PPM needs 8"),
         (["{picture}", "{small}", "{truth}"], "give pictures and flow of one size"),
         (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
-        (["{picture}", "--no-truth"], "has one frame"),
+        (["{picture}", "--no-truth"], "1 paths, 1 frames in all"),
         (
             ["{picture}", "{picture}", "{picture}", "--no-truth"],
-            "3 paths of 3 frames; without truth",
+            "3 paths, 3 frames in all; without truth",
         ),
         (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
         (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
