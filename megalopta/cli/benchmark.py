@@ -214,7 +214,7 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
             cells[row.method, row.metric] = f"{value}\n{low}…{high}" if has_ends else value
         table = Table(box=SIMPLE, padding=(0, 1))
         table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
-        disturbed = {f"{group} {MEAN}": f"{group}, mean px" for group in groups[1:]}
+        disturbed = {f"{group} {MEAN}": f"{group}\nmean px" for group in groups[1:]}
         known = [name for name in heads | disturbed if any(name in key for key in cells)]
         for name in known:
             table.add_column((heads | disturbed)[name], justify="right")
