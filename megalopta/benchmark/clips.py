@@ -3,7 +3,8 @@
 A frame is identified by its sequence (the folders above its file) and its name. Sintel submissions
 have a folder per pass (clean, final) above the sequences; any such folder is scored separately. A
 dataset of megalopta has Sintel's layout. Flow of Spring has twice the size of its frames and is in
-their pixels: that at every second row and column is used.
+their pixels: that at every second row and column is used. Flow beside its pictures may have masks,
+named as it is with `occlusions`, `invalid` or `flow_noc` for `flow`.
 """
 
 import re
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.benchmark.disturbances import Disturbance, disturbed_means
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
@@ -28,6 +30,7 @@ from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.render import open_footage
 from megalopta.render.footage.pictures import KINDS
+from megalopta.sensor.sampling.streams import generator
 
 
 @dataclass(frozen=True)
@@ -41,18 +44,37 @@ class FlowClip:
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
     hidden: Mask | None = None
     """(H, W), pixels that something else hides in the second of them; None: unknown"""
+    foreground: Mask | None = None
+    """(H, W), pixels of moving objects; None: unknown"""
+    set_name: str = ""
+    """Name of the set of clips that this one belongs to"""
 
-    def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
-        """Return a draw (T, H, W) of `flux` photons per pixel; the key seeds it."""
-        return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
+    def counts(
+        self,
+        flux: float,
+        draw: int,
+        key: tuple[str, ...] = (),
+        disturbance: Disturbance | None = None,
+    ) -> Counts:
+        """Return a draw (T, H, W) of `flux` photons per pixel, which key and name seed.
+
+        Patterns of a disturbance are the same at every flux.
+        """
+        means = self.light * flux
+        if disturbance:
+            rng = generator(0, "disturbance", *key, disturbance.kind, self.name, draw)
+            means = disturbed_means(means, disturbance, rng)
+        return draw_counts(means, 0, *key, self.name, f"{flux:.6g}", draw)
 
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
+_OF_FLOW = re.compile("flow|(^|[-_])(occlusions|invalid)$")
 LAYOUTS = (
     "the layouts of Sintel (flow/SEQ/frame_0001.flo, clean/SEQ/frame_0001.png), KITTI (flow_occ/"
     "000000_10.png, image_2/000000_10.png), Middlebury (other-gt-flow/NAME/flow10.flo, other-data/"
     "NAME/frame10.png), Spring (SEQ/flow_FW_left/, SEQ/frame_left/), FlyingChairs (00001_flow.flo, "
-    "00001_img1.ppm), or NAME.flo beside two pictures NAME_1.png and NAME_2.png"
+    "00001_img1.ppm), NAME.flo beside two pictures NAME_1.png and NAME_2.png, or a folder for each"
+    " pair (NAME/flow.flo, NAME/first.png, NAME/second.png)"
 )
 """Known layouts, for messages."""
 
@@ -76,12 +98,17 @@ class TrueFlow(NamedTuple):
     """Mask, white where not scored; Sintel"""
     visible: Path | None = None
     """Flow of pixels visible in the next frame only; KITTI"""
+    objects: Path | None = None
+    """Numbers of moving objects, 0 elsewhere; KITTI 2015"""
 
     def files(self) -> list[Path]:
         """Return all its files."""
         paths = self.flow, self.occlusion, self.undefined, self.visible
         return [path for path in paths if path]
 
+
+KITTI_FLOWS = ("flow_occ", "flow_noc")
+"""Folders of KITTI's flow: of all pixels, of those visible in the next frame only"""
 
 Truths = Mapping[FrameName, TrueFlow]
 
@@ -103,10 +130,12 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
                 tree.opened(sequence).compare_all("training/")
     truths: dict[FrameName, TrueFlow] = {}
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
-        if (folder / "flow_occ").is_dir():
-            visible = _frames_below(folder / "flow_noc")
-            for frame, path in _frames_below(folder / "flow_occ").items():
-                truths[frame] = TrueFlow(path, png_scale, visible=visible.get(frame))
+        kitti = [folder / name for name in KITTI_FLOWS if (folder / name).is_dir()]
+        if kitti:
+            visible = _frames_below(kitti[-1]) if len(kitti) > 1 else {}
+            for frame, path in _frames_below(kitti[0]).items():
+                objects = next(iter(folder.glob(f"obj_map/{path.stem}.png")), None)
+                truths[frame] = TrueFlow(path, png_scale, None, None, visible.get(frame), objects)
         elif (folder / "flow").is_dir():
             for frame, path in _frames_below(folder / "flow").items():
                 name = Path(frame.sequence) / f"{frame.name}.png"
@@ -117,8 +146,16 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
             spring = _frames_below(folder, among_pictures=True)
             truths |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
     if not truths:
-        below = _frames_below(root, among_pictures=True)
-        truths = {frame: TrueFlow(path, png_scale) for frame, path in below.items()}
+        for frame, path in _frames_below(root, among_pictures=True).items():
+            truth, start = TrueFlow(path, png_scale), path.stem.removesuffix("flow")
+            if start != path.stem:
+                beside = [
+                    path.with_name(f"{start}{mask}.png")
+                    for mask in ("occlusions", "invalid", "flow_noc")
+                ]
+                truth = TrueFlow(path, png_scale, *(m if m.exists() else None for m in beside))
+            if not path.stem.endswith("flow_noc"):
+                truths[frame] = truth
     if not truths:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
     return truths
@@ -154,11 +191,14 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameNam
 
 
 def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, Path]]]:
-    """Find both pictures of every frame, by pass: Sintel's clean and final; "" of other layouts.
+    """Find both pictures of every frame, by pass.
 
-    Raises UserError if there are none.
+    Passes are "clean" and "final" of Sintel, "gray" of Middlebury's pictures without color, and ""
+    of all others. Raises UserError if there are none.
     """
-    pictures: dict[str, dict[FrameName, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    pictures: dict[str, dict[FrameName, tuple[Path, Path]]] = {
+        name: {} for name in ("clean", "final", "", "gray")
+    }
     for frame, files in truths.items():
         for name, pair in _pictures(frame, files.flow).items():
             if all(path.exists() for path in pair):
@@ -173,21 +213,31 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, P
     return complete
 
 
-def pairs_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, Files]:
-    """Return the files of all pairs of a dataset, by name. Raises UserError without any."""
+def sets_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, dict[str, Files]]:
+    """Return the files of all pairs of a folder, by pass and name.
+
+    The folder holds flow and pictures, or only pictures, beside their flow: Sintel's `clean` or
+    Middlebury's `other-data`. Raises UserError without pairs.
+    """
     if not folder.is_dir():
         raise UserError(f"{folder}: no such folder")
-    truths = true_flows(folder, png_scale)
-    pictures = next(iter(pictures_of(truths).values()))  # of Sintel's passes, the clean one
+    folder = flows = folder.absolute()
+    if folder.name in ("clean", "final") and folder.with_name("flow").is_dir():
+        flows = folder.parent
+    elif folder.name.startswith("other-data") and folder.with_name("other-gt-flow").is_dir():
+        flows = folder.with_name("other-gt-flow")
+    truths = true_flows(flows, png_scale)
     return {
-        "/".join(filter(None, frame)): (*pictures[frame], truths[frame]) for frame in sorted(truths)
+        name: {"/".join(filter(None, frame)): (*pairs[frame], truths[frame]) for frame in pairs}
+        for name, pairs in pictures_of(truths).items()
+        if flows == folder or next(iter(pairs.values()))[0].is_relative_to(folder)
     }
 
 
-def read_pair(name: str, files: Files) -> FlowClip:
+def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     """Return a pair as a clip of two frames, from first picture, second picture and truth.
 
-    Raises UserError if a file is damaged or of the wrong size.
+    Raises UserError if a file is damaged or of the wrong size, or no flow is known.
     """
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
@@ -207,7 +257,11 @@ def read_pair(name: str, files: Files) -> FlowClip:
     light = np.stack(frames)
     if not light.any():
         raise UserError(f"{first} and {second} are black; give brighter pictures")
-    return FlowClip(name, light / light.mean(), flow.astype(np.float64), hidden)
+    if not np.isfinite(flow).all(axis=-1).any():
+        raise UserError(f"{truth.flow}: no pixel has a known flow; give other flow")
+    objects = _mask(truth.objects, flow.shape) if truth.objects else None
+    light /= light.mean()
+    return FlowClip(name, light, flow.astype(np.float64), hidden, objects, set_name)
 
 
 def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
@@ -250,11 +304,16 @@ def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
 
 def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
     """Return the files of both pictures, by pass, where the layout of the flow has them."""
-    folder, stem = flow.parent, flow.stem
+    folder, stem = (flow := flow.absolute()).parent, flow.stem
     if stem == "flow10":  # Middlebury
-        places = [folder, *sorted(folder.parent.parent.glob(f"*/{folder.name}"))]
+        beside = sorted(folder.parent.parent.iterdir(), reverse=True)
+        places = [*(place / folder.name for place in beside), folder]
         pairs = [(place / "frame10.png", place / "frame11.png") for place in places]
-        return {"": next((pair for pair in pairs if pair[0].exists()), pairs[0])}
+        return {
+            "gray" if "gray" in pair[0].parent.parent.name else "": pair
+            for pair in pairs
+            if pair[0].exists()
+        }
     numbered = re.fullmatch(r"(.*?)(\d+)", stem)
     start, number = numbered.groups() if numbered else (stem, "0")
 
@@ -267,14 +326,14 @@ def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
         return {"": (at(frames, 0, start), at(frames, 1 if way == "F" else -1, start))}
     levels = len(Path(frame.sequence).parts)
     above, root = flow.parents[levels].name, flow.parents[levels + 1]
-    if above == "flow_occ":
+    if above in KITTI_FLOWS:
         kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
         place = next((kind for kind in kinds if kind.is_dir()), kinds[0]) / frame.sequence
         return {"": (at(place, 0), at(place, 1))}
     if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
         passes = {name: root / name / frame.sequence for name in ("clean", "final")}
         return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
-    key = re.sub("_?flow_?", "", stem)
+    key = re.sub("_?flow_?|(^|[-_])gt$", "", stem)
     pictures = _pictures_in(folder)
     from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
     beginning = takewhile(lambda path: path.name.startswith(key), from_key)
@@ -284,26 +343,29 @@ def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
 
 @cache
 def _pictures_in(folder: Path) -> list[Path]:
-    """Return the pictures of a folder by name, without flow."""
+    """Return the pictures of a folder by name, without flow and its masks."""
     return sorted(
         path
         for path in folder.iterdir()
-        if path.suffix.lower() in KINDS and "flow" not in path.stem
+        if path.suffix.lower() in KINDS and not _OF_FLOW.search(path.stem)
     )
 
 
 def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
-    """Return the flow files below a folder; PNG beside another format may be pictures."""
+    """Return the flow files below a folder; among pictures, only those PNG files that are flow."""
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
     suffixes = {path.suffix.lower() for path in paths}
-    if among_pictures and len(suffixes) > 1:
-        suffixes.discard(".png")
-    if len(suffixes) > 1:
+    if among_pictures:
+        others = {path.parent for path in paths if path.suffix.lower() != ".png"}
+        paths = [
+            path
+            for path in paths
+            if path.suffix.lower() != ".png" or (path.parent not in others and _may_be_flow(path))
+        ]
+    elif len(suffixes) > 1:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
     flows: dict[FrameName, Path] = {}
     for path in paths:
-        if path.suffix.lower() not in suffixes:
-            continue
         number = _NUMBERED.fullmatch(path.stem)
         name = f"frame_{int(number[1]):04d}" if number else path.stem
         frame = FrameName(path.parent.relative_to(root).as_posix().removeprefix("."), name)
@@ -311,3 +373,9 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
             raise UserError(f"{path} and {flows[frame]} are the same frame: give one")
         flows[frame] = path
     return flows
+
+
+def _may_be_flow(path: Path) -> bool:
+    """Return whether a PNG has 16 bits and three channels, by its header."""
+    with path.open("rb") as file:
+        return file.read(26)[24:] == b"\x10\x02"

@@ -21,12 +21,12 @@ from megalopta.core.arrays import Floats
 
 CASE = ["metric", "method", "photons", "group"]
 """Columns that say what a row measures: photons are per frame or per pixel, as the benchmark says;
-group is a group of blocks"""
+group is a group of blocks, or a disturbance"""
 
 MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
-"""Metrics of the endpoint errors of the blocks of a pair of frames"""
+"""Metrics of the endpoint errors of a pair of frames, over blocks or pixels"""
 FAR_PX = 3.0
-"""Endpoint error from which a block counts as far off"""
+"""Endpoint error from which a block or pixel counts as far off"""
 
 _CONFIDENCE = 0.95
 
@@ -67,15 +67,20 @@ def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
     """
     rows = []
     for (metric, *case), same in table.groupby(["metric", *CASE[2:]], sort=False):
-        by_method = {
-            str(name): Sums(part["total"].to_numpy(float), part["blocks"].to_numpy(float))
-            for name, part in same.groupby("method", sort=False)
-        }
-        first = lowest({name: sums for name, sums in by_method.items() if name != not_ranked})
-        for name, sums in by_method.items():
-            if (mean := interval(sums)) is not None:
-                rows.append((metric, name, *case, *mean, first == (name, True)))
+        sums_by_method = by_method(same)
+        first = lowest({name: sums for name, sums in sums_by_method.items() if name != not_ranked})
+        for name, sums in sums_by_method.items():
+            if (over_units := interval(sums)) is not None:
+                rows.append((metric, name, *case, *over_units, first == (name, True)))
     return pd.DataFrame(rows, columns=[*CASE, "value", "low", "high", "surely_lowest"])
+
+
+def by_method(rows: pd.DataFrame) -> dict[str, Sums]:
+    """Return the sums over the units of every method, of the rows of one case."""
+    return {
+        str(name): Sums(part["total"].to_numpy(float), part["blocks"].to_numpy(float))
+        for name, part in rows.groupby("method", sort=False)
+    }
 
 
 def interval(sums: Sums) -> Interval | None:
@@ -84,7 +89,7 @@ def interval(sums: Sums) -> Interval | None:
         return None
     present = _present(sums)
     spread = _spread(_log_means(present), present.blocks)
-    return _around(_mean(sums), *spread) if spread else Interval(_mean(sums))
+    return _around(mean(sums), *spread) if spread else Interval(mean(sums))
 
 
 def ratio(upper: Sums, lower: Sums) -> Interval | None:
@@ -93,7 +98,17 @@ def ratio(upper: Sums, lower: Sums) -> Interval | None:
     with np.errstate(invalid="ignore"):  # ratio of two infinities
         left_out = _log_means(upper) - _log_means(lower)
     spread = _spread(left_out, upper.blocks)
-    return _around(_mean(upper) / _mean(lower), *spread) if spread else None
+    return _around(mean(upper) / mean(lower), *spread) if spread else None
+
+
+def difference(upper: Sums, lower: Sums) -> Interval:
+    """Return the mean over units of the difference of two means, with Student's interval."""
+    gaps = upper.totals / upper.blocks - lower.totals / lower.blocks
+    if len(gaps) < 2:
+        return Interval(float(gaps.mean()))
+    quantile = student.ppf((1 + _CONFIDENCE) / 2, len(gaps) - 1)
+    half, gap = float(quantile * gaps.std(ddof=1) / math.sqrt(len(gaps))), float(gaps.mean())
+    return Interval(gap, gap - half, gap + half)
 
 
 def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
@@ -101,7 +116,7 @@ def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
 
     None if there are no blocks.
     """
-    errors = {name: _mean(blocks) for name, blocks in sums.items() if blocks.blocks.any()}
+    errors = {name: mean(blocks) for name, blocks in sums.items() if blocks.blocks.any()}
     if not errors:
         return None
     first = min(errors, key=lambda name: errors[name])
@@ -130,7 +145,8 @@ def _present(sums: Sums) -> Sums:
     return Sums(sums.totals[has_blocks], sums.blocks[has_blocks])
 
 
-def _mean(sums: Sums) -> float:
+def mean(sums: Sums) -> float:
+    """Return the mean over all blocks."""
     return float(sums.totals.sum() / sums.blocks.sum())
 
 

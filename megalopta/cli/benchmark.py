@@ -1,8 +1,9 @@
 """`megalopta benchmark`: how well methods estimate motion, and how much light they need."""
 
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,9 +27,10 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
+    from megalopta.benchmark.clips import Files, FlowClip
     from megalopta.benchmark.whole_frames import Board
 
-_WIDTH = 150  # width of tables, on any terminal
+_WIDTH = 170  # width of tables, on any terminal
 _UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
@@ -52,8 +54,8 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     "rank flow methods over photon levels on photographs, with or without true flow",
     option(
         "paths PATH",
-        "two pictures and their flow (.flo or another format); or a folder in the layout of"
-        " Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset; with --no-truth: two"
+        "folders, in the layout of Middlebury, Sintel, KITTI, Spring, FlyingChairs or a dataset;"
+        " or two pictures and their flow (.flo or another format); with --no-truth: two"
         " pictures, a folder of pictures, or a video",
         Path,
         nargs="+",
@@ -67,7 +69,7 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     _PNG_SCALE,
     option(
         "--pairs N",
-        "largest number of pairs from a folder or video, evenly spaced",
+        "largest number of pairs from a set of a folder, or a video, evenly spaced",
         at_least(1),
         20,
     ),
@@ -75,6 +77,12 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         "--draws N",
         f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
         at_least(1),
+    ),
+    option(
+        "--disturb A,B",
+        "also measure with disturbances, such as ramp20,vignette,shadow,dispersion5,mismatch,warm,"
+        "rendering; may be repeated",
+        action="append",
     ),
     switch(
         "--no-truth",
@@ -94,110 +102,124 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
     out_file("pairs.csv", "file of the errors"),
 )
 def _pairs(options: Namespace) -> Path:
-    if options.no_truth:
-        _pairs_without_truth(options)
-        return Path(options.out)
     for name in ("reference", "unit"):
-        if getattr(options, name):
+        if getattr(options, name) and not options.no_truth:
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    from megalopta.benchmark import clips
-    from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
-    from megalopta.benchmark.whole_frames import METRICS, frame_errors, write_board
+    from megalopta.benchmark import whole_frames
+    from megalopta.benchmark.disturbances import disturbance
+    from megalopta.benchmark.methods import block_detector, methods_and_baselines
     from megalopta.core.errors import refused_as
     from megalopta.report.images import evenly_spaced
 
-    if len(options.paths) == 1:
-        pairs_below = clips.pairs_below(options.paths[0], options.png_scale)
-        pairs = dict(evenly_spaced([*pairs_below.items()], options.pairs))
-    elif len(options.paths) == 3:
-        *pictures, truth = options.paths
-        pairs = {pictures[0].stem: (*pictures, clips.TrueFlow(truth, options.png_scale))}
-    else:
-        raise UserError(
-            f"benchmark pairs: {len(options.paths)} paths; give a folder, or two pictures and"
-            " their flow (without flow: --no-truth)"
+    with ExitStack() as stack, refused_as():
+        names = filter(None, ",".join(options.disturb or ()).split(","))
+        disturbances = list(dict.fromkeys(map(disturbance, names)))
+        methods = options.methods.split(",") if options.methods else methods_and_baselines()
+        if options.no_truth:
+            reference = block_detector(options.reference or _REFERENCE)
+            pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
+            pictures = dict(evenly_spaced([*pictures.items()], options.pairs))
+            clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
+        else:
+            files = list(_files_of_pairs(options))
+            clips, count = _read(files), len(files)
+        draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
+        board = whole_frames.frame_errors(
+            clips, methods, options.photons, draws, disturbances, count, options.no_truth
         )
-    methods, draws = _methods_and_draws(options, len(pairs))
-    scenes = [clips.read_pair(name, files) for name, files in pairs.items()]
-    with refused_as():
-        errors = frame_errors(scenes, methods or methods_and_baselines(), options.photons, draws)
-    write_board(options.out, errors)
-    print(
-        f"Errors of blocks of {BLOCK_PX} px{_over(errors)}; with means (px) of those that move"
-        " 0–10, 10–40, 40+ px, and of visible and occluded ones, if there are any:"
-    )
-    _print_tables(errors, METRICS)
+    over = ", mean over pairs, 95 % CI over pairs" if count > 1 else ""
+    heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
+    if options.no_truth:
+        stand_in = f"{reference.name} on the pictures without noise, which favors {reference.name}"
+        whole_frames.write_board(options.out, board, f"not the truth but {stand_in}")
+        print(
+            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nDistance from "
+            f"the flow by {stand_in} and similar methods; last, the mean from the median of the "
+            "other methods on the same photons, which may share an error:"
+        )
+        heads[whole_frames.FROM_OTHERS] = "others px"
+    else:
+        whole_frames.write_board(options.out, board)
+        print(*whole_frames.verdicts(board), "", sep="\n")
+        print(
+            f"Errors of all pixels{over}; with means (px) of those that move 0–10, 10–40, 40+ px, "
+            "and of visible and occluded ones, if there are any:"
+        )
+    _print_tables(board, heads)
     return Path(options.out)
 
 
-def _pairs_without_truth(options: Namespace) -> None:
-    from megalopta.benchmark import whole_frames
-    from megalopta.benchmark.methods import BLOCK_PX, block_detector
-    from megalopta.benchmark.table import MEAN
-    from megalopta.benchmark.whole_frames import FROM_OTHERS, FROM_STAND_IN, METRICS
+def _read(pairs: "list[tuple[str, str, Files]]") -> "Iterator[FlowClip]":
+    """Yield pairs one at a time, after all were read once: a fault is told before the work."""
+    from megalopta.benchmark.clips import read_pair
+    from megalopta.core.progress import silent
+
+    for _, name, files in pairs:
+        read_pair(name, files)
+    for set_name, name, files in pairs:
+        with silent():
+            clip = read_pair(name, files, set_name)
+        yield clip
+
+
+def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
+    """Yield set, name and files of the pairs to measure."""
+    from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
 
-    reference = options.reference or _REFERENCE
-    with ExitStack() as stack:
-        all_pairs = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
-        pairs = dict(evenly_spaced([*all_pairs.items()], options.pairs))
-        choices = _methods_and_draws(options, len(pairs))
-        distances = whole_frames.distances_of_pairs(pairs, options.photons, reference, *choices)
-    name = block_detector(reference).name
-    stand_in = f"not the truth but {name} on the pictures without noise, which favors {name}"
-    whole_frames.write_board(options.out, distances, stand_in)
-    print(
-        f"NO TRUE FLOW: these are distances, not errors. Blocks of {BLOCK_PX} px{_over(distances)}."
-        f"\n\nDistance from the flow of the noise-free pictures by {name}, "
-        f"which favors {name} and similar methods:"
-    )
-    _print_tables(distances, {name: METRICS[of] for of, name in FROM_STAND_IN.items()})
-    if len(distances.detectors) > 2:
-        print(
-            "\nDistance from the median of the other methods on the same photons; methods that "
-            "agree may share an error:"
+    paths, scale = options.paths, options.png_scale
+    if len(paths) == 3 and not any(path.is_dir() for path in paths):
+        yield "", paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale))
+        return
+    if len(paths) > 1 and not all(path.is_dir() for path in paths):
+        raise UserError(
+            f"benchmark pairs: {len(paths)} paths; give folders, or two pictures and their flow"
+            " (without flow: --no-truth)"
         )
-        _print_tables(distances, {FROM_OTHERS[MEAN]: METRICS[MEAN]})
+    names = [path.resolve().name for path in paths]
+    homes = dict[Path, Path]()
+    for path, name in zip(paths, names, strict=True):
+        for pass_name, pairs in clips.sets_below(path, scale).items():
+            alone = name if names.count(name) == 1 else path.as_posix()
+            for pair, files in evenly_spaced([*pairs.items()], options.pairs):
+                if (home := homes.setdefault(files[0], path)) != path:
+                    raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
+                yield f"{alone} {pass_name}".strip(), pair, files
 
 
-def _methods_and_draws(options: Namespace, pairs: int) -> tuple[list[str] | None, int]:
-    draws = options.draws or (_DRAWS_OF_ONE if pairs == 1 else 1)
-    return options.methods.split(",") if options.methods else None, draws
+def _print_tables(board: "Board", heads: dict[str, str]) -> None:
+    """Print a table per set and flux: a row per method, a column per metric that is known of any.
 
-
-def _over(board: "Board") -> str:
-    pairs = len(board.scenes)
-    return f", mean over {pairs} pairs, 95 % CI over pairs" if pairs > 1 else ""
-
-
-def _print_tables(board: "Board", metrics: Mapping[str, str]) -> None:
-    """Print a table per flux: a row per method, a column per metric that is known of any."""
+    Disturbances have a column for the mean error.
+    """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.table import records
+    from megalopta.benchmark.table import MEAN, means, records
 
-    console = Console(width=_WIDTH)
-    means = board.means()
-    means = means[means["metric"].isin(metrics)]
-    for flux, rows in means.groupby("photons", sort=False):
-        known = [name for name in metrics if name in set(rows["metric"])]
-        table = Table(f"{flux:g} photons", box=SIMPLE, padding=(0, 1))
-        for name in known:
-            table.add_column(metrics[name], justify="right")
+    groups, fluxes = (board.samples[name].unique() for name in ("group", "photons"))
+    console = Console(width=_WIDTH + 14 * (len(groups) - 1))
+    for (set_name, heading), flux in product(board.parts().items(), fluxes):
+        rows = means(board.of(set_name, flux))
         cells = dict[tuple[str, str], str]()
         for row in records(rows):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
-            ends = row.value, row.low, row.high
-            value, low, high = (f"{factor * end:.{digits}f}" for end in ends)
-            has_ends = row.metric.startswith(("median", "mean_epe_px", "mean_px"))
-            is_known = has_ends and row.low == row.low
-            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if is_known else value
-        for detector in board.detectors:
-            table.add_row(
-                detector.name, *(cells.get((detector.name, name), _UNKNOWN) for name in known)
-            )
+            ends = (factor * end for end in (row.value, row.low, row.high))
+            value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
+            if row.group != groups[0]:
+                cells[row.method, f"{row.group} {row.metric}"] = value
+                continue
+            has_ends = row.metric.startswith(("median", "mean_epe_px")) and row.low == row.low
+            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if has_ends else value
+        table = Table(box=SIMPLE, padding=(0, 1))
+        table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
+        disturbed = {f"{group} {MEAN}": f"{group}\nmean px" for group in groups[1:]}
+        known = [name for name in heads | disturbed if any(name in key for key in cells)]
+        for name in known:
+            table.add_column((heads | disturbed)[name], justify="right")
+        for method in (detector.name for detector in board.detectors):
+            table.add_row(method, *(cells.get((method, name), _UNKNOWN) for name in known))
         console.print(table)
 
 

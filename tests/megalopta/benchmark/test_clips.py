@@ -5,7 +5,7 @@ import h5py
 import numpy as np
 import pytest
 
-from megalopta.benchmark.clips import pairs_below, read_pair, true_flows
+from megalopta.benchmark.clips import read_pair, sets_below, true_flows
 from megalopta.benchmark.scores import score_submissions
 from megalopta.core.errors import UserError
 from megalopta.flow.formats import read_flow, write_flo, write_flo5, write_kitti_png
@@ -32,6 +32,12 @@ def fine_flo5(path, flow):
         file.create_dataset("flow", data=fine)
 
 
+def pairs_below(root):
+    """The pairs of the only pass."""
+    (pairs,) = sets_below(root).values()
+    return pairs
+
+
 LAYOUTS = {
     "sintel": (write_flo, ["flow/alley/frame_0001.flo"], ["clean/alley/frame_0001.png", "clean/alley/frame_0002.png"], "alley/frame_0001"),
     "sintel above": (write_flo, ["training/flow/alley/frame_0001.flo"], ["training/clean/alley/frame_0001.png", "training/clean/alley/frame_0002.png"], "alley/frame_0001"),
@@ -45,6 +51,10 @@ LAYOUTS = {
     "chairs": (write_flo, ["00001_flow.flo"], ["00001_img1.ppm", "00001_img2.ppm"], "00001_flow"),
     "two of chairs": (write_flo, ["1_flow.flo", "10_flow.flo"], ["1_img1.ppm", "1_img2.ppm", "10_img1.ppm", "10_img2.ppm"], "1_flow"),
     "by name": (write_flo, ["data/a.flo"], ["data/a_1.png", "data/a_2.png"], "data/a"),
+    "kitti, visible only": (write_kitti_png, ["flow_noc/000000_10.png"], ["image_0/000000_10.png", "image_0/000000_11.png"], "000000_10"),
+    "middlebury, gray": (write_flo, ["other-gt-flow/Urban/flow10.flo"], ["other-data-gray/Urban/frame10.png", "other-data-gray/Urban/frame11.png"], "other-gt-flow/Urban/flow10"),
+    "examples of chairs": (write_flo, ["0000001-gt.flo"], ["0000001-img0.ppm", "0000001-img1.ppm"], "0000001-gt"),
+    "a folder each, as PNG": (write_kitti_png, ["x/flow.png"], ["x/first.png", "x/second.png"], "x/flow"),
     "a folder each": (write_flo, ["x/flow.flo"], ["x/first.jpg", "x/second.jpg"], "x/flow"),
 }  # fmt: skip
 
@@ -71,6 +81,61 @@ def test_flow_is_scored_in_the_layout_of_the_truth(tmp_path, layout):
     scores = score_submissions([tmp_path / "mine"], tmp_path / "truth")
     for entry in scores.entries:
         assert entry.sequence != "" and entry.errors["all"]["epe_px"] == pytest.approx(5)
+
+
+@pytest.mark.parametrize("folder", ["clean", "final", "", "other-data", "other-data-gray"])
+def test_pictures_beside_their_flow_are_a_set_and_so_is_each_pass(tmp_path, folder):
+    if folder.startswith("other"):
+        passes, flow = (
+            {"other-data": "", "other-data-gray": "gray"},
+            "other-gt-flow/Urban/flow10.flo",
+        )
+        names = "{}/Urban/frame10.png", "{}/Urban/frame11.png"
+    else:
+        passes, flow = {"clean": "clean", "final": "final"}, "flow/alley/frame_0001.flo"
+        names = "{}/alley/frame_0001.png", "{}/alley/frame_0002.png"
+    save(tmp_path, write_flo, flow)
+    save(tmp_path, picture, *(name.format(place) for place in passes for name in names))
+    expected = {passes[folder]} if folder else set(passes.values())
+    found = sets_below(tmp_path / folder)
+    assert set(found) == expected
+    for pairs in found.values():
+        ((first, *_),) = pairs.values()
+        assert first.is_relative_to(tmp_path / folder)
+
+
+def test_moving_objects_of_kitti_are_the_foreground(tmp_path):
+    write, flows, frames, name = LAYOUTS["kitti"]
+    save(tmp_path, write, *flows)
+    save(tmp_path, picture, *frames)
+    numbers = np.arange(48, dtype=np.uint8).reshape(6, 8) % 3
+    (tmp_path / "training/obj_map").mkdir()
+    picture(tmp_path / "training/obj_map/000000_10.png", numbers)
+    clip = read_pair(name, pairs_below(tmp_path)[name])
+    np.testing.assert_array_equal(clip.foreground, numbers > 0)
+
+
+def test_masks_beside_flow_are_used(tmp_path):
+    """Of a folder for each pair: what is hidden, or visible, and what does not count."""
+    save(tmp_path, write_flo, "a/flow.flo")
+    save(tmp_path, write_kitti_png, "b/flow.png")
+    save(
+        tmp_path,
+        picture,
+        *(f"{name}/{order}.png" for name in "ab" for order in ("first", "second")),
+    )
+    mask = np.zeros((6, 8), np.uint8)
+    mask[:2] = 255
+    picture(tmp_path / "a/occlusions.png", mask)
+    picture(tmp_path / "a/invalid.png", mask[::-1])
+    write_kitti_png(tmp_path / "b/flow_noc.png", np.where(mask[..., np.newaxis], np.nan, FLOW))
+    pairs = pairs_below(tmp_path)
+    assert list(pairs) == ["a/flow", "b/flow"]
+    for name, files in pairs.items():
+        clip = read_pair(name, files)
+        np.testing.assert_array_equal(clip.hidden, mask > 0)
+        unknown = np.isnan(clip.flow[..., 0])
+        np.testing.assert_array_equal(unknown, mask[::-1] > 0 if name == "a/flow" else False)
 
 
 def test_flow_of_spring_backward_leads_to_the_frame_before(tmp_path):

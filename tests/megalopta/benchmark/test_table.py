@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from megalopta.benchmark.table import Sums, interval, lowest, means, ratio, samples
+from megalopta.benchmark.table import Sums, difference, interval, lowest, means, ratio, samples
 
 RUNS = 400
 
@@ -90,3 +90,13 @@ def test_draws_are_not_units():
     one, other = drawn(np.random.default_rng(2), 8, 1.2)
     twice = Sums(2 * one.totals, 2 * one.blocks)
     np.testing.assert_allclose(ratio(other, twice), ratio(other, one))
+
+
+def test_the_difference_of_two_means_has_students_paired_interval():
+    """Over draws of the same pairs: SciPy's paired test."""
+    errors = np.random.default_rng(3).lognormal(0, 1, (2, 9))
+    upper, lower = (sums(2 * of_method, np.full(9, 2)) for of_method in errors)
+    found = difference(upper, lower)
+    expected = stats.ttest_rel(*errors).confidence_interval()
+    assert tuple(found) == pytest.approx((np.subtract(*errors).mean(), *expected))
+    assert np.isnan(difference(sums([3.0]), sums([1.0])).low)

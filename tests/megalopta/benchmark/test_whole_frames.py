@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from scipy import stats
 
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.methods import (
@@ -17,20 +18,21 @@ from megalopta.benchmark.methods import (
     tuned,
     velocity_methods,
 )
+from megalopta.benchmark.table import means
 from megalopta.benchmark.whole_frames import (
     FAR,
     FROM_OTHERS,
-    FROM_STAND_IN,
     MEAN,
     MEDIAN,
     METRICS,
     SECONDS,
-    distances_of_pairs,
+    clips_without_truth,
+    dense_flow,
     frame_errors,
     pairs_without_truth,
+    verdicts,
 )
 from megalopta.cli import main as cli
-from megalopta.core.errors import UserError
 from megalopta.flow import METHODS, optical_flow
 from megalopta.flow.detectors.gray_detector import GrayDetector, detector_from
 from megalopta.flow.formats import write_flo
@@ -60,7 +62,7 @@ def always(*flow):
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     methods = [always(2.0, 1.0), always(0.0, 0.0), always(np.nan, np.nan)]
     board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
-    assert board.scenes == ["rolled"]
+    assert board.parts() == {None: "rolled"}
     motion = np.hypot(2, 1)
     for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
         found = board.by_scene().xs(detector.name, level="method")[list(BASIC)]
@@ -70,42 +72,121 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
 def values(board):
     """The mean of every metric of the only method and flux, but for processor time."""
     (row,) = board.by_scene().to_dict("records")
-    return {name: row[name] for name in METRICS if name != SECONDS and np.isfinite(row[name])}
+    del row[SECONDS]
+    return {name: value for name, value in row.items() if np.isfinite(value)}
 
 
-def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(clip):
-    """Of 3 × 2 inner blocks of 24 px, the right two are taken to move by 10 px more."""
+def test_a_third_of_pixels_far_off_shows_in_mean_and_share_not_in_the_median(clip):
+    """The right 40 of 120 columns are taken to move by 10 px more."""
 
     def wrong_at_the_right(first, second):
         flow = np.full((*first.shape, 2), (2.0, 1.0))
-        flow[:, 72:, 0] += 10
+        flow[:, 80:, 0] += 10
         return flow
 
     board = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
-    assert board.means()["low"].isna().all()  # one scene tells no spread
-    # an error of 10 px is beyond all limits; all blocks move by √5 px; what is hidden is unknown
+    assert means(board.samples)["low"].isna().all()  # one scene tells no spread
+    # an error of 10 px is beyond all limits; all pixels move by √5 px; what is hidden is unknown
     third = dict.fromkeys(
         (name for name in METRICS if "beyond" in name or name == "fl_share"), 1 / 3
     )
-    means = dict.fromkeys((MEAN, "mean_epe_below_10_px"), 10 / 3)
-    assert values(board) == pytest.approx({MEDIAN: 0, "wauc_share": 2 / 3} | third | means)
+    mean_errors = dict.fromkeys((MEAN, "mean_epe_below_10_px"), 10 / 3)
+    assert values(board) == pytest.approx({MEDIAN: 0, "wauc_share": 2 / 3} | third | mean_errors)
 
 
 def test_errors_are_told_apart_where_something_is_hidden_and_by_speed(clip):
-    """Six inner blocks: the left two move by 60 px; a ninth of the lowest of them is hidden."""
+    """The left 40 of 120 columns move by 60 px; half of them are hidden."""
     flow, hidden = clip.flow.copy(), np.zeros((96, 120), np.bool_)
-    flow[:, :48], hidden[48:56, 24:32] = (60.0, 0.0), True
-    moved = replace(clip, flow=flow, hidden=hidden)
+    flow[:, :40], hidden[:, :20] = (60.0, 0.0), True
+    foreground = np.arange(120) < np.full((96, 1), 80)
+    moved = replace(clip, flow=flow, hidden=hidden, foreground=foreground)
     board = frame_errors([moved], [always(2.0, 1.0)], (3.0,))
     off, found = np.hypot(58, 1), values(board)
     assert "mean_epe_10_to_40_px" not in found
     for name, error in {
         "mean_epe_below_10_px": 0,
+        "fl_foreground_share": 0.5,
         "mean_epe_from_40_px": off,
         "mean_epe_occluded_px": off,
         "mean_epe_visible_px": off / 5,
     }.items():
         assert found[name] == pytest.approx(error), name
+
+
+def test_flow_of_methods_of_blocks_is_that_of_optical_flow(clip):
+    first, second = clip.counts(100.0, 0)[3:5]
+    block_matching = block_detector("BM")
+    np.testing.assert_array_equal(
+        np.nan_to_num(optical_flow(first, second, "BM", block_px=24)),
+        dense_flow(block_matching, clip, np.stack([first, second])),
+    )
+
+
+def on_sets(errors_by_set):
+    """A board of two constant flows, whose truths are at these distances from (0, 0)."""
+    light = np.ones((2, 72, 72))
+    clips = [
+        FlowClip(f"pair {number}", light, np.full((72, 72, 2), (far, 0.0)), set_name=name)
+        for name, errors in errors_by_set.items()
+        for number, far in enumerate(errors)
+    ]
+    still = always(0.0, 0.0)
+    return frame_errors(clips, [still.model_copy(update={"name": "PF"}), always(2.0, 0.0)], (3.0,))
+
+
+def test_a_verdict_says_who_is_first_by_how_much_in_every_set_and_over_all_pairs():
+    """Student's interval over pairs of the difference between both, as SciPy has it."""
+    near, far = (0.1, 0.4, 0.5), (1.7, 1.9)
+    whole, *of_sets = verdicts(board := on_sets({"near": near, "far": far}))
+    assert board.parts() == {None: "All 5 pairs", "near": "near (3 pairs)", "far": "far (2 pairs)"}
+    errors = np.array([*near, *far])
+    paired = stats.ttest_rel(errors, np.abs(errors - 2))
+    half = np.diff(paired.confidence_interval())[0] / 2
+    gap = errors.mean() - np.abs(errors - 2).mean()
+    assert gap < 0
+    first = f"lowest mean PF 0.92 px, (2.0, 0.0) {-gap:.2f} ± {half:.2f} px above it"
+    assert whole.startswith(f"All 5 pairs, 3 photons: {first}; lowest median PF 0.92 px")
+    assert [sentence.split(" px,")[0] for sentence in of_sets] == [
+        "near (3 pairs), 3 photons: lowest mean PF 0.33",
+        "far (2 pairs), 3 photons: lowest mean (2.0, 0.0) 0.20",
+    ]
+
+
+def test_own_methods_that_are_not_first_are_named_by_the_verdict(clip):
+    third = always(0.0, 0.0).model_copy(update={"name": "PF"})
+    (sentence,) = verdicts(
+        frame_errors([clip], [third, always(2.0, 1.0), always(2.0, 2.0)], (3.0,))
+    )
+    told = "lowest mean (2.0, 1.0) 0.00 px, (2.0, 2.0) 1.00 px and PF 2.24 px above it"
+    assert told in sentence
+
+
+def test_a_disturbance_is_a_further_row_with_the_same_photons_for_all(clip, tmp_path, capsys):
+    middlebury(tmp_path / "data", clip)
+    words = (
+        "--methods",
+        "LK,BM",
+        "--photons",
+        1000,
+        "--disturb",
+        "ramp20,shadow",
+        "--disturb",
+        "warm",
+    )
+    rows = measured(tmp_path, tmp_path / "data", *words)
+    assert [row["disturbance"] for row in rows[::2]] == ["none", "ramp 20", "shadow 40", "warm 3"]
+    none, shadow = (float(rows[place][MEAN]) for place in (0, 4))
+    assert shadow > 1.5 * none  # LK supposes constant light
+    said = capsys.readouterr().out
+    assert "ramp 20, 1000 photons: lowest mean" in said and "shadow 40" in said
+
+
+def test_several_folders_are_sets_and_one_table_over_all(clip, tmp_path, capsys):
+    for place in ("one/set", "two/set"):
+        middlebury(tmp_path / place, clip)
+    rows = measured(tmp_path, tmp_path / "one/set", tmp_path / "two/set", "--methods", "BM,LK")
+    assert {row["set"] for row in rows} == {f"{tmp_path}/one/set", f"{tmp_path}/two/set"}
+    assert "All 2 pairs, 1 photons: lowest mean" in capsys.readouterr().out
 
 
 def test_methods_and_baselines_of_a_board_do_with_two_frames():
@@ -160,26 +241,29 @@ def test_a_folder_becomes_a_table_of_error_against_flux(clip, tmp_path, capsys):
     middlebury(tmp_path / "data", clip)
     rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
     cases = [(row["method"], row["photons_per_px"]) for row in rows]
-    assert cases == [("BM", "1"), ("BM", "1000"), ("LK", "1"), ("LK", "1000")]
-    assert list(rows[0])[4:] == list(METRICS)
-    assert [float(rows[1][name]) for name in BASIC] == [0, 0, 0]
+    assert cases == [("BM", "1"), ("LK", "1"), ("BM", "1000"), ("LK", "1000")]
+    assert list(rows[0])[6:] == list(METRICS)
+    assert float(rows[3]["mean_epe_px"]) < 0.05
     assert float(rows[0]["mean_epe_px"]) > 0
     said = capsys.readouterr().out
+    assert said.startswith("other-gt-flow/Venus/flow10, 1 photons: lowest mean ")
     assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["{picture}", "{truth}"], "2 paths; give a folder"),
+        (["{picture}", "{truth}"], "2 paths; give folders"),
+        (["{root}", "{root}/other-data"], "both hold"),
+        (["{root}", "--disturb", "fog"], "disturbance 'fog' is unknown; choose from ramp 20, "),
         (["{root}", "--methods", "NDS"], "NDS measures no velocity"),
         (["{root}", "--methods", "PPM"], "has 2 frames; PPM needs 8"),
         (["{picture}", "{small}", "{truth}"], "give pictures and flow of one size"),
         (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
-        (["{picture}", "--no-truth"], "has one frame"),
+        (["{picture}", "--no-truth"], "1 paths, 1 frames in all"),
         (
             ["{picture}", "{picture}", "{picture}", "--no-truth"],
-            "3 paths of 3 frames; without truth",
+            "3 paths, 3 frames in all; without truth",
         ),
         (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
         (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
@@ -233,23 +317,26 @@ def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
     methods = list(map(detector_from, (moves, stays, says_nothing)))
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
-        board = distances_of_pairs(pairs, (3.0, 10.0), detector_from(moves), methods, 2)
-    assert board.scenes == ["walk 0", "walk 1", "walk 2"]
+        clips = clips_without_truth(pairs, detector_from(moves))
+        board = frame_errors(clips, methods, (3.0, 10.0), 2, with_others=True)
+    assert list(board.samples["unit"].unique()) == ["walk 0", "walk 1", "walk 2"]
     length = np.hypot(*MOTION)
     expected = {"moves": (0, length)}
     expected |= dict.fromkeys(("stays", "says_nothing"), (length, length / 2))
     by_scene = board.by_scene()
     for method, both in expected.items():
-        for names, distance in zip((FROM_STAND_IN, FROM_OTHERS), both, strict=True):
-            found = by_scene.xs((method, 10.0), level=("method", "photons"))[list(names.values())]
-            np.testing.assert_allclose(found, [[distance, distance, 0]] * 3, atol=1e-12)
+        found = by_scene.xs((method, 10.0), level=("method", "photons"))
+        np.testing.assert_allclose(found[[MEAN, FROM_OTHERS]], [both] * 3, atol=1e-6)
 
 
 def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys):
     words = (folder, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
     rows = measured(tmp_path, *words)
     assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 2"]
-    assert list(rows[0])[4:] == [*FROM_STAND_IN.values(), *FROM_OTHERS.values()]
+    assert list(rows[0])[7:] == [
+        *(name.replace("epe_", "") + "_from_stand_in" for name in METRICS if name != SECONDS),
+        *(SECONDS, FROM_OTHERS),
+    ]
     assert all(
         row["stand_in"] == "not the truth but DIS on the pictures without noise, which favors DIS"
         for row in rows
@@ -258,11 +345,11 @@ def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys)
         "mean_px_from_stand_in", "method", "photons_per_px", sort=False, aggfunc="last"
     )
     dark, bright = table[1.0], table[1000.0]
-    assert (bright < 0.3).all()
+    assert (bright < 0.3)[["DIS", "LK"]].all()
     assert (dark > 3 * bright)[["DIS", "LK"]].all()
     said = capsys.readouterr().out
     assert "NO TRUE FLOW: these are distances, not errors" in said
-    assert "mean over 2 pairs, 95 % CI over pairs" in said
+    assert "All 2 pairs, 1 photons" in said and "mean over pairs, 95 % CI over pairs" in said
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):
@@ -270,8 +357,8 @@ def test_pairs_without_contrast_are_left_out(folder, capsys):
         Image.fromarray(np.zeros((96, 120), np.uint8)).save(folder / f"f{number}.png")
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
-        board = distances_of_pairs(pairs, (1000.0,), "DIS", ["BM"])
-        assert board.scenes == ["walk 1", "walk 2"]
-        assert "walk 0: both pictures are uniform" in capsys.readouterr().err
-        with pytest.raises(UserError, match="no contrast; "):
-            distances_of_pairs({"walk 0": pairs["walk 0"]}, (1000.0,), "DIS", ["BM"])
+        board = frame_errors(clips_without_truth(pairs, "DIS"), ["BM"], (1000.0,))
+        assert list(board.samples["unit"].unique()) == ["walk 1", "walk 2"]
+        assert "walk 0: no contrast" in capsys.readouterr().err
+        with pytest.raises(ValueError, match="no pair with texture"):
+            frame_errors(clips_without_truth({"walk 0": pairs["walk 0"]}, "DIS"), ["BM"])
