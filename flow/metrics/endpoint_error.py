@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
@@ -226,6 +227,8 @@ class DenseError:
 
 _AT_ONCE = 2**20
 """Pixels of which all measures are in memory"""
+_LOWER_BITS = 18
+_BINS = 2 ** (31 - _LOWER_BITS)
 
 
 class DenseErrors:
@@ -234,22 +237,29 @@ class DenseErrors:
     def __init__(self) -> None:
         # number of pixels, and sums over them of the other fields of `DenseError`
         self._sums = {name: np.zeros(len(fields(DenseError))) for name in GROUPS}
+        self.sparsification = Sparsification()
 
     def add(
-        self, flow: NDArray[np.floating], truth: NDArray[np.floating], occluded: Mask | None = None
+        self,
+        flow: NDArray[np.floating],
+        truth: NDArray[np.floating],
+        occluded: Mask | None = None,
+        uncertainty: NDArray[np.floating] | None = None,
     ) -> None:
         """Score one image.
 
         `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
-        visible in the next frame. Raises ValueError if shapes differ, or no pixel has a flow.
+        visible in the next frame; `uncertainty` (H, W): as for `Sparsification`. Raises ValueError
+        if shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(
                 f"a flow of {flow.shape[1]} × {flow.shape[0]} px, the truth has"
                 f" {truth.shape[1]} × {truth.shape[0]}: give it at full size"
             )
-        if occluded is not None and occluded.shape != truth.shape[:2]:
-            raise ValueError(f"occluded of shape {occluded.shape}: give {truth.shape[:2]}")
+        for name, array in (("occluded", occluded), ("uncertainty", uncertainty)):
+            if array is not None and array.shape != truth.shape[:2]:
+                raise ValueError(f"{name} of shape {array.shape}: give {truth.shape[:2]}")
         known = np.asarray(np.isfinite(truth).all(axis=-1))
         hidden = np.zeros_like(known) if occluded is None else occluded
         true, answer, hidden = truth[known], flow[known], hidden[known]
@@ -278,6 +288,8 @@ class DenseErrors:
             by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
             for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
                 self._sums[name] += values[:, among].sum(axis=1)
+            if uncertainty is not None:
+                self.sparsification.add(epe, uncertainty[known][part])
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
@@ -286,6 +298,7 @@ class DenseErrors:
         for part in parts:
             for name, sums in part._sums.items():
                 joined._sums[name] += sums
+            joined.sparsification.bins += part.sparsification.bins
         return joined
 
     def of(self, group: str) -> DenseError:
@@ -293,3 +306,83 @@ class DenseErrors:
         pixels, *sums = self._sums[group].tolist()
         means = (total / pixels if pixels else math.nan for total in sums)
         return DenseError(int(pixels), *means)
+
+
+@dataclass(frozen=True)
+class SparsifiedError:
+    """How well uncertainty sorts pixels by their error; NaN without pixels, or without errors."""
+
+    ause: float
+    """Area between the curves of the uncertainty and of the error itself (1); 0: the same order"""
+    ause_random: float
+    """The same for pixels in random order, as of a constant uncertainty"""
+    surest_half_px: float
+    """Mean endpoint error of the surer half of the pixels (px per frame)"""
+
+
+class Sparsification:
+    """Errors of pixels by their uncertainty; images are added one at a time.
+
+    The curve is the mean error of the pixels that remain when a share, 0 to 1, of the least sure is
+    removed, relative to that of all (Ilg et al., ECCV 2018); pixels of all images are sorted
+    together. They are kept in bins of 3 % of the uncertainty, and of the error. Within a bin their
+    order is random: those that remain have the bin's mean, and the area has a closed form.
+    """
+
+    def __init__(self) -> None:
+        self.bins = np.zeros((2, 2, _BINS))
+        """Number of pixels, and sum of their errors (px), by uncertainty and by error"""
+
+    def add(self, errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> None:
+        """Add pixels: errors and uncertainties of one shape, px; one that is not finite is largest.
+
+        Raises ValueError if shapes differ or an uncertainty is negative.
+        """
+        if errors.shape != uncertainty.shape:
+            raise ValueError(f"uncertainty of shape {uncertainty.shape}: give {errors.shape}")
+        if (uncertainty < 0).any():
+            raise ValueError("an uncertainty below 0: give px, larger where the flow is less sure")
+        for order, values in enumerate((uncertainty, errors)):
+            known = np.where(np.isfinite(values), values, np.inf) + 0.0  # not −0
+            with np.errstate(over="ignore"):
+                bits = known.astype(np.float32).view(np.uint32)
+            # the upper bits of a number are its exponent and five bits of its mantissa
+            places = (bits >> _LOWER_BITS).ravel()
+            self.bins[order, 0] += np.bincount(places, minlength=_BINS)
+            self.bins[order, 1] += np.bincount(places, errors.ravel(), _BINS)
+
+    def error(self) -> SparsifiedError:
+        """Return how well the uncertainty sorts the pixels so far."""
+        pixels, total_px = self.bins[0].sum(axis=-1)
+        if not total_px:
+            return SparsifiedError(math.nan, math.nan, math.nan)
+        areas = []
+        for counts, sums in self.bins:
+            counts, sums = counts[counts > 0], sums[counts > 0]
+            kept, kept_px = np.cumsum(counts)[:-1], np.cumsum(sums)[:-1]
+            # ∫ (kept_px + mean·n)/(kept + n) dn over the pixels n of a bin, less that of the mean
+            beyond = (kept_px - kept * (sums / counts)[1:]) * np.log1p(counts[1:] / kept)
+            areas.append(1 + beyond.sum() / total_px)
+        kept, kept_px = np.cumsum(self.bins[0], axis=-1)
+        half_px = np.interp(pixels / 2, [0, *kept], [0, *kept_px]) / (pixels / 2)
+        return SparsifiedError(areas[0] - areas[1], 1 - areas[1], float(half_px))
+
+
+def ause(errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> SparsifiedError:
+    """Return how well uncertainty sorts errors, as `Sparsification` of these pixels alone."""
+    pixels = Sparsification()
+    pixels.add(errors, uncertainty)
+    return pixels.error()
+
+
+def forward_backward_px(
+    flow: NDArray[np.floating], backward: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Return |u + v(x + u)| (H, W), px, of flow u to the next frame and v back, each (H, W, 2).
+
+    v is interpolated linearly; NaN where the flow is undefined or leaves the image.
+    """
+    rows, columns = np.indices(flow.shape[:2])
+    places = [np.nan_to_num(rows + flow[..., 1], nan=-9), columns + np.nan_to_num(flow[..., 0])]
+    back = [map_coordinates(backward[..., axis], places, order=1, cval=np.nan) for axis in (0, 1)]
+    return np.asarray(np.hypot(flow[..., 0] + back[0], flow[..., 1] + back[1]))
