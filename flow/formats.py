@@ -62,19 +62,15 @@ def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     return _known(flow)
 
 
-def read_uncertainty(path: Path) -> NDArray[np.float32]:
-    """Read the expected error of a flow (H, W), px, NaN where unknown, from a `.npy` file.
-
-    Raises ValueError if it is damaged, or holds anything else.
-    """
+def read_uncertainty(path: Path, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Read the expected error (H, W) of a flow, px, from `.npy`. Raises ValueError."""
     values = bounded.plain_array(bounded.read_bytes(path, bounded.ARRAY_BYTES), "f")
-    if values is None or values.ndim != 2 or (values < 0).any():
+    if values is None or values.shape != shape or (values < 0).any():
         raise ValueError(
-            f"{path} is no complete .npy file of float32 (H, W), px, 0 or more: write the expected "
-            "error of each pixel with numpy.save, NaN where it is unknown"
+            f"{path} is no complete .npy file of float32 {shape}: write the expected error of each "
+            "pixel, px, 0 or more, with numpy.save; NaN where it is unknown"
         )
-    with np.errstate(over="ignore"):
-        return values.astype(np.float32)
+    return values.astype(np.float64)
 
 
 def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:

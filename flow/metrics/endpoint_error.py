@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,7 +237,7 @@ class DenseErrors:
     def __init__(self) -> None:
         # number of pixels, and sums over them of the other fields of `DenseError`
         self._sums = {name: np.zeros(len(fields(DenseError))) for name in GROUPS}
-        self.sparsification = Sparsification()
+        self.sparsification = np.zeros((2, 2, _BINS))
 
     def add(
         self,
@@ -249,7 +249,7 @@ class DenseErrors:
         """Score one image.
 
         `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
-        visible in the next frame; `uncertainty` (H, W): as for `Sparsification`. Raises ValueError
+        visible in the next frame; `uncertainty` (H, W): as for `sparsification`. Raises ValueError
         if shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
@@ -289,7 +289,7 @@ class DenseErrors:
             for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
                 self._sums[name] += values[:, among].sum(axis=1)
             if uncertainty is not None:
-                self.sparsification.add(epe, uncertainty[known][part])
+                self.sparsification += sparsification(epe, uncertainty[known][part])
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
@@ -298,7 +298,7 @@ class DenseErrors:
         for part in parts:
             for name, sums in part._sums.items():
                 joined._sums[name] += sums
-            joined.sparsification.bins += part.sparsification.bins
+            joined.sparsification += part.sparsification
         return joined
 
     def of(self, group: str) -> DenseError:
@@ -308,8 +308,7 @@ class DenseErrors:
         return DenseError(int(pixels), *means)
 
 
-@dataclass(frozen=True)
-class SparsifiedError:
+class SparsifiedError(NamedTuple):
     """How well uncertainty sorts pixels by their error; NaN without pixels, or without errors."""
 
     ause: float
@@ -320,59 +319,52 @@ class SparsifiedError:
     """Mean endpoint error of the surer half of the pixels (px per frame)"""
 
 
-class Sparsification:
-    """Errors of pixels by their uncertainty; images are added one at a time.
+def sparsification(errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> Floats:
+    """Return pixels and sum of their errors (px) by uncertainty and by error, (2, 2, bins of 3 %).
 
-    The curve is the mean error of the pixels that remain when a share, 0 to 1, of the least sure is
-    removed, relative to that of all (Ilg et al., ECCV 2018); pixels of all images are sorted
-    together. They are kept in bins of 3 % of the uncertainty, and of the error. Within a bin their
-    order is random: those that remain have the bin's mean, and the area has a closed form.
+    Those of several images add. Errors and uncertainties of one shape, px; one that is not finite
+    is the largest. Raises ValueError if shapes differ or an uncertainty is negative.
     """
-
-    def __init__(self) -> None:
-        self.bins = np.zeros((2, 2, _BINS))
-        """Number of pixels, and sum of their errors (px), by uncertainty and by error"""
-
-    def add(self, errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> None:
-        """Add pixels: errors and uncertainties of one shape, px; one that is not finite is largest.
-
-        Raises ValueError if shapes differ or an uncertainty is negative.
-        """
-        if errors.shape != uncertainty.shape:
-            raise ValueError(f"uncertainty of shape {uncertainty.shape}: give {errors.shape}")
-        if (uncertainty < 0).any():
-            raise ValueError("an uncertainty below 0: give px, larger where the flow is less sure")
-        for order, values in enumerate((uncertainty, errors)):
-            known = np.where(np.isfinite(values), values, np.inf) + 0.0  # not −0
-            with np.errstate(over="ignore"):
-                bits = known.astype(np.float32).view(np.uint32)
-            # the upper bits of a number are its exponent and five bits of its mantissa
-            places = (bits >> _LOWER_BITS).ravel()
-            self.bins[order, 0] += np.bincount(places, minlength=_BINS)
-            self.bins[order, 1] += np.bincount(places, errors.ravel(), _BINS)
-
-    def error(self) -> SparsifiedError:
-        """Return how well the uncertainty sorts the pixels so far."""
-        pixels, total_px = self.bins[0].sum(axis=-1)
-        if not total_px:
-            return SparsifiedError(math.nan, math.nan, math.nan)
-        areas = []
-        for counts, sums in self.bins:
-            counts, sums = counts[counts > 0], sums[counts > 0]
-            kept, kept_px = np.cumsum(counts)[:-1], np.cumsum(sums)[:-1]
-            # ∫ (kept_px + mean·n)/(kept + n) dn over the pixels n of a bin, less that of the mean
-            beyond = (kept_px - kept * (sums / counts)[1:]) * np.log1p(counts[1:] / kept)
-            areas.append(1 + beyond.sum() / total_px)
-        kept, kept_px = np.cumsum(self.bins[0], axis=-1)
-        half_px = np.interp(pixels / 2, [0, *kept], [0, *kept_px]) / (pixels / 2)
-        return SparsifiedError(areas[0] - areas[1], 1 - areas[1], float(half_px))
+    if errors.shape != uncertainty.shape or (uncertainty < 0).any():
+        raise ValueError(
+            f"uncertainty of shape {uncertainty.shape}: give {errors.shape}, px, 0 or more"
+        )
+    with np.errstate(over="ignore"):
+        known = [
+            np.nan_to_num(values, nan=np.inf, posinf=np.inf) + 0.0
+            for values in (uncertainty, errors)
+        ]
+        bits = np.float32(known).reshape(2, -1).view(np.uint32)
+    places = bits >> _LOWER_BITS  # exponent and five bits of the mantissa, in the order of values
+    weights = np.ones(errors.size), errors.ravel()
+    return np.array([[np.bincount(place, by, _BINS) for by in weights] for place in places])
 
 
 def ause(errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> SparsifiedError:
-    """Return how well uncertainty sorts errors, as `Sparsification` of these pixels alone."""
-    pixels = Sparsification()
-    pixels.add(errors, uncertainty)
-    return pixels.error()
+    """Return how well uncertainty sorts errors, arrays of one shape, as for `sparsification`."""
+    return sparsified(sparsification(errors, uncertainty))
+
+
+def sparsified(bins: Floats) -> SparsifiedError:
+    """Return how well the uncertainty sorts the pixels of a `sparsification`.
+
+    The curve is the mean error of the pixels that remain when a share, 0 to 1, of the least sure is
+    removed, relative to that of all (Ilg et al., ECCV 2018). Within a bin the order is random, so
+    that its pixels have its mean, and the area has a closed form.
+    """
+    pixels, total_px = bins[0].sum(axis=-1)
+    if not total_px:
+        return SparsifiedError(math.nan, math.nan, math.nan)
+    areas = []
+    for counts, sums in bins:
+        counts, sums = counts[counts > 0], sums[counts > 0]
+        kept, kept_px = np.cumsum(counts)[:-1], np.cumsum(sums)[:-1]
+        # ∫ (kept_px + mean·n)/(kept + n) dn over the pixels n of a bin, less that of the mean
+        beyond = (kept_px - kept * (sums / counts)[1:]) * np.log1p(counts[1:] / kept)
+        areas.append(1 + beyond.sum() / total_px)
+    kept, kept_px = np.cumsum(bins[0], axis=-1)
+    half_px = np.interp(pixels / 2, [0, *kept], [0, *kept_px]) / (pixels / 2)
+    return SparsifiedError(areas[0] - areas[1], 1 - areas[1], float(half_px))
 
 
 def forward_backward_px(
@@ -383,6 +375,6 @@ def forward_backward_px(
     v is interpolated linearly; NaN where the flow is undefined or leaves the image.
     """
     rows, columns = np.indices(flow.shape[:2])
-    places = [np.nan_to_num(rows + flow[..., 1], nan=-9), columns + np.nan_to_num(flow[..., 0])]
+    places = np.nan_to_num([rows + flow[..., 1], columns + flow[..., 0]], nan=-9)
     back = [map_coordinates(backward[..., axis], places, order=1, cval=np.nan) for axis in (0, 1)]
-    return np.asarray(np.hypot(flow[..., 0] + back[0], flow[..., 1] + back[1]))
+    return np.asarray(np.hypot(*(flow[..., axis] + back[axis] for axis in (0, 1))))

@@ -1,8 +1,8 @@
 """Scores of flow files, or of a method's flow: by sequence and overall, for every pass."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,26 +27,18 @@ from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import KITTI_SCALE, read_flow, read_uncertainty
-from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors, forward_backward_px
+from megalopta.flow.metrics.endpoint_error import (
+    GROUPS,
+    DenseErrors,
+    forward_backward_px,
+    sparsified,
+)
 from megalopta.flow.metrics.response_error import for_json
 
-_STATED, _CONSISTENCY = "stated", "forward-backward"
-
-
-@dataclass(frozen=True)
-class _Submission:
-    """A program's flow over one pass."""
-
-    program: str
-    pass_name: str
-    confidence: str | None
-    flows: Mapping[
-        clips.FrameName, tuple[str, Callable[[], tuple[NDArray[Any], NDArray[Any] | None]]]
-    ]
-    """Source of a frame's flow, and a function that returns flow (H, W, 2) and uncertainty (H, W)
-    in px"""
-    errors: defaultdict[str, DenseErrors] = field(default_factory=lambda: defaultdict(DenseErrors))
-    """By sequence"""
+FlowAndUncertainty = tuple[NDArray[Any], NDArray[Any] | None]
+"""(H, W, 2) and, if known, (H, W), px"""
+Flows = Mapping[clips.FrameName, tuple[str, Callable[[], FlowAndUncertainty]]]
+"""Source of a frame's flow, and a function that returns it"""
 
 
 class Entry(Record, frozen=True):
@@ -65,12 +57,8 @@ class Entry(Record, frozen=True):
     """Hash of the true flow; only entries with the same one are comparable"""
     frames: PositiveInt
     errors: Mapping[str, Mapping[str, int | FiniteFloat | None]]
-    """Fields of `DenseError` by group of pixels (`GROUPS`); None if it has no pixel"""
-    confidence: str | None = None
-    """"stated" by files or a method, or the "forward-backward" consistency of a method without any;
-    None: unknown"""
-    sparsification: Mapping[str, FiniteFloat | None] | None = None
-    """Fields of `SparsifiedError`, if there is a confidence"""
+    """Fields of `DenseError` by group of pixels (`GROUPS`), and of `SparsifiedError` as
+    "confidence"; None if it has no pixel, or is unknown"""
 
 
 class Scores(Record, frozen=True):
@@ -97,8 +85,8 @@ def score_submissions(
     ----------
     flows
         Folders of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), laid out as
-        the truth, with the expected error of `NAME.flo` in `NAME.uncertainty.npy`, if it is stated.
-        Or methods to run on the truth's own frames: a name, `module:function`, ONNX file, or a
+        the truth; `NAME.uncertainty.npy` has the expected error of `NAME.flo`, if stated. Or
+        methods to run on the truth's own frames: a name, `module:function`, ONNX file, or a
         function from Python.
     truth
         Folder of the true flow.
@@ -114,77 +102,73 @@ def score_submissions(
     sealed = opened_seal(truth, inputs)
     truths = clips.true_flows(truth, png_scale)
     name_of_truth, hashes = truth.resolve().name, []
-    submissions = [row for flow in flows for row in _submissions(flow, truths, png_scale, program)]
-    names = Counter((row.program, row.pass_name) for row in submissions)
-    if twice := [name for (name, _), number in names.items() if number > 1]:
-        raise UserError(f"{twice[0]}: two programs of this name; rename the folder of one")
+    submissions = [
+        (program or name, pass_name, flow_of, defaultdict[str, DenseErrors](DenseErrors))
+        for name, passes in [_flows_of(flow, truths, png_scale) for flow in flows]
+        for pass_name, flow_of in sorted(passes.items())
+    ]
+    names = Counter((name, pass_name) for name, pass_name, *_ in submissions)
+    if (most := max(names, key=lambda name: names[name])) and names[most] > 1:
+        raise UserError(f"{most[0]}: two programs of this name; rename the folder of one")
     with progress("Scoring flow", len(truths), "frame") as advance:
         for frame, paths in sorted(truths.items()):
             true, occluded = clips.read_true_flow(paths)
             hashes += ["/".join(frame), *(file_hash(path) for path in paths.files())]
             hashes += [str(paths.png_scale)] * (paths.png_scale != KITTI_SCALE)
-            for submission in submissions:
-                source, read = submission.flows[frame]
+            for *_, flow_of, errors in submissions:
+                source, read = flow_of[frame]
                 try:
                     estimate, uncertainty = read()
                     known = clips.at_pixels(paths, true, occluded, estimate.shape)
-                    submission.errors[frame.sequence].add(estimate, *known, uncertainty)
+                    errors[frame.sequence].add(estimate, *known, uncertainty)
                 except ValueError as problem:
                     text = str(problem)
                     raise UserError(text if source in text else f"{source}: {text}") from None
             advance(1)
     frames, entries = Counter(frame.sequence for frame in truths), []
-    for submission in submissions:
+    for name, pass_name, _, errors in submissions:
         rows: list[tuple[str | None, int, DenseErrors]] = [
             # that of KITTI has no name
             (sequence or name_of_truth, frames[sequence], part)
-            for sequence, part in submission.errors.items()
+            for sequence, part in errors.items()
         ]
-        rows.append((None, len(truths), DenseErrors.joined(submission.errors.values())))
+        rows.append((None, len(truths), DenseErrors.joined(errors.values())))
         for sequence, count, part in rows:
-            sparsified = for_json(asdict(part.sparsification.error()))
             entry = Entry(
-                program=submission.program,
-                pass_name=submission.pass_name,
+                program=name,
+                pass_name=pass_name,
                 sequence=sequence,
                 truth=name_of_truth,
-                # a plain hash would confirm a guess of a sealed truth
-                truth_hash=sealed or digest(*hashes),
+                truth_hash=sealed or digest(*hashes),  # a plain one would confirm guesses
                 frames=count,
-                errors={group: for_json(asdict(part.of(group))) for group in GROUPS},
-                confidence=submission.confidence,
-                sparsification=sparsified if submission.confidence else None,
+                errors={
+                    **{group: for_json(asdict(part.of(group))) for group in GROUPS},
+                    "confidence": for_json(sparsified(part.sparsification)._asdict()),
+                },
             )
             entries.append(entry)
     return Scores(entries=tuple(entries))
 
 
-def _submissions(
-    flow: str | Path | Method, truths: clips.Truths, png_scale: float, program: str | None
-) -> list[_Submission]:
-    """Return the flow of a folder or of a method for all frames, by pass."""
+def _flows_of(
+    flow: str | Path | Method, truths: clips.Truths, png_scale: float
+) -> tuple[str, Mapping[str, Flows]]:
+    """Return the name of the flow's source, and the flow of all frames by pass."""
     if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
-        submissions = []
-        for name, paths in sorted(clips.submitted_flows(folder, truths).items()):
+        flows: dict[str, Flows] = {}
+        for name, paths in clips.submitted_flows(folder, truths).items():
             stated = any(clips.uncertainty_of(path).exists() for path in paths.values())
-            flows = {
-                frame: (str(path), partial(_read, path, png_scale, stated))
-                for frame, path in paths.items()
-            }
-            confidence = _STATED if stated else None
-            submissions.append(
-                _Submission(program or folder.resolve().name, name, confidence, flows)
-            )
-        return submissions
+            read = partial(_read, png_scale=png_scale, stated=stated)
+            flows[name] = {frame: (str(path), partial(read, path)) for frame, path in paths.items()}
+        return folder.resolve().name, flows
     try:
         detector = method(str(flow) if isinstance(flow, Path) else flow)
     except ValueError as problem:
         raise UserError(f"{flow}: no such folder; {problem}") from None
     if not isinstance(detector, BlockDetector) or type(detector).dense is BlockDetector.dense:
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
-    states = isinstance(detector, PoissonFlow)
 
-    def between(*pair: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    def between(*pair: Path) -> FlowAndUncertainty:
         first, second = (read_codes(path, "L") for path in pair)
         if isinstance(detector, PoissonFlow):
             estimate, covariance = detector.dense_with_covariance(first, second)
@@ -192,28 +176,18 @@ def _submissions(
         estimate = detector.dense(first, second)
         return estimate, forward_backward_px(estimate, detector.dense(second, first))
 
-    return [
-        _Submission(
-            program or detector.name,
-            name,
-            _STATED if states else _CONSISTENCY,
-            {frame: (str(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()},
-        )
-        for name, pairs in sorted(clips.pictures_of(truths).items())
-    ]
+    return detector.name, {
+        name: {frame: (str(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()}
+        for name, pairs in clips.pictures_of(truths).items()
+    }
 
 
-def _read(path: Path, png_scale: float, stated: bool) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    """Return the flow of a file, and the uncertainty next to it; infinite without such a file."""
+def _read(path: Path, png_scale: float, stated: bool) -> FlowAndUncertainty:
+    """Return the flow of a file and its uncertainty, infinite where only others have a file."""
     flow, place = read_flow(path, png_scale=png_scale), clips.uncertainty_of(path)
-    if not stated:
-        return flow, None
-    uncertainty = read_uncertainty(place) if place.exists() else np.full(flow.shape[:2], np.inf)
-    if uncertainty.shape != flow.shape[:2]:
-        raise ValueError(
-            f"{place} is of shape {uncertainty.shape}: give {flow.shape[:2]}, as {path}"
-        )
-    return flow, uncertainty
+    if stated and place.exists():
+        return flow, read_uncertainty(place, flow.shape[:2])
+    return flow, np.full(flow.shape[:2], np.inf) if stated else None
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
@@ -230,46 +204,25 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
     "WAUC": ("all", "wauc_percent"),
     "angle °": ("all", "angular_deg"),
     "none %": ("all", "missing_percent"),
+    "sure ½": ("confidence", "surest_half_px"),
+    "AUSE": ("confidence", "ause"),
+    "random": ("confidence", "ause_random"),
 }
-_SPARSIFIED = {"surest half": "surest_half_px", "AUSE": "ause", "random": "ause_random"}
 
 
-def score_tables(scores: Scores) -> Iterator[Table]:
-    """Yield the errors of every sequence and overall, a block per pass; then of confidences."""
+def score_table(scores: Scores) -> Table:
+    """Return the errors of every sequence and overall, a block per pass."""
     title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
-    yield _table(
-        title,
-        _COLUMNS,
-        (
-            (entry, [entry.errors[group][field] for group, field in _COLUMNS.values()])
-            for entry in scores.entries
-        ),
-    )
-    sure = [
-        (entry, [entry.confidence, *map(entry.sparsification.get, _SPARSIFIED.values())])
-        for entry in scores.entries
-        if entry.sparsification
-    ]
-    if sure:
-        title = "Endpoint error of the surer half of the pixels, and order of confidence: AUSE"
-        yield _table(title, ("confidence", *_SPARSIFIED), sure)
-
-
-def _table(
-    title: str, heads: Iterable[str], rows: Iterable[tuple[Entry, list[str | float | None]]]
-) -> Table:
     table = Table(title=title, box=SIMPLE, padding=(0, 1))
     for head in ("program", "pass", "sequence"):
         table.add_column(head, no_wrap=True)
-    for head in heads:
+    for head in _COLUMNS:
         table.add_column(head, justify="right", no_wrap=True)
-    for entry, values in rows:
+    for entry in scores.entries:
         is_last = entry.sequence is None
         names = entry.program, entry.pass_name, entry.sequence or "overall"
-        cells = (
-            "–" if value is None else value if isinstance(value, str) else f"{value:.3g}"
-            for value in values
-        )
+        values = (entry.errors[group][field] for group, field in _COLUMNS.values())
+        cells = ("–" if value is None else f"{value:.3g}" for value in values)
         style = "bold" if is_last else None
         table.add_row(*map(sentence, names), *cells, style=style, end_section=is_last)
     return table

@@ -281,7 +281,7 @@ def _sequence(options: Namespace) -> Path:
 def _submit(options: Namespace) -> Path:
     from rich.console import Console
 
-    from megalopta.benchmark.scores import score_submissions, score_tables
+    from megalopta.benchmark.scores import score_submissions, score_table
     from megalopta.core import files
 
     if options.program and len(options.flows) > 1:
@@ -290,7 +290,7 @@ def _submit(options: Namespace) -> Path:
         options.flows, options.truth, options.program, options.png_scale, options.inputs
     )
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    Console(width=_WIDTH, markup=False, emoji=False).print(*score_tables(scores))
+    Console(width=_WIDTH + 25, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)
 
 
@@ -299,12 +299,11 @@ def _submit(options: Namespace) -> Path:
     "split a rendered dataset for a challenge: inputs to publish, and truth to keep, with hashes",
     DATASET,
     out("out/challenge", "new folder for inputs/ and truth/"),
-    switch("--with-clean", "publish the noise-free pictures, too, and not the counts alone"),
 )
 def _seal(options: Namespace) -> Path:
     from megalopta.benchmark.seal import seal_dataset
 
-    return seal_dataset(options.dataset, options.out, options.with_clean)
+    return seal_dataset(options.dataset, options.out)
 
 
 @verb(

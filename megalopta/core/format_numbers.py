@@ -21,7 +21,6 @@ FORMATS: Mapping[str, Format] = {
     "recording": Format(2, 2),  # recording.yaml
     "ranking": Format(4, 4),  # ranking.json
     "scores": Format(3, 0),  # scores.json
-    "seal": Format(1, 1),  # seal.json of a challenge's truth, and of its inputs
 }
 """Every format by its name in messages."""
 

@@ -8,10 +8,11 @@ import pytest
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.endpoint_error import (
     DenseErrors,
-    Sparsification,
     ause,
     block_flow,
     forward_backward_px,
+    sparsification,
+    sparsified,
     truth_error,
     truth_splits,
 )
@@ -177,12 +178,12 @@ def test_ause_has_closed_forms():
 
 
 def test_sparsification_is_that_of_an_independent_sort_of_all_images():
-    rng, pixels, parts = np.random.default_rng(6), Sparsification(), []
+    rng, bins, parts = np.random.default_rng(6), 0, []
     for scale in (0.3, 4.0):
         errors = scale * rng.random((60, 80))
         uncertainty = errors * rng.lognormal(size=errors.shape)
         uncertainty[0, :3] = np.nan, np.inf, 1e300  # the least sure
-        pixels.add(errors, uncertainty)
+        bins = bins + sparsification(errors, uncertainty)
         parts.append((errors.ravel(), np.where(uncertainty < 1e9, uncertainty, 1e9).ravel()))
     errors, uncertainty = np.concatenate(parts, axis=1)
     remaining = 1 + np.arange(errors.size)
@@ -190,8 +191,8 @@ def test_sparsification_is_that_of_an_independent_sort_of_all_images():
         (np.cumsum(errors[np.argsort(key, kind="stable")]) / remaining / errors.mean()).mean()
         for key in (uncertainty, errors)
     ]
-    assert pixels.error().ause == pytest.approx(curves[0] - curves[1], abs=2e-3)
-    assert pixels.error().ause_random == pytest.approx(1 - curves[1], abs=2e-3)
+    assert sparsified(bins).ause == pytest.approx(curves[0] - curves[1], abs=2e-3)
+    assert sparsified(bins).ause_random == pytest.approx(1 - curves[1], abs=2e-3)
     for wrong in (-uncertainty, uncertainty[1:]):
         with pytest.raises(ValueError, match="uncertainty"):
             ause(errors, wrong)

@@ -42,7 +42,7 @@ def test_inputs_hold_counts_pictures_and_cameras_and_nothing_of_the_truth(whole,
     name, exposure = sequence.name, sequence.exposures[0]
     names = {re.sub(r"\d{4}", "N", path) for path in content(inputs)}
     assert names == {
-        *("SHA256SUMS", "seal.json", "cameras.json"),
+        *("SHA256SUMS", "TRUTH-HMAC-SHA256", "cameras.json"),
         *(f"counts/{name}/{exposure}.npy", f"final/{name}/frame_N.png"),
     }
     counts = np.load(inputs / "counts" / name / f"{exposure}.npy")
@@ -51,7 +51,7 @@ def test_inputs_hold_counts_pictures_and_cameras_and_nothing_of_the_truth(whole,
         assert {part for part, _ in png_parts(path.read_bytes())} == {b"IHDR", b"IDAT", b"IEND"}
     said = "".join(path.read_text() for path in inputs.iterdir() if path.is_file())
     camera = json.loads((inputs / "cameras.json").read_text())[name]
-    assert camera["counts"][exposure] == {"unit": "counts per exposure", "exposure_s": 0.1}
+    assert camera["exposure_s"] == {"spadcam": sequence.configuration.sensors[0].exposure_s}
     assert set(camera["camera"]) == {"kind", "width", "height", "fov_deg"}
     for word in ("seed", "scene", "trajectory", "rotation", "position", "pose", "velocity"):
         assert word not in said
@@ -63,7 +63,9 @@ def test_inputs_hold_counts_pictures_and_cameras_and_nothing_of_the_truth(whole,
     assert [hash_of.hexdigest() for hash_of in hidden] == [
         hashlib.sha256(true[path]).hexdigest() for path in true if path.startswith("final/")
     ]
-    assert json.loads((sealed / "truth/seal.json").read_text())["key"] not in said
+    assert (sealed / "truth/KEY").read_text().split()[0] not in said
+    keyed = (inputs / "TRUTH-HMAC-SHA256").read_text().splitlines()
+    assert len({line.split()[0] for line in keyed}) == len(true) - 1  # equal files differ, too
     subprocess.run(["sha256sum", "--quiet", "-c", "SHA256SUMS"], cwd=inputs, check=True)
 
 
@@ -105,10 +107,9 @@ def test_a_changed_truth_and_other_inputs_are_refused(whole, copied, tmp_path):
     (added := flow.with_name("frame_0099.flo")).write_bytes(exact)
     assert "frame_0099.flo differs from its published hash" in refusal(flow.parents[1])
     added.unlink()
-    published = (inputs / "seal.json").read_text()
-    (inputs / "seal.json").write_text(published.replace("flow/", "flux/"))
-    assert "seal.json was changed" in refusal(truth)
-    (truth / "seal.json").write_text("{")
+    (inputs / "TRUTH-HMAC-SHA256").write_text("")
+    assert "TRUTH-HMAC-SHA256 was changed" in refusal(truth)
+    (truth / "KEY").write_text("0")
     assert "restore the truth that was sealed" in refusal(truth)
     assert "it is not sealed" in refusal(whole, inputs)
 
@@ -122,11 +123,7 @@ def test_a_killed_run_leaves_nothing_and_the_same_command_seals(whole, tmp_path,
         seal_dataset(whole, out)
     monkeypatch.undo()
     assert not list(tmp_path.iterdir())
-    assert {path.name for path in seal_dataset(whole, out, with_clean=True).iterdir()} == {
-        "inputs",
-        "truth",
-    }
-    assert list((out / "inputs/clean").glob("*/*.png"))
+    assert {path.name for path in seal_dataset(whole, out).iterdir()} == {"inputs", "truth"}
     assert (out / "truth").stat().st_mode & 0o77 == 0
     with pytest.raises(UserError, match="exists"):
         seal_dataset(whole, out)
