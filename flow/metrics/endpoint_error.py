@@ -329,12 +329,9 @@ def sparsification(errors: NDArray[np.floating], uncertainty: NDArray[np.floatin
         raise ValueError(
             f"uncertainty of shape {uncertainty.shape}: give {errors.shape}, px, 0 or more"
         )
+    values = np.nan_to_num([uncertainty, errors], nan=np.inf, posinf=np.inf).reshape(2, -1)
     with np.errstate(over="ignore"):
-        known = [
-            np.nan_to_num(values, nan=np.inf, posinf=np.inf) + 0.0
-            for values in (uncertainty, errors)
-        ]
-        bits = np.float32(known).reshape(2, -1).view(np.uint32)
+        bits = np.abs(values).astype(np.float32).view(np.uint32)
     places = bits >> _LOWER_BITS  # exponent and five bits of the mantissa, in the order of values
     weights = np.ones(errors.size), errors.ravel()
     return np.array([[np.bincount(place, by, _BINS) for by in weights] for place in places])

@@ -14,6 +14,7 @@ import hashlib
 import hmac
 import secrets
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -138,9 +139,7 @@ def _sums(folder: Path, key: bytes = b"") -> str:
     for path in sorted(path for path in folder.rglob("*") if path.is_file() and path.name != _KEY):
         name = path.relative_to(folder).as_posix()
         # with the name: equal files, such as those of a steady motion, have different hashes
-        begun = hmac.new(key, f"{name}\0".encode(), "sha256") if key else hashlib.sha256()
+        kind = partial(hmac.new, key, f"{name}\0".encode(), "sha256") if key else hashlib.sha256
         with path.open("rb") as file:
-            lines.append(
-                f"{hashlib.file_digest(file, lambda begun=begun: begun).hexdigest()}  {name}\n"
-            )
+            lines.append(f"{hashlib.file_digest(file, kind).hexdigest()}  {name}\n")
     return "".join(lines)
