@@ -108,8 +108,9 @@ def score_submissions(
         for pass_name, flow_of in sorted(passes.items())
     ]
     names = Counter((name, pass_name) for name, pass_name, *_ in submissions)
-    if (most := max(names, key=lambda name: names[name])) and names[most] > 1:
-        raise UserError(f"{most[0]}: two programs of this name; rename the folder of one")
+    (name, _), number = names.most_common(1)[0]
+    if number > 1:
+        raise UserError(f"{name}: {number} programs of this name; rename the folders")
     with progress("Scoring flow", len(truths), "frame") as advance:
         for frame, paths in sorted(truths.items()):
             true, occluded = clips.read_true_flow(paths)

@@ -290,7 +290,7 @@ def _submit(options: Namespace) -> Path:
         options.flows, options.truth, options.program, options.png_scale, options.inputs
     )
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    Console(width=_WIDTH + 25, markup=False, emoji=False).print(score_table(scores))
+    Console(width=_WIDTH + 40, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)
 
 

@@ -207,7 +207,7 @@ def test_methods_have_the_confidence_that_they_state_or_forward_backward_consist
 def test_programs_of_one_name_are_refused(tree, told, tmp_path):
     truth, submitted = tree
     shutil.copytree(submitted, again := tmp_path / "again" / "dis")
-    assert "dis: two programs of this name" in told(truth, submitted, again)
+    assert "dis: 2 programs of this name" in told(truth, submitted, again)
 
 
 def test_scores_of_the_former_format_are_read(tree):
