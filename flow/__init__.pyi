@@ -46,6 +46,7 @@ from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.endpoint_error import (
     DenseErrors as DenseErrors,
     TruthError as TruthError,
+    ause as ause,
     block_flow as block_flow,
     truth_error as truth_error,
 )

@@ -62,6 +62,17 @@ def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     return _known(flow)
 
 
+def read_uncertainty(path: Path, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Read the expected error (H, W) of a flow, px, from `.npy`. Raises ValueError."""
+    values = bounded.plain_array(bounded.read_bytes(path, bounded.ARRAY_BYTES), "f")
+    if values is None or values.shape != shape or (values < 0).any():
+        raise ValueError(
+            f"{path} is no complete .npy file of float32 {shape}: write the expected error of each "
+            "pixel, px, 0 or more, with numpy.save; NaN where it is unknown"
+        )
+    return values.astype(np.float64)
+
+
 def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 

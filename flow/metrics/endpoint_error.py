@@ -15,10 +15,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
@@ -226,6 +227,8 @@ class DenseError:
 
 _AT_ONCE = 2**20
 """Pixels of which all measures are in memory"""
+_LOWER_BITS = 18
+_BINS = 2 ** (31 - _LOWER_BITS)
 
 
 class DenseErrors:
@@ -234,22 +237,29 @@ class DenseErrors:
     def __init__(self) -> None:
         # number of pixels, and sums over them of the other fields of `DenseError`
         self._sums = {name: np.zeros(len(fields(DenseError))) for name in GROUPS}
+        self.sparsification = np.zeros((2, 2, _BINS))
 
     def add(
-        self, flow: NDArray[np.floating], truth: NDArray[np.floating], occluded: Mask | None = None
+        self,
+        flow: NDArray[np.floating],
+        truth: NDArray[np.floating],
+        occluded: Mask | None = None,
+        uncertainty: NDArray[np.floating] | None = None,
     ) -> None:
         """Score one image.
 
         `flow`, `truth` (H, W, 2): px per frame, NaN where undefined; `occluded` (H, W): pixels not
-        visible in the next frame. Raises ValueError if shapes differ, or no pixel has a flow.
+        visible in the next frame; `uncertainty` (H, W): as for `sparsification`. Raises ValueError
+        if shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(
                 f"a flow of {flow.shape[1]} × {flow.shape[0]} px, the truth has"
                 f" {truth.shape[1]} × {truth.shape[0]}: give it at full size"
             )
-        if occluded is not None and occluded.shape != truth.shape[:2]:
-            raise ValueError(f"occluded of shape {occluded.shape}: give {truth.shape[:2]}")
+        for name, array in (("occluded", occluded), ("uncertainty", uncertainty)):
+            if array is not None and array.shape != truth.shape[:2]:
+                raise ValueError(f"{name} of shape {array.shape}: give {truth.shape[:2]}")
         known = np.asarray(np.isfinite(truth).all(axis=-1))
         hidden = np.zeros_like(known) if occluded is None else occluded
         true, answer, hidden = truth[known], flow[known], hidden[known]
@@ -278,6 +288,8 @@ class DenseErrors:
             by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
             for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
                 self._sums[name] += values[:, among].sum(axis=1)
+            if uncertainty is not None:
+                self.sparsification += sparsification(epe, uncertainty[known][part])
 
     @classmethod
     def joined(cls, parts: Iterable["DenseErrors"]) -> "DenseErrors":
@@ -286,6 +298,7 @@ class DenseErrors:
         for part in parts:
             for name, sums in part._sums.items():
                 joined._sums[name] += sums
+            joined.sparsification += part.sparsification
         return joined
 
     def of(self, group: str) -> DenseError:
@@ -293,3 +306,72 @@ class DenseErrors:
         pixels, *sums = self._sums[group].tolist()
         means = (total / pixels if pixels else math.nan for total in sums)
         return DenseError(int(pixels), *means)
+
+
+class SparsifiedError(NamedTuple):
+    """How well uncertainty sorts pixels by their error; NaN without pixels, or without errors."""
+
+    ause: float
+    """Area between the curves of the uncertainty and of the error itself (1); 0: the same order"""
+    ause_random: float
+    """The same for pixels in random order, as of a constant uncertainty"""
+    surest_half_px: float
+    """Mean endpoint error of the surer half of the pixels (px per frame)"""
+
+
+def sparsification(errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> Floats:
+    """Return pixels and sum of their errors (px) by uncertainty and by error, (2, 2, bins of 3 %).
+
+    Those of several images add. Errors and uncertainties of one shape, px; one that is not finite
+    is the largest. Raises ValueError if shapes differ or an uncertainty is negative.
+    """
+    if errors.shape != uncertainty.shape or (uncertainty < 0).any():
+        raise ValueError(
+            f"uncertainty of shape {uncertainty.shape}: give {errors.shape}, px, 0 or more"
+        )
+    values = np.nan_to_num([uncertainty, errors], nan=np.inf, posinf=np.inf).reshape(2, -1)
+    with np.errstate(over="ignore"):
+        bits = np.abs(values).astype(np.float32).view(np.uint32)
+    places = bits >> _LOWER_BITS  # exponent and five bits of the mantissa, in the order of values
+    weights = np.ones(errors.size), errors.ravel()
+    return np.array([[np.bincount(place, by, _BINS) for by in weights] for place in places])
+
+
+def ause(errors: NDArray[np.floating], uncertainty: NDArray[np.floating]) -> SparsifiedError:
+    """Return how well uncertainty sorts errors, arrays of one shape, as for `sparsification`."""
+    return sparsified(sparsification(errors, uncertainty))
+
+
+def sparsified(bins: Floats) -> SparsifiedError:
+    """Return how well the uncertainty sorts the pixels of a `sparsification`.
+
+    The curve is the mean error of the pixels that remain when a share, 0 to 1, of the least sure is
+    removed, relative to that of all (Ilg et al., ECCV 2018). Within a bin the order is random, so
+    that its pixels have its mean, and the area has a closed form.
+    """
+    pixels, total_px = bins[0].sum(axis=-1)
+    if not total_px:
+        return SparsifiedError(math.nan, math.nan, math.nan)
+    areas = []
+    for counts, sums in bins:
+        counts, sums = counts[counts > 0], sums[counts > 0]
+        kept, kept_px = np.cumsum(counts)[:-1], np.cumsum(sums)[:-1]
+        # ∫ (kept_px + mean·n)/(kept + n) dn over the pixels n of a bin, less that of the mean
+        beyond = (kept_px - kept * (sums / counts)[1:]) * np.log1p(counts[1:] / kept)
+        areas.append(1 + beyond.sum() / total_px)
+    kept, kept_px = np.cumsum(bins[0], axis=-1)
+    half_px = np.interp(pixels / 2, [0, *kept], [0, *kept_px]) / (pixels / 2)
+    return SparsifiedError(areas[0] - areas[1], 1 - areas[1], float(half_px))
+
+
+def forward_backward_px(
+    flow: NDArray[np.floating], backward: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Return |u + v(x + u)| (H, W), px, of flow u to the next frame and v back, each (H, W, 2).
+
+    v is interpolated linearly; NaN where the flow is undefined or leaves the image.
+    """
+    rows, columns = np.indices(flow.shape[:2])
+    places = np.nan_to_num([rows + flow[..., 1], columns + flow[..., 0]], nan=-9)
+    back = [map_coordinates(backward[..., axis], places, order=1, cval=np.nan) for axis in (0, 1)]
+    return np.asarray(np.hypot(*(flow[..., axis] + back[axis] for axis in (0, 1))))

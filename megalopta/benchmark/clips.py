@@ -67,6 +67,7 @@ class FlowClip:
         return draw_counts(means, 0, *key, self.name, f"{flux:.6g}", draw)
 
 
+_UNCERTAINTY = ".uncertainty.npy"
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 _OF_FLOW = re.compile("flow|(^|[-_])(occlusions|invalid)$")
 LAYOUTS = (
@@ -159,6 +160,11 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
     if not truths:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
     return truths
+
+
+def uncertainty_of(flow: Path) -> Path:
+    """Return the path of the expected error of a flow file, (H, W) px, which may not exist."""
+    return flow.with_name(f"{flow.stem}{_UNCERTAINTY}")
 
 
 def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[FrameName, Path]]:
@@ -354,6 +360,10 @@ def _pictures_in(folder: Path) -> list[Path]:
 def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, Path]:
     """Return the flow files below a folder; among pictures, only those PNG files that are flow."""
     paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
+    uncertain = {path for path in paths if path.name.endswith(_UNCERTAINTY)}
+    paths = [path for path in paths if path not in uncertain]
+    if strays := sorted(uncertain - {uncertainty_of(path) for path in paths}):
+        raise UserError(f"{strays[0]} has no flow file of its name: add that, or remove this")
     suffixes = {path.suffix.lower() for path in paths}
     if among_pictures:
         others = {path.parent for path in paths if path.suffix.lower() != ".png"}

@@ -283,17 +283,19 @@ def _sequence(options: Namespace) -> Path:
     option(
         "flows FLOW",
         "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
-        "out as the truth is; or a method to run on the truth's pictures: a name such as DIS, "
+        "out as the truth is, with the expected error (px) of NAME.flo in NAME.uncertainty.npy, "
+        "if it is stated; or a method to run on the truth's pictures: a name such as DIS, "
         "module:function or an ONNX file; several are compared",
         nargs="+",
     ),
     option(
         "--truth",
-        "folder of the true flow: a dataset, or one of Sintel, KITTI, Middlebury, Spring or "
-        "FlyingChairs",
+        "folder of the true flow: a dataset, a sealed truth, or one of Sintel, KITTI, "
+        "Middlebury, Spring or FlyingChairs",
         Path,
         required=True,
     ),
+    option("--inputs", "published inputs of a sealed truth (default: 'inputs' next to it)", Path),
     _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
     out_file("scores.json", "file of the scores"),
@@ -306,10 +308,24 @@ def _submit(options: Namespace) -> Path:
 
     if options.program and len(options.flows) > 1:
         raise UserError("benchmark submit: --program names one flow; give one, or omit it")
-    scores = score_submissions(options.flows, options.truth, options.program, options.png_scale)
+    scores = score_submissions(
+        options.flows, options.truth, options.program, options.png_scale, options.inputs
+    )
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
+    Console(width=_WIDTH + 40, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)
+
+
+@verb(
+    "benchmark seal",
+    "split a rendered dataset for a challenge: inputs to publish, and truth to keep, with hashes",
+    DATASET,
+    out("out/challenge", "new folder for inputs/ and truth/"),
+)
+def _seal(options: Namespace) -> Path:
+    from megalopta.benchmark.seal import seal_dataset
+
+    return seal_dataset(options.dataset, options.out)
 
 
 @verb(

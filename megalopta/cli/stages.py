@@ -226,7 +226,7 @@ VERBS["dataset"] = Verb("make a dataset of many sequences")
 @verb(
     "dataset make",
     "make a dataset of any size from a plan; finished sequences are kept",
-    option("plan", "YAML file of the plan, or folder of a dataset to continue", Path),
+    option("plan", "YAML file of the plan, folder of a dataset to continue, or 'challenge'", Path),
     out("out/dataset", "dataset folder"),
     option("--only N", "only these sequences, such as 731 or 0-9,20"),
     switch(

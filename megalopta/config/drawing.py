@@ -14,6 +14,8 @@ from megalopta.core.errors import UserError
 from megalopta.core.validation import merged
 from megalopta.sensor import ImageSensor, generator
 
+SECRET_SEED = 2**63
+"""Least seed of a plan that nobody can find by trying"""
 _DRAWN = ("scenes", "lights", "cameras", "trajectories")
 
 
@@ -75,7 +77,9 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
     differing = {"camera": of_rig.camera, "render": of_rig.render, "shutter": of_rig.shutter}
     values = merged(values, {name: fields for name, fields in differing.items() if fields})
     values["name"] = sequence_name(index)
-    values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(2**31))
+    # a secret seed gives noise whose seed cannot be found by trying all
+    seeds = 2**31 if plan.seed < SECRET_SEED else SECRET_SEED
+    values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(seeds))
     values["light_levels"] = draw_entry(plan.light_levels, at, "light_levels")
     values["sensors"] = draw_entry(of_rig.sensors or plan.sensors, at, "sensors")
     values["products"] = list(plan.products)

@@ -190,6 +190,8 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     """
     is_dataset = path.is_dir()
     path = path / "dataset.yaml" if is_dataset else path
+    if path == Path("challenge") and not path.exists():
+        path = Path(__file__).with_name("challenge.yaml")
     values = mapping(yaml_text(path, "plan; give a YAML file"), str(path))
     if "megalopta" in values:
         check_format("dataset", values, path)

@@ -20,7 +20,7 @@ FORMATS: Mapping[str, Format] = {
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
     "recording": Format(2, 2),  # recording.yaml
     "ranking": Format(4, 4),  # ranking.json
-    "scores": Format(2, 0),  # scores.json
+    "scores": Format(3, 0),  # scores.json
 }
 """Every format by its name in messages."""
 

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
-from megalopta.flow.metrics.endpoint_error import DenseErrors, block_flow, truth_error, truth_splits
+from megalopta.flow.metrics.endpoint_error import (
+    DenseErrors,
+    ause,
+    block_flow,
+    forward_backward_px,
+    sparsification,
+    sparsified,
+    truth_error,
+    truth_splits,
+)
 
 
 def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():
@@ -149,3 +158,55 @@ def test_angular_error_is_measured_in_space_and_time():
     error = truth_error(np.tile((1.0, 0.0), (1, 3, 3, 1)), np.tile((0.0, 1.0), (1, 3, 3, 1)))
     assert error.angular_error_deg == pytest.approx(60)
     assert error.endpoint_error_px == pytest.approx(math.sqrt(2))
+
+
+def test_ause_has_closed_forms():
+    rng = np.random.default_rng(5)
+    errors = rng.exponential(size=(100, 400))
+    perfect = ause(errors, 3 * errors**2)
+    # the mean of the smallest 1 − x of the pixels is 1 + x·ln x/(1 − x): its area is 2 − π²/6
+    assert perfect.ause == pytest.approx(0, abs=2e-3)  # bins of 3 %, squared of 6 %
+    assert perfect.ause_random == pytest.approx(math.pi**2 / 6 - 1, abs=0.01)  # of 40,000 pixels
+    constant = ause(errors, np.ones_like(errors))
+    assert constant.ause == pytest.approx(constant.ause_random, rel=1e-12)
+    assert constant.surest_half_px == pytest.approx(errors.mean())
+    # half without error, half off by 2 px: ∫ max(0, ½ − x)/(½(1 − x)) dx = 1 − ln 2
+    errors = np.repeat([0.0, 2.0], 500)
+    assert ause(errors, errors).ause_random == pytest.approx(math.log(2), rel=1e-12)
+    assert ause(errors, 2 - errors).ause == pytest.approx(2 * math.log(2), rel=1e-12)
+    assert ause(errors, 1 + errors).surest_half_px == 0
+
+
+def test_sparsification_is_that_of_an_independent_sort_of_all_images():
+    rng, bins, parts = np.random.default_rng(6), 0, []
+    for scale in (0.3, 4.0):
+        errors = scale * rng.random((60, 80))
+        uncertainty = errors * rng.lognormal(size=errors.shape)
+        uncertainty[0, :3] = np.nan, np.inf, 1e300  # the least sure
+        bins = bins + sparsification(errors, uncertainty)
+        parts.append((errors.ravel(), np.where(uncertainty < 1e9, uncertainty, 1e9).ravel()))
+    errors, uncertainty = np.concatenate(parts, axis=1)
+    remaining = 1 + np.arange(errors.size)
+    curves = [
+        (np.cumsum(errors[np.argsort(key, kind="stable")]) / remaining / errors.mean()).mean()
+        for key in (uncertainty, errors)
+    ]
+    assert sparsified(bins).ause == pytest.approx(curves[0] - curves[1], abs=2e-3)
+    assert sparsified(bins).ause_random == pytest.approx(1 - curves[1], abs=2e-3)
+    for wrong in (-uncertainty, uncertainty[1:]):
+        with pytest.raises(ValueError, match="uncertainty"):
+            ause(errors, wrong)
+
+
+def test_flow_there_and_back_leads_home():
+    row, column = np.mgrid[:20, :30].astype(float)
+    there = np.stack([0.1 * column, -0.05 * row], axis=-1)
+    # its exact inverse: x + u = 1.1·x, y + v = 0.95·y
+    back = np.stack([column / 1.1 - column, row / 0.95 - row], axis=-1)
+    inside = 1.1 * column <= 29
+    distance = forward_backward_px(there, back)
+    np.testing.assert_allclose(distance[inside], 0, atol=1e-12)
+    assert np.isnan(distance[~inside]).all()
+    there[3, 4] = np.nan
+    assert np.isnan(forward_backward_px(there, back)[3, 4])
+    np.testing.assert_allclose(forward_backward_px(there, back + 3)[5, 5], 3 * math.sqrt(2))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.benchmark.scores import score_submissions
+from megalopta.benchmark.scores import Scores, score_submissions
 from megalopta.cli import main as cli
 from megalopta.flow.formats import write_flo
 
@@ -163,3 +163,57 @@ def test_programs_are_compared_in_one_table(tree, tmp_path, capsys):
     assert overall[1]["errors"]["all"]["epe_px"] == 0
     assert overall[1]["errors"]["all"]["wauc_percent"] == 100
     assert "perfect" in printed and "dis" in printed
+
+
+def test_confidence_next_to_flow_is_scored_by_the_order_of_its_pixels(tree, told, capsys):
+    truth, submitted = tree
+    paths = sorted(submitted.glob("clean/*/*.flo"))
+    *_, without = score_submissions([submitted], truth).entries
+    assert set(without.errors["confidence"].values()) == {None}
+    for path in paths:
+        motion = np.float32(MOTIONS[int(path.parent.name[-1])])
+        error = np.hypot(*(cv2.readOpticalFlow(str(path)) - motion).transpose(2, 0, 1))
+        np.save(path.with_name(f"{path.stem}.uncertainty.npy"), error)
+    *_, entry = score_submissions([submitted], truth).entries
+    confidence = entry.errors["confidence"]
+    assert {**entry.errors, "confidence": 0} == {**without.errors, "confidence": 0}
+    assert confidence["ause"] == pytest.approx(0, abs=1e-12)
+    assert 0.2 < confidence["ause_random"] < 1
+    assert confidence["surest_half_px"] < entry.errors["all"]["epe_px"]
+    assert f"{confidence['ause_random']:.3g}" in submit(capsys, truth, submitted)
+
+    stated = paths[0].with_name(f"{paths[0].stem}.uncertainty.npy")
+    stated.unlink()  # then its pixels are the least sure
+    *_, entry = score_submissions([submitted], truth).entries
+    assert entry.errors["confidence"]["ause"] > 1e-3
+    for values in (np.zeros(SHAPE) - 1, np.zeros((3, 4)), np.zeros(SHAPE, int)):
+        np.save(stated, values)
+        assert stated.name in told(truth, submitted)
+    np.save(stated, np.zeros(SHAPE))
+    paths[0].unlink()
+    assert f"{stated.name} has no flow file of its name" in told(truth, submitted)
+
+
+def test_methods_have_the_confidence_that_they_state_or_forward_backward_consistency(tree):
+    truth, _ = tree
+    with_pictures(truth)
+    *_, stated, _, _, consistent = score_submissions(["PF", "dis"], truth).entries
+    assert (stated.program, consistent.program) == ("PF", "DIS")
+    for entry in (stated, consistent):  # errors are at the edges of the image
+        confidence = entry.errors["confidence"]
+        assert 0 < confidence["ause"] < 0.6 * confidence["ause_random"]
+
+
+def test_programs_of_one_name_are_refused(tree, told, tmp_path):
+    truth, submitted = tree
+    shutil.copytree(submitted, again := tmp_path / "again" / "dis")
+    assert "dis: 2 programs of this name" in told(truth, submitted, again)
+
+
+def test_scores_of_the_former_format_are_read(tree):
+    truth, submitted = tree
+    former = score_submissions([submitted], truth).model_dump(mode="json") | {"format": 2}
+    for entry in former["entries"]:
+        entry["format"] = 2
+        del entry["errors"]["confidence"]
+    assert Scores.model_validate(former).entries[0].errors["all"]["epe_px"] > 0
