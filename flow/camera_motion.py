@@ -58,7 +58,7 @@ _LONGEST_STEP_PX = 1.0
 _MODEL = 4.0
 """Variance of an estimate at rest over the inverse of its information, which takes the prior of the
 inverse depth for knowledge"""
-_EXCLUDED, _ALIKE = 20.0, (-20.0, 8.0)
+_EXCLUDED, _ALIKE = 20.0, (-20.0, 4.0)
 """Differences of log-likelihood, over the dispersion: above the first a motion is excluded, within
 the second two motions are alike; with `_MODEL` set on other windows than the documentation's"""
 _ENOUGH_PHOTONS = 200.0
