@@ -112,7 +112,7 @@ def caution(facts: RankingFacts) -> str:
     return (
         f"Caution: from {short(first)} photons per frame on, errors are partly of noise that no "
         f"camera has: at {short(most)}, rendering noise has {number(noise)} times the variance of "
-        f"shot noise. Render with {number(math.ceil(noise / LIMIT))} times "
+        f"shot noise. Render with {short(math.ceil(noise / LIMIT))} times "
         "--render.samples-per-pixel (baked light: a lower --render.bake-error), or rank with "
         "fewer --fluxes."
     )
