@@ -24,7 +24,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
@@ -55,6 +55,15 @@ _CONTINUED = 2
 """Starts that continue after the first steps"""
 _FITS, _LEAST_RESIDUAL_PX = 8, 0.05
 _LONGEST_STEP_PX = 1.0
+_MODEL = 4.0
+"""Variance of an estimate at rest over the inverse of its information, which takes the prior of the
+inverse depth for knowledge"""
+_EXCLUDED, _ALIKE = 20.0, (-20.0, 4.0)
+"""Differences of log-likelihood, over the dispersion: above the first a motion is excluded, within
+the second two motions are alike; with `_MODEL` set on other windows than the documentation's"""
+_ENOUGH_PHOTONS = 200.0
+"""Photons per pixel in all frames below which nothing is excluded: a moving object does not show"""
+_DEPTH_STEPS, _AROUND_PX = 4, 2.0
 _PART, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
 """Share of the view in an omitted part, and where strips begin, in widths and heights of it"""
 _RIDGE = 1e-2
@@ -95,14 +104,9 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
     Raises ValueError if fewer than 8 velocities are defined, which cannot determine five parameters
     in noise.
     """
-    # unit vectors from the first and the second camera, each in its own axes
-    d, e = (camera.toward(places).reshape(-1, 3) for places in (points, points + flow))
-    known = np.isfinite(d + e).all(axis=1)
-    if known.sum() < _FEWEST:
-        raise ValueError(
-            f"{known.sum()} velocities are defined; the camera's motion needs {_FEWEST}"
-        )
-    d, e = d[known], e[known]
+    d, e = _seen(camera, points, flow)
+    if len(d) < _FEWEST:
+        raise ValueError(f"{len(d)} velocities are defined; the camera's motion needs {_FEWEST}")
     fits = (_fitted(t, d, e) for t in _promising_headings(d, e))
     heading, rotation, _ = min(fits, key=itemgetter(2))
     # points in front, which are most, move away from the heading
@@ -110,6 +114,13 @@ def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion
     away = (d @ heading)[:, np.newaxis] * d - heading
     is_ahead = np.sum(np.sign(np.sum(moved * away, axis=1))) >= 0
     return CameraMotion(np.degrees(rotation), heading if is_ahead else -heading)
+
+
+def _seen(camera: Camera, points: Floats, flow: Floats) -> tuple[Floats, Floats]:
+    """Return unit vectors to points from the first and the second camera, each in its own axes."""
+    d, e = (camera.toward(places).reshape(-1, 3) for places in (points, points + flow))
+    known = np.isfinite(d + e).all(axis=1)
+    return d[known], e[known]
 
 
 def _promising_headings(d: Floats, e: Floats) -> Floats:
@@ -181,32 +192,40 @@ def camera_motion_with_error(
     What moves by itself may look like a near part of a scene at rest. So the motion is also found
     without each of eleven parts of the view: eight strips of 40 % of its width or height, the
     nearest and the farthest 40 % of its pixels, and the nearer of two groups of distances. The
-    largest change is part of the error, with the inverse of the information.
+    largest change is part of the error, with the inverse of the information. In enough light, a
+    change is left out if the whole view excludes the other motion and the rest of the view hardly
+    tells both apart: then it is what less evidence costs where nothing moves.
     """
     search = _Search.of(counts, camera)
     best = search.best()
     motion, shape = best.camera_motion, counts.shape[1:]
+    dispersion = max(1.0, search.evidence(best.motion).misfit)
     # variances of the parameters; of those without information, that of a half turn
     values, vectors = np.linalg.eigh(best.information)
-    variance = (vectors**2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
+    variance_deg2 = _MODEL * dispersion * np.degrees(1) ** 2 * vectors**2
+    variance_deg2 = (variance_deg2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
     near = _at_pixels(best.motion.inverse_depth, shape)
     layers = (
         near > np.quantile(near, 1 - _PART),
         near > threshold_otsu(near),
         near < np.quantile(near, _PART),
     )
-    partial_motions = [
-        replace(search, used=~part).best().camera_motion for part in (*_strips(shape), *layers)
-    ]
-    rotations = np.array([partial.rotation_deg for partial in partial_motions])
-    headings = np.array([partial.heading for partial in partial_motions])
-    turned = ((rotations - motion.rotation_deg) ** 2).max(axis=0)
-    swung = (angles_deg(headings, motion.heading) ** 2).max()
-    error = CameraMotionError(
-        np.sqrt(np.degrees(1) ** 2 * variance[:3] + turned),
-        float(np.sqrt(np.degrees(1) ** 2 * variance[3:5].sum() + swung)),
-    )
-    return motion, error
+    is_dim = counts.sum(axis=0).mean() < _ENOUGH_PHOTONS
+    changes = [np.zeros(4)]  # of the rotation about each axis, and of the heading
+    for part in (*_strips(shape), *layers):
+        rest = replace(search, used=~part)
+        other = rest.best(refined=False)
+        if (
+            is_dim
+            or search.excess(other.motion, best.motion) < _EXCLUDED * dispersion
+            or not _ALIKE[0] < rest.excess(best.motion, other.motion) / dispersion < _ALIKE[1]
+        ):
+            turned = other.camera_motion.rotation_deg - motion.rotation_deg
+            swung = angles_deg(other.motion.heading, motion.heading)
+            changes.append(np.append(turned, swung))
+    noise = np.append(variance_deg2[:3], variance_deg2[3:5].sum())
+    square = np.square(changes).max(axis=0) + noise
+    return motion, CameraMotionError(np.sqrt(square[:3]), float(np.sqrt(square[3])))
 
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
@@ -321,23 +340,34 @@ class _Search:
             used=np.ones((height, width), np.bool_),
         )
 
-    def best(self) -> _Estimate:
-        """Return the most likely motion."""
+    def best(self, *, refined: bool = True) -> _Estimate:
+        """Return the most likely motion; unrefined, from the fitted heading as it was tried."""
         x, y = (self.nodes[..., axis].astype(np.intp) for axis in range(2))
         used = self.used[y, x]
         headings = [sign * axis for axis in np.eye(3) for sign in (1, -1)]
         known = np.where(used[..., np.newaxis], self.flow, np.nan)
-        try:
-            heading = motion_of_flow(self.camera, self.nodes, known).heading
+        d, e = _seen(self.camera, self.nodes, known)
+        if len(d) >= _FEWEST:  # with too few nodes only the axes
+            tried = _promising_headings(d, e)
+            fits = (_fitted(t, d, e) for t in tried)
+            heading = min(fits, key=itemgetter(2))[0] if refined else tried[0]
             headings = [heading, -heading, *headings]
-        except ValueError:  # too few nodes: only the axes
-            pass
         cost = itemgetter(0)
         starts = (self._start(heading, used) for heading in headings)
         begun = sorted((self._stepped(start, _FIRST_STEPS) for start in starts), key=cost)
         return min(
             (self._stepped(estimate.motion, _STEPS) for estimate in begun[:_CONTINUED]), key=cost
         )
+
+    def excess(self, motion: _Motion, best: _Motion) -> float:
+        """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
+        misfits, at_its_depth = [], self._stepped(motion, _DEPTH_STEPS, held=True).motion
+        for compared in (at_its_depth, best):
+            aligned, inside = dense_flow.aligned_frames(self.level, self._places(compared))
+            squares = 2 * len(aligned) * gaussian_filter(aligned.var(axis=0), _AROUND_PX)
+            noise = 2 * (len(aligned) - 1) * self.level.noise
+            misfits.append(np.where(inside, noise * roots.misfit(squares / noise), np.nan))
+        return float(np.nansum(misfits[0] - misfits[1]))
 
     def _start(self, heading: Floats, used: Mask) -> _Motion:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
@@ -356,14 +386,14 @@ class _Search:
             weight = used / np.maximum(np.linalg.norm(residual, axis=-1), _LEAST_RESIDUAL_PX)
         return _Motion(np.asarray(rotation, np.float64), np.zeros(3), heading, inverse_depth)
 
-    def _stepped(self, motion: _Motion, count: int) -> _Estimate:
+    def _stepped(self, motion: _Motion, count: int, *, held: bool = False) -> _Estimate:
         for _ in range(count):
-            estimate = self._newton_step(motion)
+            estimate = self._newton_step(motion, held=held)
             motion = estimate.motion
         return estimate
 
-    def _newton_step(self, motion: _Motion) -> _Estimate:
-        """Return the cost of a motion, and a better motion.
+    def _newton_step(self, motion: _Motion, *, held: bool = False) -> _Estimate:
+        """Return the cost of a motion, and a better motion; held, with better depths alone.
 
         Newton's system of the eight parameters m and the inverse depth ρ of all nodes,
 
@@ -373,7 +403,7 @@ class _Search:
         is solved for δm by the Schur complement M − Cᵀ·D⁻¹·C, the information on m.
         """
         heading, inverse_depth = motion.heading, motion.inverse_depth
-        evidence = self._evidence(motion)
+        evidence = self.evidence(motion)
         xx, xy, yy = dense_flow.to_nodes(evidence.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
         slopes = np.stack(
@@ -404,7 +434,7 @@ class _Search:
         solved = factors.solve(np.column_stack((depth_slope, C)))
         schur = M - C.T @ solved[:, 1:]
         schur += np.diag(_DAMPING * np.diag(M) + np.finfo(float).tiny)
-        motion_step = np.linalg.solve(schur, motion_slope - C.T @ solved[:, 0])
+        motion_step = np.linalg.solve(schur, motion_slope - C.T @ solved[:, 0]) * (not held)
         depth_step = solved[:, 0] - solved[:, 1:] @ motion_step
         longest = _LONGEST_STEP_PX / scale_px
         nearer = inverse_depth + np.clip(depth_step.reshape(inverse_depth.shape), -longest, longest)
@@ -419,22 +449,25 @@ class _Search:
         )
         return _Estimate(misfit + prior_cost, better, schur)
 
-    def _evidence(self, motion: _Motion) -> dense_flow.Evidence:
+    def evidence(self, motion: _Motion) -> dense_flow.Evidence:
         """Return the evidence of the frames, aligned by a motion."""
+        return dense_flow.evidence(self.level, self._patterns, self._places(motion))
+
+    @property
+    def _patterns(self) -> Floats:
+        return np.stack((self.times, self.times * (self.times - 1) / 2))
+
+    def _places(self, motion: _Motion) -> Iterator[Floats]:
+        """Yield the places (2, H, W) at each time of the content of the reference's pixels."""
         near = _at_pixels(motion.inverse_depth, self.level.roots.shape[1:])
         # rotation of the camera by ω and α
-        patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
-        rotations = patterns.T @ np.stack((motion.rotation, motion.change))
-
-        def places(time: float, rotation: Floats) -> Floats:
-            """Places (2, H, W) at a time of the content of the reference frame's pixels."""
+        rotations = self._patterns.T @ np.stack((motion.rotation, motion.change))
+        for time, rotation in zip(self.times, rotations, strict=True):
             points = self.directions - time * near[..., np.newaxis] * motion.heading
             turned = Rotation.from_rotvec(-rotation).apply(points.reshape(-1, 3))
             image = self.camera.project(turned.reshape(points.shape)) - 0.5
             image[~self.used] = np.nan
-            return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
-
-        return dense_flow.evidence(self.level, patterns, map(places, self.times, rotations))
+            yield np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
         """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""

@@ -80,9 +80,17 @@ class RankingFacts(Record, frozen=True):
     photons_per_lux_s: FiniteFloat
     """Photons per frame on perfect pixels, for each lux and second."""
     rendering_photons_per_px: FiniteFloat | None = None
-    """Photons per pixel whose shot noise is that of the rendering, least of all sequences."""
+    """Photons per pixel whose shot noise has the variance of the rendering's noise, least of all
+    sequences."""
+    noisy_fluxes: tuple[FiniteFloat, ...] = ()
+    """Fluxes at which rendering noise adds more than a tenth to the variance of shot noise."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group, over all pairs of frames."""
+
+    def rendering_noise(self, flux: float) -> float:
+        """Return the variance of the rendering's noise over that of shot noise."""
+        equal = self.rendering_photons_per_px
+        return flux / self.frame_px / equal if equal else 0.0
 
 
 @dataclass(frozen=True, eq=False)

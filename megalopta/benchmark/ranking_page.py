@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from megalopta.benchmark import ranking as ranked, table
-from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking
+from megalopta.benchmark.ranking import BOUND, RANGES, STILL, Ranking, RankingFacts
 from megalopta.core.files import write_text
 from megalopta.core.quantities import UNDEFINED, number, percent, short
 from megalopta.report import sections, style
 from megalopta.report.sections import Section
 from megalopta.report.text import level_name
+from megalopta.stages.noise_warning import LIMIT
 
 _LEGEND: dict[str, Any] = {"loc": "outside lower left", "ncols": 4}
 """Below, so that a telephone, where large plots scroll, shows it"""
@@ -52,8 +53,9 @@ _BY_MOTION = (
 
 def write_ranking(folder: Path, ranking: Ranking) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    long_table = ranking.rows.to_csv(index=False, float_format="%.9g")
-    write_text(folder / "ranking.csv", long_table)
+    noise = ranking.rows["photons"].map(ranking.facts.rendering_noise)
+    long_table = ranking.rows.assign(rendering_noise=noise)
+    write_text(folder / "ranking.csv", long_table.to_csv(index=False, float_format="%.9g"))
     write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
     over_photons = [error_curves(ranking, metric) for metric in (table.MEDIAN, table.FAR)]
     more = [
@@ -65,7 +67,7 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
     ]
     page = [_errors(ranking), Section("More over photons", body=Markup("\n").join(more))]
     title = "Flow methods on rendered sequences"
-    header = sections.paragraph(caution(ranking), "warn")
+    header = sections.paragraph(caution(ranking.facts), "warn")
     return sections.write_sections(
         folder / "ranking.html", title, verdict(ranking), page, header=header
     )
@@ -101,16 +103,18 @@ def _interval(low: float, high: float, write: Callable[[float], str] = number) -
     return f" ({write(low)} to {write(high)})" if math.isfinite(low) else ""
 
 
-def caution(ranking: Ranking) -> str:
-    """Return a warning of lights at which errors are due to the rendering; empty for none."""
-    facts, equal = ranking.facts, ranking.facts.rendering_photons_per_px
-    noisy = [flux for flux in facts.settings.fluxes if equal and flux / facts.frame_px >= equal]
-    if equal is None or not noisy:
+def caution(facts: RankingFacts) -> str:
+    """Return a warning of lights at which rendering noise rivals shot noise; empty for none."""
+    if not facts.noisy_fluxes:
         return ""
+    first, most = facts.noisy_fluxes[0], facts.noisy_fluxes[-1]
+    noise = facts.rendering_noise(most)
     return (
-        f"Caution: the rendering is as noisy as {number(equal)} photons per pixel. From "
-        f"{short(noisy[0])} photons per frame on, errors are due to it at least as much as to "
-        "photons; render with more light paths per pixel."
+        f"Caution: from {short(first)} photons per frame on, errors are partly of noise that no "
+        f"camera has: at {short(most)}, rendering noise has {number(noise)} times the variance of "
+        f"shot noise. Render with {short(math.ceil(noise / LIMIT))} times "
+        "--render.samples-per-pixel (baked light: a lower --render.bake-error), or rank with "
+        "fewer --fluxes."
     )
 
 
@@ -135,6 +139,11 @@ def _errors(ranking: Ranking) -> Section:
                 short(flux),
                 *([level_name(levels[flux])] if flux in levels else []),
                 f"{number(flux / facts.frame_px)} per px",
+                *(
+                    [f"rendering noise {number(facts.rendering_noise(flux))} × shot noise"]
+                    if flux in facts.noisy_fluxes
+                    else []
+                ),
             )
         )
         for flux in settings.fluxes

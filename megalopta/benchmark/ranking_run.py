@@ -13,14 +13,14 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from megalopta.benchmark import methods as benchmarked, ranking as ranked, table
-from megalopta.benchmark.ranking_page import write_ranking
+from megalopta.benchmark.ranking_page import caution, write_ranking
 from megalopta.config.yaml_model import validated
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.freshness import code_digest, digest
-from megalopta.core.progress import progress, step
+from megalopta.core.progress import progress, say, step
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frame
 from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
@@ -28,6 +28,7 @@ from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics import endpoint_error, translation_bound
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
+from megalopta.stages.noise_warning import LIMIT, variances
 from megalopta.stages.run import require
 
 FOLDER = "ranking"
@@ -84,15 +85,33 @@ def _ranked(
             raise ValueError(f"{name} has {frames} frames; give {_FEWEST_FRAMES} or more")
         for method in methods.values():
             method.grid(dataset.configuration.camera.shape)
-    rates = []
+    rates, equal = [], []
     for dataset in datasets:
-        photons_s = perfect_light(dataset).sum(axis=(1, 2)).mean()
-        rates.append(photons_s / dataset.configuration.light.resolved().illuminance_lux)
+        light, configuration = perfect_light(dataset), dataset.configuration
+        rates.append(light.sum(axis=(1, 2)).mean() / configuration.light.resolved().illuminance_lux)
+        if noise := dataset.read_scene_record().get("monte_carlo"):
+            ideal, scale = PRESETS["ideal"], np.ones(len(noise["mean"]))
+            rendering, shot, _ = variances(noise, configuration, ideal, scale)
+            if rendering > 0:
+                equal.append(shot / rendering * light.mean() * ideal.exposure_s)
     per_lux_s = float(np.mean(rates))
     levels = (
         ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
     )
     fluxes = tuple(sorted({*settings.fluxes, *levels}))
+    facts = ranked.RankingFacts(
+        settings=settings.model_copy(update={"fluxes": fluxes}),
+        sequences=tuple(dataset.sequence for dataset in datasets),
+        frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
+        frame_px=math.prod(datasets[0].configuration.camera.shape),
+        photons_per_lux_s=per_lux_s,
+        rendering_photons_per_px=min(equal, default=None),
+        blocks={},
+    )
+    noisy = tuple(flux for flux in fluxes if facts.rendering_noise(flux) > LIMIT)
+    facts = facts.model_copy(update={"noisy_fluxes": noisy})
+    if warning := caution(facts):
+        say(warning)
     rows: list[tuple[Any, ...]] = []
     segments = 1 if len(datasets) >= ranked.FEWEST_SEQUENCES else ranked.SEGMENTS
     total = len(methods) * len(fluxes) * len(datasets)
@@ -111,17 +130,8 @@ def _ranked(
         & (samples["photons"] == fluxes[0])
     ]
     blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
-    noise = [dataset.read_scene_record().get("monte_carlo") for dataset in datasets]
-    equal = [record["equivalent_photons_per_pixel"] for record in noise if record]
-    facts = ranked.RankingFacts(
-        settings=settings.model_copy(update={"fluxes": fluxes}),
-        sequences=tuple(dataset.sequence for dataset in datasets),
-        frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
-        frame_px=math.prod(datasets[0].configuration.camera.shape),
-        photons_per_lux_s=per_lux_s,
-        rendering_photons_per_px=min(equal, default=None),
-        blocks={str(group): int(count) for group, count in blocks.items()},
-    )
+    counted = {str(group): int(count) for group, count in blocks.items()}
+    facts = facts.model_copy(update={"blocks": counted})
     return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
 
 

@@ -78,6 +78,19 @@ def test_a_trunk_that_crosses_every_strip_is_within_the_stated_error():
     assert (np.abs(motion.rotation_deg - turn_deg) < 3 * error.rotation_deg).all()
 
 
+@pytest.mark.slow
+def test_beside_a_trunk_at_rest_the_stated_error_is_not_what_the_view_is_without_it():
+    """Without the trunk, which tells most, the heading changes by 10° and more."""
+    turn_deg, step_m = (0.25, -0.7, -0.14), (0.065, 0.006, -0.025)
+    camera = PerspectiveCamera(width=48, height=40, fov_deg=60)
+    light = flight(camera, turn_deg, step_m, planes=(CORNER[0], ((0.49, 0.0, 1.0), 5.8)))
+    drawn = counts(beside_a_trunk(camera, light, turn_deg, step_m, 0.0), 100)
+    motion, error = camera_motion_with_error(drawn, camera)
+    assert angle_deg(motion.heading, np.array(step_m)) < 2 * error.heading_deg < 10
+    assert (np.abs(motion.rotation_deg - turn_deg) < 2 * error.rotation_deg).all()
+    assert (error.rotation_deg < 0.5).all()
+
+
 @pytest.mark.parametrize(
     ("frames", "message"),
     [

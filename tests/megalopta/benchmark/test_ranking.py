@@ -6,7 +6,7 @@ import pytest
 
 from megalopta.benchmark.ranking import BOUND, STILL, Ranking, RankingFacts
 from megalopta.benchmark.ranking_page import caution
-from megalopta.benchmark.ranking_run import run_ranking, sequence_truth
+from megalopta.benchmark.ranking_run import perfect_light, run_ranking, sequence_truth
 from megalopta.benchmark.table import MEAN
 from megalopta.cli import main as cli
 from megalopta.config.model import load
@@ -106,8 +106,22 @@ def test_mistakes_get_one_sentence(grating, tmp_path, refused, words, told):
     assert told in refused("benchmark", "sequence", grating, "--out", tmp_path / "o", *words)
 
 
-def test_the_page_warns_of_light_in_which_rendering_noise_counts_more(ranked):
-    facts = ranked.facts.model_copy(update={"rendering_photons_per_px": 20.0})
-    assert "From 100 million photons per frame on" in caution(Ranking(facts, ranked.rows))
-    quiet = facts.model_copy(update={"rendering_photons_per_px": 1e9})
-    assert not caution(Ranking(quiet, ranked.rows))
+def test_lights_in_which_rendering_noise_rivals_shot_noise_are_marked(grating, tmp_path, capsys):
+    """Against the difference of two independent renderings."""
+    given = load("grating", small(60, 60, 8, samples=4) | {"seed": "7"})
+    other = run_stage(tmp_path / "other", given, "render")
+    both = np.stack([perfect_light(dataset) for dataset in (open_sequence(grating), other)])
+    both /= both.mean()
+    equal = 2 * both.mean() / np.mean((both[0] - both[1]) ** 2)  # photons per pixel
+    dim, bright = (f"{times * equal * 60 * 60:.4g}" for times in (0.05, 0.2))
+    words = ["--methods", "BM", "--repeats", "1", "--fluxes", dim, bright]
+    cli.main(["benchmark", "sequence", str(grating), "--out", str(tmp_path), *words])
+    facts = RankingFacts.model_validate_json((tmp_path / "ranking.json").read_text())
+    assert facts.noisy_fluxes == (float(bright),)
+    rows = pd.read_csv(tmp_path / "ranking.csv")
+    shares = rows.groupby("photons")["rendering_noise"].first()
+    np.testing.assert_allclose(shares, (0.05, 0.2), rtol=0.25)
+    told = capsys.readouterr().err
+    assert "of noise that no camera has" in told
+    assert caution(facts) in (tmp_path / "ranking.html").read_text()
+    assert "× shot noise" in (tmp_path / "ranking.html").read_text()
