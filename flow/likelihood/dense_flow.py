@@ -58,7 +58,8 @@ _MOST_BINS = 4
 """Pixels along a side of the coarsest bins at which large motion is sought"""
 _REACH_PX = 8
 """Largest displacement along x and y, px of a level"""
-_LEAVING = 0.25
+import os
+_LEAVING = float(os.environ.get("LV","0.5"))
 """Cost per frame but one of any other displacement than that of the flow so far, which coarser
 scales and all frames have voted for; fitted as the costs in `messages`"""
 _CLAIM = 1.0
@@ -66,6 +67,18 @@ _CLAIM = 1.0
 hidden in one frame resembles something in the other by chance"""
 _DARK = 1e-9
 """Least mean root of a frame, for a defined result"""
+import os
+
+EDGE=float(os.environ.get("EDGE","1"));HALF=int(os.environ.get("HALF","1"));PULL=float(os.environ.get("PULL","4"))
+PROP=[int(x) for x in os.environ.get("PROP","").split(",") if x]; PSIG=float(os.environ.get("PSIG","2")); PMARG=float(os.environ.get("PMARG","1")); PUN=float(os.environ.get("PUN","1"))
+CS=int(os.environ.get("CS","0"));CR=int(os.environ.get("CR","1"))
+FBD=float(os.environ.get("FBD","1.5"))
+_WIDE = float(os.environ.get("WIDE", ".2"))
+_GAIN_SHARE = float(os.environ.get("GS", ".125"))
+_EVEN = float(os.environ.get("EPS", ".1"))
+_MOSTLY, _OF_NOISE = 25, 0.8
+_AGREEMENT_BLUR_PX = 0.7
+_ROUND_TRIP_PX = float(os.environ.get("FBT", "1.5"))
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -89,8 +102,15 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """
     if roots.has_dark_frame(counts):
         return np.full((*counts.shape[1:], 2), np.nan)
-    flow, _ = _most_likely_flow(counts, smoothness)
-    return _at_pixels(flow, counts)
+    nodes, level = _most_likely_flow(counts, smoothness)
+    flow = finer(nodes, counts.shape[1:], NODE_PX)
+    if EDGE:
+        times = times_from_reference(len(counts))
+        middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
+        pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
+        _, _, gains = aligned_frames(pair, place_of_pixels(pair, times[middle], nodes))
+        messages.sharpen((pair.roots * gains).astype(np.float32), level.noise, nodes, flow, EDGE, HALF, PULL)
+    return np.moveaxis(flow, 0, -1)
 
 
 def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Floats]:
@@ -132,19 +152,103 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
 def _most_likely_flow(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
     times = times_from_reference(len(counts))
-    flow = np.zeros((2, 1, 1))
-    for number, level in enumerate(roots.pyramid(roots.without_defects(counts))):
-        nodes = tuple(-(-side // NODE_PX) for side in level.roots.shape[1:])
-        flow = 2 * finer(flow, nodes, 2)
-        most = 1.0 if level.bins > 1 else math.inf
-        weight = level.bins * smoothness_of(counts, smoothness, most)
-        steps = _NEWTON_STEPS if number else _FIRST_STEPS
-        if level.bins <= _MOST_BINS:
-            if number == 0:  # whole displacements compete with the best flow near no motion
-                flow = _newton(level, times, flow, weight, steps)
-            flow = with_large_motion(level, times, flow)
-        flow = _newton(level, times, flow, weight, steps)
+    scales = roots.pyramid(roots.without_defects(counts))
+    coarse = max(1, len(scales) - 2)
+    proposal=None
+    if PROP:
+        from megalopta.flow.detectors.libraries import DenseInverseSearch
+        m=len(times)//2-1
+        dis=DenseInverseSearch(stretch="anscombe", blur_px=0.7); a,b=(counts[k].astype(float) for k in (m,m+1))
+        proposal=np.nan_to_num(dis.dense(a,b))
+        if FBD:
+            returned=np.nan_to_num(dis.dense(b,a)); H,W=a.shape
+            y,x=np.mgrid[:H,:W]; at=[y+proposal[...,1],x+proposal[...,0]]
+            ret=np.stack([map_coordinates(returned[...,k],at,order=1,mode="constant",cval=1e3) for k in (0,1)],-1)
+            ok=np.abs(proposal+ret).max(-1)<FBD
+            proposal=np.concatenate((proposal,ok[...,None].astype(float)),-1)
+    # light changes by one factor, or by one that varies over the frame: what aligns frames better
+    even, uneven = (
+        _from_coarse(scales[:coarse], times, smoothness, share) for share in (math.inf, _GAIN_SHARE)
+    )
+    if os.environ.get("SAYG"): print("RATIO %.3f" % (uneven[1]/even[1]), flush=True)
+    is_even = even[1] <= (1 + _EVEN) * uneven[1]
+    flow, share = (even[0], math.inf) if is_even else (uneven[0], _GAIN_SHARE)
+    for number, (frames, bins) in enumerate(scales[coarse - 1 :]):
+        if number:
+            flow = _at_next(flow, frames)
+        level = _level(frames, bins, times, flow, share)
+        wide = 0 if number else round(_WIDE * max(frames.shape[1:]))
+        if bins in PROP and proposal is not None: flow = _fused(level, times, flow, proposal)
+        flow = with_large_motion(level, times, flow, max(_REACH_PX, wide))
+        flow = _newton(level, times, flow, _weight(level, counts, smoothness), _NEWTON_STEPS)
     return flow, level
+
+
+def _fused(level, times, flow, proposal):
+    shape=flow.shape[1:]
+    px=np.moveaxis(proposal,-1,0)
+    for _ in range(int(math.log2(level.bins))): px=roots.halved(px)/4
+    px=px/level.bins
+    n=np.maximum(to_nodes(np.ones((1,*px.shape[1:]))),1)
+    other=to_nodes(px)/n
+    sure=True
+    if len(other)>2: sure=np.pad(other[2]*level.bins>.5,((0,shape[0]-other.shape[1]),(0,shape[1]-other.shape[2])),"edge"); other=other[:2]
+    other=np.pad(other,((0,0),(0,shape[0]-other.shape[1]),(0,shape[1]-other.shape[2])),"edge")
+    costs=[]
+    middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
+    pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
+    for u in (flow,other):
+        a,inside,_=aligned_frames(pair, place_of_pixels(pair,times[middle],u))
+        sq=(a[1]-a[0])**2/2
+        c=np.where(inside,roots.misfit(gaussian_filter(sq,1.)/level.noise),2.0*PUN)
+        costs.append(to_nodes(c[None])[0])
+    gain=gaussian_filter(costs[0]-costs[1],PSIG)
+    return np.where((gain>PMARG)&sure,other,flow)
+
+def _from_coarse(
+    scales: list[tuple[Floats, int]], times: Floats, smoothness: float, gain_share: float
+) -> tuple[Floats, float]:
+    """Return the flow at nodes of the last of these scales, and how far it misfits there."""
+    flow = np.zeros((2, 1, 1))
+    for number, (frames, bins) in enumerate(scales):
+        flow = _at_next(flow, frames)
+        level = (
+            _level(frames, bins, times, flow, gain_share)
+            if number
+            else roots.level_of(frames, bins, 1.0, gain_share)
+        )
+        steps = _NEWTON_STEPS if number else _FIRST_STEPS
+        flow = _newton(level, times, flow, _weight(level, frames, smoothness), steps)
+        if CS and bins <= CS and number < len(scales)-1:
+            flow = with_large_motion(level, times, flow, max(_REACH_PX if CR else 0, round(_WIDE * max(frames.shape[1:]))))
+            flow = _newton(level, times, flow, _weight(level, frames, smoothness), _NEWTON_STEPS)
+    level = roots.level_of(frames, bins, 1.0, gain_share)
+    places = place_of_pixels(level, times, flow)
+    return flow, evidence(level, times[np.newaxis], places).misfit
+
+
+def _at_next(flow: Floats, frames: Floats) -> Floats:
+    nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
+    return 2 * finer(flow, nodes, 2)
+
+
+def _weight(level: Level, counts: NDArray[Any], smoothness: float) -> float:
+    """Return the smoothness at a level."""
+    most = 1.0 if level.bins > 1 else math.inf
+    return level.bins * smoothness_of(counts, smoothness, most, level.dispersion)
+
+
+def _level(frames: Floats, bins: int, times: Floats, flow: Floats, gain_share: float) -> Level:
+    """Return a level, its counts divided by their dispersion, given a flow nearby.
+
+    The dispersion is that of most of the frame: what is hidden, or moves otherwise, has more.
+    """
+    level = roots.blurred(frames, _AGREEMENT_BLUR_PX, bins, 1.0, gain_share)
+    aligned, inside = aligned_frames(level, place_of_pixels(level, times, flow))[:2]
+    squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
+    around = gaussian_filter(squares, _AGREEMENT_PX) / ((len(times) - 1) * level.noise)
+    least = np.percentile(around[inside], _MOSTLY) / _OF_NOISE if inside.any() else 1.0
+    return roots.level_of(frames, bins, max(1.0, float(least)), gain_share)
 
 
 def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
@@ -191,7 +295,7 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
     content of the reference frame's pixels.
     """
-    aligned, inside = aligned_frames(level, places)
+    aligned, inside, _ = aligned_frames(level, places)
     mean = aligned.mean(axis=0)
     differences = aligned - mean
     gradient = np.stack(np.gradient(mean)[::-1])
@@ -209,19 +313,34 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
-def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask]:
-    """Return the roots of frames (n, H, W) at places, and which places are in all frames.
+def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask, Floats]:
+    """Return the roots of frames (n, H, W) at places, which places are in all frames, and gains.
 
-    Brightness that differs from frame to frame by a factor is equalized.
+    Brightness that differs from frame to frame by a factor is equalized, by these gains: (n, 1, 1),
+    or (n, H, W) if the factor varies over the frame.
     """
-    inside = np.ones(level.roots.shape[1:], np.bool_)
+    shape = level.roots.shape[1:]
+    inside = np.ones(shape, np.bool_)
     aligned = np.empty_like(level.roots)
     for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
         roots.interpolate(splines, moved, frame, inside)
     mean = aligned.mean(axis=0) * inside
-    power, shared = (mean**2).sum(), (aligned * mean).sum(axis=(1, 2))
-    aligned *= np.divide(power, shared, out=np.ones_like(shared), where=shared > 0)[:, None, None]
-    return aligned, inside
+    power, shared = mean**2, aligned * mean
+    if math.isinf(level.gain_px):
+        around = power.sum(), shared.sum(axis=(1, 2), keepdims=True)
+    else:  # on nodes, as fine as the gains need
+        near = 0, *(level.gain_px / NODE_PX,) * 2
+        around = [
+            finer(
+                gaussian_filter(to_nodes(values), near, mode="nearest", truncate=3.0),
+                shape,
+                NODE_PX,
+            )
+            for values in (power[np.newaxis], shared)
+        ]
+    gains = np.divide(*around, out=np.ones_like(around[1]), where=around[1] > _DARK)
+    aligned *= gains
+    return aligned, inside, gains
 
 
 def times_from_reference(frames: int) -> Floats:
@@ -266,12 +385,14 @@ def to_nodes(pixels: Floats) -> Floats:
 # Prior
 
 
-def smoothness_of(counts: NDArray[Any], smoothness: float, most: float = 1.0) -> float:
+def smoothness_of(
+    counts: NDArray[Any], smoothness: float, most: float = 1.0, dispersion: float = 1.0
+) -> float:
     """Return the penalty of counts (n, H, W) per unit of the gradient of their flow.
 
     It grows with the photons, to `most` times the smoothness.
     """
-    photons = min(counts.sum(axis=0).mean(), _MANY_PHOTONS)
+    photons = min(counts.sum(axis=0).mean() / dispersion, _MANY_PHOTONS)
     return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** _SMOOTHNESS_POWER))
 
 
@@ -292,31 +413,61 @@ def _links(flow: Floats, smoothness: float) -> Links:
 def with_large_motion(level: Level, times: Floats, flow: Floats, reach: int = _REACH_PX) -> Floats:
     """Return the flow at nodes (2, n, m), px, where another displacement is likelier, that one.
 
-    The two frames in the middle tell: in frames farther apart, a fraction of a pixel is many.
+    The two frames in the middle tell: in frames farther apart, a fraction of a pixel is many. A
+    displacement counts if the one found from the second frame to the first agrees. Then nodes take
+    the motion of others nearby where that is likelier.
     """
+    middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
+    pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
+    back = pair._replace(roots=pair.roots[::-1], splines=pair.splines[::-1])
+    leaving = _LEAVING * (len(times) - 1)
+    displaced, equal = _displaced(pair, flow, reach, leaving)
+    returned, _ = _displaced(back, -flow, reach, leaving)
+    agrees = _round_trip(displaced, returned) < _ROUND_TRIP_PX
+    flow = np.where(agrees, displaced, flow)
+    messages.spread(equal, level.noise, flow)
+    return flow
+
+
+def _round_trip(there: Floats, back: Floats) -> Floats:
+    """Return how far from a node its flow (2, n, m) and that of the second frame lead, px."""
+    shape = there.shape[1:]
+    nodes = np.mgrid[: shape[0], : shape[1]] + there[::-1] / NODE_PX
+    nearest = np.rint(nodes).astype(np.intp)
+    y, x = (place.clip(0, side - 1) for place, side in zip(nearest, shape, strict=True))
+    returned = np.pad(back, ((0, 0), (1, 1), (1, 1)), "edge")
+    around = ((y + down, x + right) for down in range(3) for right in range(3))
+    lengths = np.stack(
+        [np.abs(there + returned[:, row, column]).max(axis=0) for row, column in around]
+    ).min(axis=0)
+    inside = (nearest[0] == y) & (nearest[1] == x)
+    return np.where(inside, lengths, np.inf)
+
+
+def _displaced(
+    pair: Level, flow: Floats, reach: int, leaving: float
+) -> tuple[Floats, messages.Singles]:
+    """Return the flow with whole displacements up to a reach, and equally bright roots (2, H, W)."""
     area = NODE_PX**2
-    pair = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
-    middle = level._replace(roots=level.roots[pair], splines=level.splines[pair])
-    aligned, inside = aligned_frames(middle, place_of_pixels(middle, times[pair], flow))
+    there = np.array([0.0, 1.0])
+    aligned, inside, gains = aligned_frames(pair, place_of_pixels(pair, there, flow))
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
     seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
     now = to_nodes(squares[np.newaxis])[0] * area / seen
     # how well the flow so far explains the second frame around each node, 0 to 1
-    *_, back = place_of_pixels(middle, np.array([0.0, -1.0]), flow)
-    around = gaussian_filter(squares, _AGREEMENT_PX) / middle.noise
-    at_second = map_coordinates(around, back, order=1, mode="nearest")
+    *_, from_second = place_of_pixels(pair, -there, flow)
+    around = gaussian_filter(squares, _AGREEMENT_PX) / pair.noise
+    at_second = map_coordinates(around, from_second, order=1, mode="nearest")
     explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
     side = 2 * reach + 1
     costs = np.empty((*now.shape, side**2 + 1), np.float32)
-    brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
-    equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
-    leaving, noise = _LEAVING * (len(times) - 1), area * level.noise
-    messages.fill_costs(equal.astype(np.float32), now, noise, leaving, _CLAIM * explained, costs)
+    equal = (pair.roots * gains).astype(np.float32)
+    messages.fill_costs(equal, now, area * pair.noise, leaving, _CLAIM * explained, costs)
     total = costs.copy()
     messages.add_messages(costs, flow, total)
     best = total.argmin(axis=-1)
     y, x = np.divmod(best, side)
-    return np.where(best == side**2, flow, np.stack((x, y)) - float(reach))
+    return np.where(best == side**2, flow, np.stack((x, y)) - float(reach)), equal
 
 
 # Solve
