@@ -86,7 +86,7 @@ _LONGEST_STEP_PX, _STILL_PX = 1.0, 1e-4
 """Longest change of a step, and the one below which steps end, px of a level"""
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, for a defined result without photons"""
-_INEXACT = 1e-6
+_INEXACT = 3e-7
 """Negative log-likelihood per node above the least at which a system counts as solved"""
 
 Links = tuple[Floats, Floats]

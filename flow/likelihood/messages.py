@@ -46,7 +46,8 @@ def fill_costs(
         for label in range(labels - 1):
             down, right = label // side - side // 2, label % side - side // 2
             far = leaving * (1 + math.log1p(math.hypot(down, right) / NODE_PX))
-            first, last = max(0, -right), min(width, width - right)
+            first = max(0, -right)
+            last = max(first, min(width, width - right))
             squares[:] = 0
             for i in range(max(NODE_PX * y, -down), min(NODE_PX * (y + 1), height, height - down)):
                 second = pair[1, i + down, first + right : last + right]

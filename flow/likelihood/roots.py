@@ -94,43 +94,24 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     that replace it differ, and a line has two neighbors alike.
     """
     frames = counts.astype(np.float64)
-    roots = np.sqrt(frames)
-    defects = np.ptp(roots, axis=0) < _STANDS_OUT
-    defects &= _stand_out(roots, 1.0) | _stand_out(roots, -1.0)
-    if not defects.any():
-        return frames
     bordered = np.pad(frames, ((0, 0), (1, 1), (1, 1)), "edge")
-    around = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3), axis=(1, 2))
-    frames[:, defects] = np.median(around[:, defects], axis=(2, 3))
+    roots = np.sqrt(bordered)
+    down, right = (np.abs(np.diff(roots, axis=axis)) > _STANDS_OUT for axis in (1, 2))
+    differs = down[:, 1:, 1:-1] | down[:, :-1, 1:-1]  # from a neighbor below or above
+    differs &= right[:, 1:-1, 1:] | right[:, 1:-1, :-1]
+    steady = np.ptp(roots[:, 1:-1, 1:-1], axis=0) < _STANDS_OUT
+    y, x = np.nonzero(differs.all(axis=0) & steady)
+    around = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3), axis=(1, 2))[:, y, x]
+    ordered, root = np.sort(around.reshape(len(frames), -1, 9)), roots[:, y + 1, x + 1]
+    above = (root - np.sqrt(ordered[..., -3])).min(axis=0)
+    below = (np.sqrt(ordered[..., 2]) - root).min(axis=0)
+    defect = np.maximum(above, below) > _STANDS_OUT
+    frames[:, y[defect], x[defect]] = ordered[:, defect, 4]
     return frames
 
 
-@compiled
-def _stand_out(roots: Floats, sign: float) -> Mask:
-    """Return which pixels of roots (n, H, W) exceed all but one neighbor in every frame.
-
-    Where the sign is negative, they are less. Beyond the edge is the same as at the edge.
-    """
-    frames, rows, columns = roots.shape
-    stand_out = np.ones((rows, columns), np.bool_)
-    for y in range(rows):
-        for x in range(columns):
-            for frame in range(frames):
-                few = 2  # neighbors that do not differ may be, and the pixel itself
-                for row in (max(y - 1, 0), y, min(y + 1, rows - 1)):
-                    for column in (max(x - 1, 0), x, min(x + 1, columns - 1)):
-                        excess = sign * (roots[frame, y, x] - roots[frame, row, column])
-                        few -= excess <= _STANDS_OUT
-                    if few < 0:
-                        break
-                if few < 0:
-                    stand_out[y, x] = False
-                    break
-    return stand_out
-
-
 def pyramid(counts: Floats) -> list[tuple[Floats, int]]:
-    """Return frames (n, H, W), binned, and pixels along a side of their bins, the coarsest first."""
+    """Return frames (n, H, W) and pixels along a side of their bins, the coarsest first."""
     scales = [(counts, 1)]
     while min(scales[-1][0].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
         frames, bins = scales[-1]

@@ -6,156 +6,123 @@ All grids lie one below the other in one array, each with a border of nodes with
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 
 _MOST_ITERATIONS = 500
 
-
-@compiled
-def _grids(rows: int, columns: int) -> NDArray[np.intp]:
-    """Return the first row, rows and columns of each grid, without its border."""
-    grids = [(1, rows, columns)]
-    while rows * columns > 1:
-        top = grids[-1][0] + rows + 2
-        rows, columns = (rows + 1) // 2, (columns + 1) // 2
-        grids.append((top, rows, columns))
-    return np.array(grids)
+Grid = tuple[int, int, int]
+"""First row in the array, rows and columns of nodes"""
 
 
 @compiled(fastmath={"reassoc", "contract"})
 def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float) -> None:
     """Change velocities (2, n, m) to those that minimize ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
-    Ends where the energy is at most about `most_error` above the least.
+    Ends where this sum is at most about `most_error` above the least.
 
     `matrix` (5, n, m): xx, xy, yy of A of each node, weights w of its links to the right, 0 in the
     last column, and downward, 0 in the last row; `slope` (2, n, m): b.
     """
     _, rows, columns = velocities.shape
-    grids = _grids(rows, columns)
-    last = grids[-1, 0] + 2
-    on_grids = np.zeros((5, last, columns + 2))
-    on_grids[:, 1 : rows + 1, 1 : columns + 1] = matrix
-    for k in range(len(grids) - 1):
-        _add_up(on_grids, grids[k], grids[k + 1])
-    diagonal = np.zeros((3, rows + 2, columns + 2))
-    for y in range(1, last):
-        for x in range(1, columns + 1):
-            pull = on_grids[3, y, x - 1] + on_grids[3, y, x]
-            pull += on_grids[4, y - 1, x] + on_grids[4, y, x]
-            xx, xy, yy = on_grids[0, y, x] + pull, on_grids[1, y, x], on_grids[2, y, x] + pull
-            if y <= rows:
-                diagonal[0, y, x], diagonal[1, y, x], diagonal[2, y, x] = xx, xy, yy
-            determinant = xx * yy - xy * xy
-            if determinant > 0:
-                on_grids[0, y, x] = yy / determinant
-                on_grids[1, y, x] = -xy / determinant
-                on_grids[2, y, x] = xx / determinant
-    residual, change = np.zeros((2, 2, last, columns + 2))
-    direction, pushed = np.zeros((2, 2, rows + 2, columns + 2))
-    inner = (slice(None), slice(1, rows + 1), slice(1, columns + 1))
+    grids = [(1, rows, columns)]
+    while grids[-1][1] * grids[-1][2] > 1:
+        top, height, width = grids[-1]
+        grids.append((top + height + 2, (height + 1) // 2, (width + 1) // 2))
+    # xx, xy, yy, and weights to the right and downward; then the inverse of each node's xx, xy, yy
+    system = np.zeros((8, grids[-1][0] + 2, columns + 2))
+    system[:5, 1 : rows + 1, 1 : columns + 1] = matrix
+    for k in range(len(grids)):
+        top, height, width = grids[k]
+        for y in range(top, top + height):
+            for x in range(1, width + 1):
+                if k + 1 < len(grids):
+                    square, column = grids[k + 1][0] + (y - top) // 2, (x + 1) // 2
+                    for part in range(5):  # links within a square do not count
+                        if (part != 3 or x % 2 == 0) and (part != 4 or (y - top) % 2 == 1):
+                            system[part, square, column] += system[part, y, x]
+                pull = system[3, y, x - 1] + system[3, y, x] + system[4, y - 1, x] + system[4, y, x]
+                xx, xy, yy = system[0, y, x] + pull, system[1, y, x], system[2, y, x] + pull
+                system[0, y, x], system[2, y, x] = xx, yy
+                determinant = xx * yy - xy**2
+                system[5, y, x], system[7, y, x] = yy / determinant, xx / determinant
+                system[6, y, x] = -xy / determinant
+    residual = np.zeros((2, *system.shape[1:]))
+    change = np.zeros_like(residual)
+    direction = np.zeros((2, rows + 2, columns + 2))
+    pushed = np.zeros_like(direction)
+    fine, inner = residual[:, : rows + 2], (slice(None), slice(1, rows + 1), slice(1, columns + 1))
     direction[inner] = velocities
-    _push(diagonal, on_grids, direction, pushed)
+    _push(system, direction, pushed)
     residual[inner] = slope - pushed[inner]
     error = np.inf
     for _ in range(_MOST_ITERATIONS):
-        before = error
-        _cycle(on_grids, grids, residual, change)
-        error = 0.0
-        for k in range(2):
-            for y in range(1, rows + 1):
-                for x in range(1, columns + 1):
-                    error += residual[k, y, x] * change[k, y, x]
+        _cycle(system, grids, residual, change)
+        before, error = error, (fine * change[:, : rows + 2]).sum()
         if not error > 2 * most_error:
             break
-        keep = error / before
-        for k in range(2):
-            for y in range(1, rows + 1):
-                for x in range(1, columns + 1):
-                    direction[k, y, x] = change[k, y, x] + keep * direction[k, y, x]
-        step = error / _push(diagonal, on_grids, direction, pushed)
-        for k in range(2):
-            for y in range(rows):
-                for x in range(columns):
-                    velocities[k, y, x] += step * direction[k, y + 1, x + 1]
-                    residual[k, y + 1, x + 1] -= step * pushed[k, y + 1, x + 1]
+        direction *= error / before
+        direction += change[:, : rows + 2]
+        _push(system, direction, pushed)
+        step = error / (direction * pushed).sum()
+        velocities += step * direction[inner]
+        fine -= step * pushed
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _add_up(on_grids: Floats, fine: NDArray[np.intp], coarse: NDArray[np.intp]) -> None:
-    """Add the information of nodes to that of squares, and weights of links between squares."""
-    top, rows, columns = fine
-    for y in range(rows):
-        for x in range(columns):
-            row, column = coarse[0] + y // 2, 1 + x // 2
-            for k in range(3):
-                on_grids[k, row, column] += on_grids[k, top + y, 1 + x]
-            if x % 2:
-                on_grids[3, row, column] += on_grids[3, top + y, 1 + x]
-            if y % 2:
-                on_grids[4, row, column] += on_grids[4, top + y, 1 + x]
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _push(diagonal: Floats, on_grids: Floats, direction: Floats, pushed: Floats) -> float:
-    """Write the product of the matrix and a direction; return their scalar product."""
-    _, rows, columns = direction.shape
-    product = 0.0
+def _push(system: Floats, velocities: Floats, pushed: Floats) -> None:
+    """Write the product of the matrix of nodes and velocities."""
     for k in range(2):
-        for y in range(1, rows - 1):
-            for x in range(1, columns - 1):
-                force = diagonal[2 * k, y, x] * direction[k, y, x]
-                force += diagonal[1, y, x] * direction[1 - k, y, x]
-                force -= on_grids[3, y, x - 1] * direction[k, y, x - 1]
-                force -= on_grids[3, y, x] * direction[k, y, x + 1]
-                force -= on_grids[4, y - 1, x] * direction[k, y - 1, x]
-                force -= on_grids[4, y, x] * direction[k, y + 1, x]
-                pushed[k, y, x] = force
-                product += force * direction[k, y, x]
-    return product
+        here, other = velocities[k], velocities[1 - k]
+        for y in range(1, here.shape[0] - 1):
+            for x in range(1, here.shape[1] - 1):
+                force = system[2 * k, y, x] * here[y, x] + system[1, y, x] * other[y, x]
+                pushed[k, y, x] = force - _pull(system, here, y, x)
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _cycle(on_grids: Floats, grids: NDArray[np.intp], residual: Floats, change: Floats) -> None:
+def _pull(system: Floats, component: Floats, y: int, x: int) -> float:
+    """Return the sum of velocities of neighbors times the weights of their links."""
+    beside = system[3, y, x - 1] * component[y, x - 1] + system[3, y, x] * component[y, x + 1]
+    beyond = system[4, y - 1, x] * component[y - 1, x] + system[4, y, x] * component[y + 1, x]
+    return float(beside + beyond)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _cycle(system: Floats, grids: list[Grid], residual: Floats, change: Floats) -> None:
     """Write the change of velocities by one cycle over all grids, from fine to coarse and back."""
-    xx, xy, yy, right, down = on_grids
+    change[:] = 0
     for k in range(len(grids)):
         top, rows, columns = grids[k]
-        if k:
-            residual[:, top : top + rows, 1 : columns + 1] = 0
-            _, finer_rows, finer_columns = grids[k - 1]
-            start = grids[k - 1, 0]
-            for y in range(finer_rows):
-                i = start + y
-                for x in range(finer_columns):
-                    j = 1 + x
-                    for c in range(2):
-                        # what the sweep from the top left leaves to neighbors after it
-                        left = right[i, j] * change[c, i, j + 1] + down[i, j] * change[c, i + 1, j]
-                        residual[c, top + y // 2, 1 + x // 2] += left
-        for i in range(top, top + rows):
-            for j in range(1, columns + 1):
-                x, y = residual[0, i, j], residual[1, i, j]
-                x += right[i, j - 1] * change[0, i, j - 1] + down[i - 1, j] * change[0, i - 1, j]
-                y += right[i, j - 1] * change[1, i, j - 1] + down[i - 1, j] * change[1, i - 1, j]
-                change[0, i, j] = xx[i, j] * x + xy[i, j] * y
-                change[1, i, j] = xy[i, j] * x + yy[i, j] * y
+        for color in range(2):  # of a chessboard
+            _relax(system, residual, change, grids[k], color)
+        if k + 1 < len(grids):
+            below = grids[k + 1][0]
+            residual[:, below : below + (rows + 1) // 2] = 0
+            for component in range(2):
+                for y in range(top, top + rows):  # the other color changed last
+                    for x in range(1 + y % 2, columns + 1, 2):
+                        left = _pull(system, change[component], y, x)
+                        residual[component, below + (y - top) // 2, (x + 1) // 2] += left
     for k in range(len(grids) - 2, -1, -1):
         top, rows, columns = grids[k]
-        below = grids[k + 1, 0]
-        for y in range(rows):
-            for x in range(columns):
-                for c in range(2):
-                    change[c, top + y, 1 + x] += change[c, below + y // 2, 1 + x // 2]
-        for i in range(top + rows - 1, top - 1, -1):
-            for j in range(columns, 0, -1):
-                x, y = residual[0, i, j], residual[1, i, j]
-                x += right[i, j - 1] * change[0, i, j - 1] + down[i - 1, j] * change[0, i - 1, j]
-                y += right[i, j - 1] * change[1, i, j - 1] + down[i - 1, j] * change[1, i - 1, j]
-                x += right[i, j] * change[0, i, j + 1] + down[i, j] * change[0, i + 1, j]
-                y += right[i, j] * change[1, i, j + 1] + down[i, j] * change[1, i + 1, j]
-                change[0, i, j] = xx[i, j] * x + xy[i, j] * y
-                change[1, i, j] = xy[i, j] * x + yy[i, j] * y
+        for component in range(2):
+            for i in range(rows):
+                for x in range(1, columns + 1):
+                    square = change[component, grids[k + 1][0] + i // 2, (x + 1) // 2]
+                    change[component, top + i, x] += square
+        for color in range(1, -1, -1):
+            _relax(system, residual, change, grids[k], color)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _relax(system: Floats, residual: Floats, change: Floats, grid: Grid, color: int) -> None:
+    """Give nodes of a color the changes that their neighbors ask for."""
+    top, rows, columns = grid
+    for y in range(top, top + rows):
+        for x in range(1 + (y + color) % 2, columns + 1, 2):
+            right = residual[0, y, x] + _pull(system, change[0], y, x)
+            down = residual[1, y, x] + _pull(system, change[1], y, x)
+            change[0, y, x] = system[5, y, x] * right + system[6, y, x] * down
+            change[1, y, x] = system[6, y, x] * right + system[7, y, x] * down

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
+from megalopta.flow.likelihood import messages
 from megalopta.flow.likelihood.dense_flow import (
     evidence,
     most_likely,
@@ -174,3 +175,25 @@ def test_a_flow_that_is_right_moves_by_no_more_than_rounding():
     flow = with_large_motion(square_over_ground(), np.arange(2.0), right)
     assert np.abs(flow - right)[:, 7:11, 6:10].max() < 0.03
     assert not flow[:, :3].any() and not flow[:, 14:].any()
+
+
+def test_messages_along_a_row_are_least_costs():
+    """Of three nodes in a row, the middle one's, by trying all displacements of the others."""
+    costs = np.random.default_rng(0).uniform(0, 4, (1, 3, 10)).astype(np.float32)
+    total = costs.copy()
+    messages.add_messages(costs, np.full((2, 1, 3), 5.0), total)  # flow so far beyond reach
+    labels = np.array(list(np.ndindex(3, 3)))
+    apart = np.abs(labels[:, np.newaxis] - labels).sum(axis=-1)
+    change = np.full((10, 10), 3.0)
+    change[:9, :9] = np.where(apart == 1, 0.7, 3.0)
+    np.fill_diagonal(change, 0)
+    left, middle, right = costs[0]
+    least = middle + (left + change).min(axis=1) + (right + change).min(axis=1)
+    np.testing.assert_allclose(total[0, 1] - total[0, 1].min(), least - least.min(), atol=1e-5)
+
+
+def test_frames_narrower_than_the_longest_displacement_have_a_flow():
+    counts = drawn(30.0, drifting_texture((0.0, 0.0), 2, (24, 24)))[:, :6, :5]
+    assert np.isfinite(
+        with_large_motion(level_of(counts), np.arange(2.0), np.zeros((2, 2, 2)))
+    ).all()
