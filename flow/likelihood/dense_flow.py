@@ -8,10 +8,16 @@ toward 0. Where aligned frames differ by more, evidence has proportionally less 
 **Prior.** Links between nodes 4 px apart penalize the change of flow: proportional to the change
 when small, to its logarithm when large.
 
+**Noise.** Counts may vary by more than shot noise: mismatch of pixels, noise of rendering. At each
+scale they are divided by their dispersion, the variance over the mean that aligned frames show, so
+that they are as sure as Poisson counts of that number (quasi-likelihood).
+
+**Light.** Frames may differ in brightness by one factor, or by one that varies over the frame. What
+aligns coarse scales clearly better is taken.
+
 **Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide lies beyond their reach: at the finest scales, whole
-displacements that are likelier replace the flow first. Those to where the flow so far explains the
-second frame cost more.
+moves by more than its texture is wide lies beyond their reach: at all but the coarsest scales, a
+search (`search`) goes first. At the finest, the flow of another method may be proposed.
 
 **Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
 conjugate gradients from the flow so far (`solver`).
@@ -24,19 +30,24 @@ Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 
-from megalopta.core.arrays import Floats, Mask
-from megalopta.flow.likelihood import messages, roots, solver
-from megalopta.flow.likelihood.roots import MOST_NOISE, NODE_PX, Level
-
-_AGREEMENT_PX = 2.0
-"""Standard deviation of the neighborhood in which aligned frames are compared"""
+from megalopta.core.arrays import Floats
+from megalopta.flow.likelihood import roots, search, solver
+from megalopta.flow.likelihood.alignment import (
+    aligned_frames,
+    finer,
+    place_of_pixels,
+    round_trip,
+    times_from_reference,
+    to_nodes,
+)
+from megalopta.flow.likelihood.roots import AGREEMENT_PX, MOST_NOISE, NODE_PX, Level
 
 _STEADY, _LARGE = 0.003, 1.0
 """Changes of velocity per pixel, 1/frame: below the first the prior is quadratic, above the second
@@ -54,31 +65,15 @@ _NARROWER, _DIM_PHOTONS = 12.0, 60.0
 prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
 and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
 
-_MOST_BINS = 4
-"""Pixels along a side of the coarsest bins at which large motion is sought"""
-_REACH_PX = 8
-"""Largest displacement along x and y, px of a level"""
-import os
-_LEAVING = float(os.environ.get("LV","0.5"))
-"""Cost per frame but one of any other displacement than that of the flow so far, which coarser
-scales and all frames have voted for; fitted as the costs in `messages`"""
-_CLAIM = 1.0
-"""Cost of a displacement to a place of the second frame that the flow so far explains: what is
-hidden in one frame resembles something in the other by chance"""
-_DARK = 1e-9
-"""Least mean root of a frame, for a defined result"""
-import os
-
-EDGE=float(os.environ.get("EDGE","1"));HALF=int(os.environ.get("HALF","1"));PULL=float(os.environ.get("PULL","4"))
-PROP=[int(x) for x in os.environ.get("PROP","").split(",") if x]; PSIG=float(os.environ.get("PSIG","2")); PMARG=float(os.environ.get("PMARG","1")); PUN=float(os.environ.get("PUN","1"))
-CS=int(os.environ.get("CS","0"));CR=int(os.environ.get("CR","1"))
-FBD=float(os.environ.get("FBD","1.5"))
-_WIDE = float(os.environ.get("WIDE", ".2"))
-_GAIN_SHARE = float(os.environ.get("GS", ".125"))
-_EVEN = float(os.environ.get("EPS", ".1"))
-_MOSTLY, _OF_NOISE = 25, 0.8
-_AGREEMENT_BLUR_PX = 0.7
-_ROUND_TRIP_PX = float(os.environ.get("FBT", "1.5"))
+_MOST_BINS, _LIGHT_BINS = 16, 8
+"""Pixels along a side of the coarsest bins that are searched, and of the finest at which it is
+decided how the light changes"""
+_GAIN_SHARE, _EVEN = 1 / 16, 0.1
+"""Neighborhood in which uneven light changes by one factor, in sides of the frame; and by how much
+aligned frames must differ less after that than after one factor for all"""
+_STEADIEST_PERCENT, _OF_NOISE, _BLUR_PX = 25.0, 0.8, 0.7
+"""Dispersion is that of the steadiest quarter of the frame, which has this share of the mean noise,
+after this blur"""
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -92,8 +87,14 @@ _INEXACT = 3e-7
 Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
 
+Proposal = tuple[Floats, Floats]
+"""Flow (H, W, 2) of another method from the first to the second of the two frames in the middle, and
+back; NaN where unknown"""
 
-def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
+
+def likelihood_flow(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal | None = None
+) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle.
 
     `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
@@ -102,34 +103,39 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """
     if roots.has_dark_frame(counts):
         return np.full((*counts.shape[1:], 2), np.nan)
-    nodes, level = _most_likely_flow(counts, smoothness)
-    flow = finer(nodes, counts.shape[1:], NODE_PX)
-    if EDGE:
-        times = times_from_reference(len(counts))
-        middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
-        pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
-        _, _, gains = aligned_frames(pair, place_of_pixels(pair, times[middle], nodes))
-        messages.sharpen((pair.roots * gains).astype(np.float32), level.noise, nodes, flow, EDGE, HALF, PULL)
-    return np.moveaxis(flow, 0, -1)
+    flow, level = _most_likely_flow(counts, smoothness, proposal)
+    return np.moveaxis(search.sharp_flow(_middle(level), flow), 0, -1)
 
 
-def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Floats]:
+def flow_and_covariance(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal
+) -> tuple[Floats, Floats]:
     """Return the flow as `likelihood_flow`, and its covariances (H, W, 2, 2), px² per frame².
 
     The inverse of the information of evidence and prior at nodes, interpolated; the prior's is
-    multiplied by a factor that depends on the light. Where frames do not agree, as where something
-    is hidden, evidence is reduced and the covariance large. NaN as `likelihood_flow`.
+    multiplied by a factor that depends on the light. Where frames do not agree, evidence is reduced
+    and the covariance large. Added is the squared distance from the start after the flow and the
+    way back of the proposal: large where a match is wrong, or something hidden; infinite where the
+    flow leaves the frame. NaN as `likelihood_flow`.
     """
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
-    flow, level = _most_likely_flow(counts, smoothness)
+    flow, level = _most_likely_flow(counts, smoothness, proposal)
     times = times_from_reference(len(counts))
     aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
-    narrower = _NARROWER / (1 + _DIM_PHOTONS / counts.sum(axis=0).mean())
-    weights = _links(flow, narrower * smoothness_of(counts, smoothness))
+    photons = counts.sum(axis=0).mean() / level.dispersion
+    narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
+    weights = _links(flow, narrower * smoothness_of(photons, smoothness))
     information = to_nodes(aligned.products[0] * aligned.information)
-    covariance = _at_pixels(node_covariance(information, weights), counts)
-    return _at_pixels(flow, counts), covariance[..., [[0, 1], [1, 2]]]
+    at_nodes = node_covariance(information, weights)
+    xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
+    pixels = search.sharp_flow(_middle(level), flow)
+    distance = round_trip(pixels, np.moveaxis(proposal[1], -1, 0))
+    farthest = np.where(np.isfinite(distance), distance, 0).max()
+    added = gaussian_filter(np.minimum(distance, farthest) ** 2, AGREEMENT_PX) / 2
+    added[np.isinf(distance)] = np.inf
+    covariance = np.moveaxis(np.stack((xx + added, xy, yy + added)), 0, -1)
+    return np.moveaxis(pixels, 0, -1), covariance[..., [[0, 1], [1, 2]]]
 
 
 def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Floats:
@@ -144,111 +150,80 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
     level = roots.level_of(roots.halved(counts.astype(np.float64)), bins)
     sums = to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
     pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
-    times, weight = times_from_reference(len(counts)), bins * smoothness_of(counts, smoothness)
+    times = times_from_reference(len(counts))
+    weight = bins * smoothness_of(counts.sum(axis=0).mean(), smoothness)
     better = _newton(level, times, sums / (bins * pixels), weight, steps=1)
     return bins * np.moveaxis(finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
-def _most_likely_flow(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Level]:
+def _most_likely_flow(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal | None
+) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
     times = times_from_reference(len(counts))
     scales = roots.pyramid(roots.without_defects(counts))
-    coarse = max(1, len(scales) - 2)
-    proposal=None
-    if PROP:
-        from megalopta.flow.detectors.libraries import DenseInverseSearch
-        m=len(times)//2-1
-        dis=DenseInverseSearch(stretch="anscombe", blur_px=0.7); a,b=(counts[k].astype(float) for k in (m,m+1))
-        proposal=np.nan_to_num(dis.dense(a,b))
-        if FBD:
-            returned=np.nan_to_num(dis.dense(b,a)); H,W=a.shape
-            y,x=np.mgrid[:H,:W]; at=[y+proposal[...,1],x+proposal[...,0]]
-            ret=np.stack([map_coordinates(returned[...,k],at,order=1,mode="constant",cval=1e3) for k in (0,1)],-1)
-            ok=np.abs(proposal+ret).max(-1)<FBD
-            proposal=np.concatenate((proposal,ok[...,None].astype(float)),-1)
-    # light changes by one factor, or by one that varies over the frame: what aligns frames better
-    even, uneven = (
-        _from_coarse(scales[:coarse], times, smoothness, share) for share in (math.inf, _GAIN_SHARE)
-    )
-    if os.environ.get("SAYG"): print("RATIO %.3f" % (uneven[1]/even[1]), flush=True)
-    is_even = even[1] <= (1 + _EVEN) * uneven[1]
-    flow, share = (even[0], math.inf) if is_even else (uneven[0], _GAIN_SHARE)
-    for number, (frames, bins) in enumerate(scales[coarse - 1 :]):
-        if number:
-            flow = _at_next(flow, frames)
-        level = _level(frames, bins, times, flow, share)
-        wide = 0 if number else round(_WIDE * max(frames.shape[1:]))
-        if bins in PROP and proposal is not None: flow = _fused(level, times, flow, proposal)
-        flow = with_large_motion(level, times, flow, max(_REACH_PX, wide))
-        flow = _newton(level, times, flow, _weight(level, counts, smoothness), _NEWTON_STEPS)
+    coarse = [scale for scale in scales if scale[1] >= _LIGHT_BINS] or scales[:1]
+    misfits, flows, shares = [], [], (math.inf, _GAIN_SHARE)
+    for share in shares:
+        flow = np.zeros((2, 1, 1))
+        for frames, bins in coarse:
+            flow, _ = _at_scale(frames, bins, times, flow, smoothness, share)
+        level = roots.level_of(frames, bins, 1.0, share)
+        places = place_of_pixels(level, times, flow)
+        misfits.append(evidence(level, times[np.newaxis], places).misfit)
+        flows.append(flow)
+    is_uneven = misfits[1] < misfits[0] / (1 + _EVEN)
+    flow, share = flows[is_uneven], shares[is_uneven]
+    for frames, bins in scales[len(coarse) :]:
+        flow, level = _at_scale(frames, bins, times, flow, smoothness, share, proposal)
     return flow, level
 
 
-def _fused(level, times, flow, proposal):
-    shape=flow.shape[1:]
-    px=np.moveaxis(proposal,-1,0)
-    for _ in range(int(math.log2(level.bins))): px=roots.halved(px)/4
-    px=px/level.bins
-    n=np.maximum(to_nodes(np.ones((1,*px.shape[1:]))),1)
-    other=to_nodes(px)/n
-    sure=True
-    if len(other)>2: sure=np.pad(other[2]*level.bins>.5,((0,shape[0]-other.shape[1]),(0,shape[1]-other.shape[2])),"edge"); other=other[:2]
-    other=np.pad(other,((0,0),(0,shape[0]-other.shape[1]),(0,shape[1]-other.shape[2])),"edge")
-    costs=[]
-    middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
-    pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
-    for u in (flow,other):
-        a,inside,_=aligned_frames(pair, place_of_pixels(pair,times[middle],u))
-        sq=(a[1]-a[0])**2/2
-        c=np.where(inside,roots.misfit(gaussian_filter(sq,1.)/level.noise),2.0*PUN)
-        costs.append(to_nodes(c[None])[0])
-    gain=gaussian_filter(costs[0]-costs[1],PSIG)
-    return np.where((gain>PMARG)&sure,other,flow)
-
-def _from_coarse(
-    scales: list[tuple[Floats, int]], times: Floats, smoothness: float, gain_share: float
-) -> tuple[Floats, float]:
-    """Return the flow at nodes of the last of these scales, and how far it misfits there."""
-    flow = np.zeros((2, 1, 1))
-    for number, (frames, bins) in enumerate(scales):
-        flow = _at_next(flow, frames)
-        level = (
-            _level(frames, bins, times, flow, gain_share)
-            if number
-            else roots.level_of(frames, bins, 1.0, gain_share)
-        )
-        steps = _NEWTON_STEPS if number else _FIRST_STEPS
-        flow = _newton(level, times, flow, _weight(level, frames, smoothness), steps)
-        if CS and bins <= CS and number < len(scales)-1:
-            flow = with_large_motion(level, times, flow, max(_REACH_PX if CR else 0, round(_WIDE * max(frames.shape[1:]))))
-            flow = _newton(level, times, flow, _weight(level, frames, smoothness), _NEWTON_STEPS)
-    level = roots.level_of(frames, bins, 1.0, gain_share)
-    places = place_of_pixels(level, times, flow)
-    return flow, evidence(level, times[np.newaxis], places).misfit
-
-
-def _at_next(flow: Floats, frames: Floats) -> Floats:
+def _at_scale(
+    frames: Floats,
+    bins: int,
+    times: Floats,
+    coarser: Floats,
+    smoothness: float,
+    gain_share: float,
+    proposal: Proposal | None = None,
+) -> tuple[Floats, Level]:
+    """Return the flow at nodes of a scale, given that of the next coarser one, and its level."""
     nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
-    return 2 * finer(flow, nodes, 2)
+    flow, is_first = 2 * finer(coarser, nodes, 2), coarser.size == 2
+    dispersion = 1.0 if is_first else dispersion_of(frames, times, flow, gain_share)
+    level = roots.level_of(frames, bins, dispersion, gain_share)
+    most = 1.0 if bins > 1 else math.inf
+    photons = frames.sum(axis=0).mean() / bins**2 / dispersion
+    weight = bins * smoothness_of(photons, smoothness, most)
+    if is_first:
+        flow = _newton(level, times, flow, weight, _FIRST_STEPS)
+    if bins == 1 and proposal is not None:
+        there_and_back = (np.nan_to_num(np.moveaxis(motion, -1, 0)) for motion in proposal)
+        flow = search.with_proposal(_middle(level), flow, *there_and_back)
+    if bins <= _MOST_BINS:
+        flow = search.with_large_motion(_middle(level), len(frames), flow)
+    return _newton(level, times, flow, weight, _NEWTON_STEPS), level
 
 
-def _weight(level: Level, counts: NDArray[Any], smoothness: float) -> float:
-    """Return the smoothness at a level."""
-    most = 1.0 if level.bins > 1 else math.inf
-    return level.bins * smoothness_of(counts, smoothness, most, level.dispersion)
+def dispersion_of(frames: Floats, times: Floats, flow: Floats, gain_share: float) -> float:
+    """Return the variance of counts (n, H, W) over their mean, 1 or more, given a flow nearby.
 
-
-def _level(frames: Floats, bins: int, times: Floats, flow: Floats, gain_share: float) -> Level:
-    """Return a level, its counts divided by their dispersion, given a flow nearby.
-
-    The dispersion is that of most of the frame: what is hidden, or moves otherwise, has more.
+    That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
     """
-    level = roots.blurred(frames, _AGREEMENT_BLUR_PX, bins, 1.0, gain_share)
-    aligned, inside = aligned_frames(level, place_of_pixels(level, times, flow))[:2]
+    level = roots.blurred(frames, _BLUR_PX, 1, 1.0, gain_share)
+    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, times, flow))
     squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
-    around = gaussian_filter(squares, _AGREEMENT_PX) / ((len(times) - 1) * level.noise)
-    least = np.percentile(around[inside], _MOSTLY) / _OF_NOISE if inside.any() else 1.0
-    return roots.level_of(frames, bins, max(1.0, float(least)), gain_share)
+    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(times) - 1) * level.noise)
+    if not inside.any():
+        return 1.0
+    return max(1.0, float(np.percentile(around[inside], _STEADIEST_PERCENT) / _OF_NOISE))
+
+
+def _middle(level: Level) -> Level:
+    """Return the two frames in the middle of a level."""
+    pair = np.s_[len(level.roots) // 2 - 1 : len(level.roots) // 2 + 1]
+    return level._replace(roots=level.roots[pair], splines=level.splines[pair])
 
 
 def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
@@ -301,7 +276,7 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     gradient = np.stack(np.gradient(mean)[::-1])
     spread = patterns - patterns.mean(axis=1, keepdims=True)
     noise = (patterns.shape[1] - 1) * level.noise
-    around = gaussian_filter((differences**2).sum(axis=0), _AGREEMENT_PX) / noise
+    around = gaussian_filter((differences**2).sum(axis=0), AGREEMENT_PX) / noise
     weight = 4 * inside / np.maximum(1, around / MOST_NOISE)
     drift = -weight * np.tensordot(spread, differences, 1)
     right, down = gradient
@@ -313,86 +288,15 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
-def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask, Floats]:
-    """Return the roots of frames (n, H, W) at places, which places are in all frames, and gains.
-
-    Brightness that differs from frame to frame by a factor is equalized, by these gains: (n, 1, 1),
-    or (n, H, W) if the factor varies over the frame.
-    """
-    shape = level.roots.shape[1:]
-    inside = np.ones(shape, np.bool_)
-    aligned = np.empty_like(level.roots)
-    for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
-        roots.interpolate(splines, moved, frame, inside)
-    mean = aligned.mean(axis=0) * inside
-    power, shared = mean**2, aligned * mean
-    if math.isinf(level.gain_px):
-        around = power.sum(), shared.sum(axis=(1, 2), keepdims=True)
-    else:  # on nodes, as fine as the gains need
-        near = 0, *(level.gain_px / NODE_PX,) * 2
-        around = [
-            finer(
-                gaussian_filter(to_nodes(values), near, mode="nearest", truncate=3.0),
-                shape,
-                NODE_PX,
-            )
-            for values in (power[np.newaxis], shared)
-        ]
-    gains = np.divide(*around, out=np.ones_like(around[1]), where=around[1] > _DARK)
-    aligned *= gains
-    return aligned, inside, gains
-
-
-def times_from_reference(frames: int) -> Floats:
-    """Return the times of frames relative to the one before the middle, (frames,)."""
-    return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
-
-
-def place_of_pixels(level: Level, times: Floats, flow: Floats) -> Iterator[Floats]:
-    """Yield the places (2, H, W) at each time of the content of pixels, given a flow at nodes."""
-    shape = level.roots.shape[1:]
-    pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    motion = finer(flow, shape, NODE_PX)[::-1]
-    return (pixels + time * motion for time in times)
-
-
-def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
-    """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
-    for axis, side in enumerate(shape, start=1):
-        last = coarse.shape[axis] - 1
-        place = ((np.arange(side) + 0.5) / factor - 0.5).clip(0, last)
-        before = place.astype(np.intp)
-        share = np.expand_dims(place - before, tuple(range(axis, 2)))
-        start = coarse.take(before, axis)
-        coarse = start + share * (coarse.take(np.minimum(before + 1, last), axis) - start)
-    return coarse
-
-
-def _at_pixels(values: Floats, counts: NDArray[Any]) -> Floats:
-    """Return values at nodes (k, n, m) at the pixels of frames, (H, W, k)."""
-    return np.moveaxis(finer(values, counts.shape[1:], NODE_PX), 0, -1)
-
-
-def to_nodes(pixels: Floats) -> Floats:
-    """Return sums of (c, H, W) over the squares around nodes."""
-    count, *shape = pixels.shape
-    rows, columns = (-(-side // NODE_PX) for side in shape)
-    missing = [(0, 0), (0, rows * NODE_PX - shape[0]), (0, columns * NODE_PX - shape[1])]
-    squares = np.pad(pixels, missing).reshape(count, rows, NODE_PX, columns, NODE_PX)
-    return np.asarray(squares.sum(axis=(2, 4)))
-
-
 # Prior
 
 
-def smoothness_of(
-    counts: NDArray[Any], smoothness: float, most: float = 1.0, dispersion: float = 1.0
-) -> float:
-    """Return the penalty of counts (n, H, W) per unit of the gradient of their flow.
+def smoothness_of(photons: float, smoothness: float, most: float = 1.0) -> float:
+    """Return the penalty per unit of the gradient of a flow, for photons per pixel in all frames.
 
     It grows with the photons, to `most` times the smoothness.
     """
-    photons = min(counts.sum(axis=0).mean() / dispersion, _MANY_PHOTONS)
+    photons = min(photons, _MANY_PHOTONS)
     return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** _SMOOTHNESS_POWER))
 
 
@@ -405,69 +309,6 @@ def link_weights(smoothness: float, squared_change: Floats) -> Floats:
 def _links(flow: Floats, smoothness: float) -> Links:
     right, down = ((np.diff(flow, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
     return link_weights(smoothness, right), link_weights(smoothness, down)
-
-
-# Search
-
-
-def with_large_motion(level: Level, times: Floats, flow: Floats, reach: int = _REACH_PX) -> Floats:
-    """Return the flow at nodes (2, n, m), px, where another displacement is likelier, that one.
-
-    The two frames in the middle tell: in frames farther apart, a fraction of a pixel is many. A
-    displacement counts if the one found from the second frame to the first agrees. Then nodes take
-    the motion of others nearby where that is likelier.
-    """
-    middle = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
-    pair = level._replace(roots=level.roots[middle], splines=level.splines[middle])
-    back = pair._replace(roots=pair.roots[::-1], splines=pair.splines[::-1])
-    leaving = _LEAVING * (len(times) - 1)
-    displaced, equal = _displaced(pair, flow, reach, leaving)
-    returned, _ = _displaced(back, -flow, reach, leaving)
-    agrees = _round_trip(displaced, returned) < _ROUND_TRIP_PX
-    flow = np.where(agrees, displaced, flow)
-    messages.spread(equal, level.noise, flow)
-    return flow
-
-
-def _round_trip(there: Floats, back: Floats) -> Floats:
-    """Return how far from a node its flow (2, n, m) and that of the second frame lead, px."""
-    shape = there.shape[1:]
-    nodes = np.mgrid[: shape[0], : shape[1]] + there[::-1] / NODE_PX
-    nearest = np.rint(nodes).astype(np.intp)
-    y, x = (place.clip(0, side - 1) for place, side in zip(nearest, shape, strict=True))
-    returned = np.pad(back, ((0, 0), (1, 1), (1, 1)), "edge")
-    around = ((y + down, x + right) for down in range(3) for right in range(3))
-    lengths = np.stack(
-        [np.abs(there + returned[:, row, column]).max(axis=0) for row, column in around]
-    ).min(axis=0)
-    inside = (nearest[0] == y) & (nearest[1] == x)
-    return np.where(inside, lengths, np.inf)
-
-
-def _displaced(
-    pair: Level, flow: Floats, reach: int, leaving: float
-) -> tuple[Floats, messages.Singles]:
-    """Return the flow with whole displacements up to a reach, and equally bright roots (2, H, W)."""
-    area = NODE_PX**2
-    there = np.array([0.0, 1.0])
-    aligned, inside, gains = aligned_frames(pair, place_of_pixels(pair, there, flow))
-    squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
-    seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
-    now = to_nodes(squares[np.newaxis])[0] * area / seen
-    # how well the flow so far explains the second frame around each node, 0 to 1
-    *_, from_second = place_of_pixels(pair, -there, flow)
-    around = gaussian_filter(squares, _AGREEMENT_PX) / pair.noise
-    at_second = map_coordinates(around, from_second, order=1, mode="nearest")
-    explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
-    side = 2 * reach + 1
-    costs = np.empty((*now.shape, side**2 + 1), np.float32)
-    equal = (pair.roots * gains).astype(np.float32)
-    messages.fill_costs(equal, now, area * pair.noise, leaving, _CLAIM * explained, costs)
-    total = costs.copy()
-    messages.add_messages(costs, flow, total)
-    best = total.argmin(axis=-1)
-    y, x = np.divmod(best, side)
-    return np.where(best == side**2, flow, np.stack((x, y)) - float(reach)), equal
 
 
 # Solve

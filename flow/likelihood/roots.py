@@ -24,6 +24,8 @@ from megalopta.core.compiling import compiled
 
 NODE_PX = 4
 """Distance of the nodes of a motion"""
+AGREEMENT_PX = 2.0
+"""Standard deviation of the neighborhood in which aligned frames are compared"""
 MOST_NOISE = 2.0
 """Mean squared difference of aligned frames, over that of noise, above which evidence is reduced"""
 
