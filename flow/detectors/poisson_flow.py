@@ -10,13 +10,16 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.detectors.libraries import DenseInverseSearch
+from megalopta.flow.likelihood.alignment import round_trip
 from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood_flow, refined_flow
 
 _DIS = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
+_OCCLUDED_PX, _OCCLUDED_SHARE = 2.0, 0.2
+"""Distance after the way there and back beyond which a pixel is occluded, and share of its motion"""
 
 
 class PoissonFlow(BlockDetector, frozen=True):
@@ -48,6 +51,17 @@ class PoissonFlow(BlockDetector, frozen=True):
         """Return the flow as `dense` does, and its covariances (H, W, 2, 2), px² per frame²."""
         counts = self.checked(frames)
         return flow_and_covariance(counts, self.smoothness, _proposal(counts))
+
+    def dense_with_occlusion(self, *frames: Frames) -> tuple[Floats, Mask]:
+        """Return the flow as `dense` does, and which pixels (H, W) the second frame does not show.
+
+        Those from which the flow and that of the frames in reverse order do not lead back, or that
+        leave the frame.
+        """
+        flow, back = self.dense(*frames), self.dense(*frames[::-1])
+        distance = round_trip(np.moveaxis(flow, -1, 0), np.moveaxis(back, -1, 0))
+        speed = np.hypot(flow[..., 0], flow[..., 1])
+        return flow, distance > _OCCLUDED_PX + _OCCLUDED_SHARE * speed
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the means of the flow over blocks."""
