@@ -19,7 +19,7 @@ from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood
 
 _DIS = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
 _OCCLUDED_PX, _OCCLUDED_SHARE = 2.0, 0.2
-"""Distance after the way there and back beyond which a pixel is occluded, and share of its motion"""
+"""Distance after the way there and back above which a pixel is occluded, and share of its motion"""
 
 
 class PoissonFlow(BlockDetector, frozen=True):
@@ -58,7 +58,7 @@ class PoissonFlow(BlockDetector, frozen=True):
         Those from which the flow and that of the frames in reverse order do not lead back, or that
         leave the frame.
         """
-        flow, back = self.dense(*frames), self.dense(*frames[::-1])
+        flow, back = self.dense(*frames), self.dense(*frames[: len(frames) // 2 * 2][::-1])
         distance = round_trip(np.moveaxis(flow, -1, 0), np.moveaxis(back, -1, 0))
         speed = np.hypot(flow[..., 0], flow[..., 1])
         return flow, distance > _OCCLUDED_PX + _OCCLUDED_SHARE * speed
