@@ -33,7 +33,7 @@ from skimage.filters import threshold_otsu
 
 from megalopta.core.arrays import Floats, Mask, robust_sigma
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.likelihood import dense_flow, roots
+from megalopta.flow.likelihood import alignment, dense_flow, roots
 from megalopta.flow.metrics.endpoint_error import angles_deg
 from megalopta.scenes.cameras.base import Camera
 
@@ -242,7 +242,7 @@ def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
 
 def _at_pixels(inverse_depth: Floats, shape: tuple[int, ...]) -> Floats:
     """Return the inverse depth at pixels (H, W), given that at nodes."""
-    return np.asarray(dense_flow.finer(inverse_depth[np.newaxis], shape, roots.NODE_PX)[0])
+    return np.asarray(alignment.finer(inverse_depth[np.newaxis], shape, roots.NODE_PX)[0])
 
 
 class _Motion(NamedTuple):
@@ -330,8 +330,8 @@ class _Search:
         return cls(
             camera=camera,
             level=roots.level_of(roots.without_defects(counts)),
-            times=dense_flow.times_from_reference(len(counts)),
-            smoothness=dense_flow.smoothness_of(counts, _DEPTH_SMOOTHNESS),
+            times=alignment.times_from_reference(len(counts)),
+            smoothness=dense_flow.smoothness_of(counts.sum(axis=0).mean(), _DEPTH_SMOOTHNESS),
             flow=np.stack(flow, axis=-1),
             nodes=nodes,
             directions=camera.directions(),
@@ -363,7 +363,7 @@ class _Search:
         """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
         misfits, at_its_depth = [], self._stepped(motion, _DEPTH_STEPS, held=True).motion
         for compared in (at_its_depth, best):
-            aligned, inside = dense_flow.aligned_frames(self.level, self._places(compared))
+            aligned, inside = alignment.aligned_frames(self.level, self._places(compared))
             squares = 2 * len(aligned) * gaussian_filter(aligned.var(axis=0), _AROUND_PX)
             noise = 2 * (len(aligned) - 1) * self.level.noise
             misfits.append(np.where(inside, noise * roots.misfit(squares / noise), np.nan))
@@ -404,10 +404,10 @@ class _Search:
         """
         heading, inverse_depth = motion.heading, motion.inverse_depth
         evidence = self.evidence(motion)
-        xx, xy, yy = dense_flow.to_nodes(evidence.information)
+        xx, xy, yy = alignment.to_nodes(evidence.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
         slopes = np.stack(
-            [np.moveaxis(dense_flow.to_nodes(slope), 0, -1) for slope in evidence.slope]
+            [np.moveaxis(alignment.to_nodes(slope), 0, -1) for slope in evidence.slope]
         )
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T

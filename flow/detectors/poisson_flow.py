@@ -10,13 +10,16 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Frames, stacked
+from megalopta.core.arrays import Floats, Mask
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.detectors.libraries import DenseInverseSearch
+from megalopta.flow.likelihood.alignment import round_trip
 from megalopta.flow.likelihood.dense_flow import flow_and_covariance, likelihood_flow, refined_flow
 
-_FAST_START = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
+_DIS = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
+_OCCLUDED_PX, _OCCLUDED_SHARE = 2.0, 0.2
+"""Distance after the way there and back above which a pixel is occluded, and share of its motion"""
 
 
 class PoissonFlow(BlockDetector, frozen=True):
@@ -41,15 +44,34 @@ class PoissonFlow(BlockDetector, frozen=True):
 
         NaN if a frame has no photon. Raises ValueError if they differ in shape, or are not counts.
         """
-        return likelihood_flow(self.checked(frames), self.smoothness)
+        counts = self.checked(frames)
+        return likelihood_flow(counts, self.smoothness, _proposal(counts))
 
     def dense_with_covariance(self, *frames: Frames) -> tuple[Floats, Floats]:
         """Return the flow as `dense` does, and its covariances (H, W, 2, 2), px² per frame²."""
-        return flow_and_covariance(self.checked(frames), self.smoothness)
+        counts = self.checked(frames)
+        return flow_and_covariance(counts, self.smoothness, _proposal(counts))
+
+    def dense_with_occlusion(self, *frames: Frames) -> tuple[Floats, Mask]:
+        """Return the flow as `dense` does, and which pixels (H, W) the second frame does not show.
+
+        Those from which the flow and that of the frames in reverse order do not lead back, or that
+        leave the frame.
+        """
+        flow, back = self.dense(*frames), self.dense(*frames[: len(frames) // 2 * 2][::-1])
+        distance = round_trip(np.moveaxis(flow, -1, 0), np.moveaxis(back, -1, 0))
+        speed = np.hypot(flow[..., 0], flow[..., 1])
+        return flow, distance > _OCCLUDED_PX + _OCCLUDED_SHARE * speed
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the means of the flow over blocks."""
-        return mean_over_blocks(likelihood_flow(stacked(window), self.smoothness), grid)
+        return mean_over_blocks(self.dense(*window), grid)
+
+
+def _proposal(counts: Frames) -> tuple[Floats, Floats]:
+    """Return the flow of DIS between the two frames in the middle of counts, and back."""
+    first, second = counts[len(counts) // 2 - 1 : len(counts) // 2 + 1]
+    return _DIS.dense(first, second), _DIS.dense(second, first)
 
 
 class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
@@ -82,7 +104,7 @@ class FastPoissonFlow(BlockDetector, frozen=True):
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon."""
         pair = self.checked(frames)
-        start = np.nan_to_num(_FAST_START.dense(*pair))  # NaN without contrast
+        start = np.nan_to_num(_DIS.dense(*pair))  # NaN without contrast
         return refined_flow(pair, start, PoissonFlow().smoothness)
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:

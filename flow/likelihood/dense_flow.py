@@ -8,10 +8,16 @@ toward 0. Where aligned frames differ by more, evidence has proportionally less 
 **Prior.** Links between nodes 4 px apart penalize the change of flow: proportional to the change
 when small, to its logarithm when large.
 
+**Noise.** Counts may vary by more than shot noise: mismatch of pixels, noise of rendering. At each
+scale they are divided by their dispersion, the variance over the mean that aligned frames show, so
+that they are as sure as Poisson counts of that number (quasi-likelihood).
+
+**Light.** Frames may differ in brightness by one factor, or by one that varies over the frame. What
+aligns coarse scales clearly better is taken.
+
 **Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide lies beyond their reach: at the finest scales, whole
-displacements that are likelier replace the flow first. Those to where the flow so far explains the
-second frame cost more.
+moves by more than its texture is wide lies beyond their reach: at all but the coarsest scales, a
+search (`search`) goes first. At the finest, the flow of another method may be proposed.
 
 **Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
 conjugate gradients from the flow so far (`solver`).
@@ -24,19 +30,24 @@ Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 
-from megalopta.core.arrays import Floats, Mask
-from megalopta.flow.likelihood import messages, roots, solver
-from megalopta.flow.likelihood.roots import MOST_NOISE, NODE_PX, Level
-
-_AGREEMENT_PX = 2.0
-"""Standard deviation of the neighborhood in which aligned frames are compared"""
+from megalopta.core.arrays import Floats
+from megalopta.flow.likelihood import roots, search, solver
+from megalopta.flow.likelihood.alignment import (
+    aligned_frames,
+    finer,
+    place_of_pixels,
+    round_trip,
+    times_from_reference,
+    to_nodes,
+)
+from megalopta.flow.likelihood.roots import AGREEMENT_PX, MOST_NOISE, NODE_PX, Level
 
 _STEADY, _LARGE = 0.003, 1.0
 """Changes of velocity per pixel, 1/frame: below the first the prior is quadratic, above the second
@@ -54,18 +65,17 @@ _NARROWER, _DIM_PHOTONS = 12.0, 60.0
 prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
 and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
 
-_MOST_BINS = 4
-"""Pixels along a side of the coarsest bins at which large motion is sought"""
-_REACH_PX = 8
-"""Largest displacement along x and y, px of a level"""
-_LEAVING = 0.25
-"""Cost per frame but one of any other displacement than that of the flow so far, which coarser
-scales and all frames have voted for; fitted as the costs in `messages`"""
-_CLAIM = 1.0
-"""Cost of a displacement to a place of the second frame that the flow so far explains: what is
-hidden in one frame resembles something in the other by chance"""
-_DARK = 1e-9
-"""Least mean root of a frame, for a defined result"""
+_MOST_BINS, _LIGHT_BINS = 16, 8
+"""Pixels along a side of the coarsest bins that are searched, and of the finest at which it is
+decided how the light changes"""
+_GAIN_SHARE, _EVEN = 1 / 16, 0.1
+"""Neighborhood in which uneven light changes by one factor, in sides of the frame; and by how much
+aligned frames must differ less after that than after one factor for all"""
+_STEADIEST_PERCENT, _OF_NOISE, _BLUR_PX = 25.0, 0.8, 0.7
+"""Dispersion is that of the steadiest quarter of the frame, which has this share of the mean noise,
+after this blur"""
+_OF_WAY_BACK = 4.0
+"""Squared distance after the way back, over its median, that noise of the way back may explain"""
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -79,8 +89,14 @@ _INEXACT = 3e-7
 Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
 
+Proposal = tuple[Floats, Floats]
+"""Flow (H, W, 2) of another method from the first of the two frames in the middle to the second,
+and back; NaN where unknown"""
 
-def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
+
+def likelihood_flow(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal | None = None
+) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle.
 
     `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: penalty in
@@ -89,27 +105,39 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """
     if roots.has_dark_frame(counts):
         return np.full((*counts.shape[1:], 2), np.nan)
-    flow, _ = _most_likely_flow(counts, smoothness)
-    return _at_pixels(flow, counts)
+    flow, level = _most_likely_flow(counts, smoothness, proposal)
+    return np.moveaxis(search.sharp_flow(_middle(level), flow), 0, -1)
 
 
-def flow_and_covariance(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Floats]:
+def flow_and_covariance(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal
+) -> tuple[Floats, Floats]:
     """Return the flow as `likelihood_flow`, and its covariances (H, W, 2, 2), px² per frame².
 
     The inverse of the information of evidence and prior at nodes, interpolated; the prior's is
-    multiplied by a factor that depends on the light. Where frames do not agree, as where something
-    is hidden, evidence is reduced and the covariance large. NaN as `likelihood_flow`.
+    multiplied by a factor that depends on the light. Where frames do not agree, evidence is reduced
+    and the covariance large. Added is the squared distance from the start after the flow and the
+    way back of the proposal, as far as it exceeds that of most pixels: where a match is wrong, or
+    something hidden; the squared flow where it leaves the frame. NaN as `likelihood_flow`.
     """
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
-    flow, level = _most_likely_flow(counts, smoothness)
+    flow, level = _most_likely_flow(counts, smoothness, proposal)
     times = times_from_reference(len(counts))
     aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
-    narrower = _NARROWER / (1 + _DIM_PHOTONS / counts.sum(axis=0).mean())
-    weights = _links(flow, narrower * smoothness_of(counts, smoothness))
+    photons = counts.sum(axis=0).mean() / level.dispersion
+    narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
+    weights = _links(flow, narrower * smoothness_of(photons, smoothness))
     information = to_nodes(aligned.products[0] * aligned.information)
-    covariance = _at_pixels(node_covariance(information, weights), counts)
-    return _at_pixels(flow, counts), covariance[..., [[0, 1], [1, 2]]]
+    at_nodes = node_covariance(information, weights)
+    xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
+    pixels = search.sharp_flow(_middle(level), flow)
+    distance = round_trip(pixels, np.moveaxis(proposal[1], -1, 0))
+    squares = np.where(np.isfinite(distance), distance, np.hypot(*pixels)) ** 2
+    around = gaussian_filter(squares, AGREEMENT_PX)
+    added = np.maximum(0, around - _OF_WAY_BACK * np.median(around)) / 2
+    covariance = np.moveaxis(np.stack((xx + added, xy, yy + added)), 0, -1)
+    return np.moveaxis(pixels, 0, -1), covariance[..., [[0, 1], [1, 2]]]
 
 
 def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Floats:
@@ -124,27 +152,80 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
     level = roots.level_of(roots.halved(counts.astype(np.float64)), bins)
     sums = to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
     pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
-    times, weight = times_from_reference(len(counts)), bins * smoothness_of(counts, smoothness)
+    times = times_from_reference(len(counts))
+    weight = bins * smoothness_of(counts.sum(axis=0).mean(), smoothness)
     better = _newton(level, times, sums / (bins * pixels), weight, steps=1)
     return bins * np.moveaxis(finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
-def _most_likely_flow(counts: NDArray[Any], smoothness: float) -> tuple[Floats, Level]:
+def _most_likely_flow(
+    counts: NDArray[Any], smoothness: float, proposal: Proposal | None
+) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
     times = times_from_reference(len(counts))
-    flow = np.zeros((2, 1, 1))
-    for number, level in enumerate(roots.pyramid(roots.without_defects(counts))):
-        nodes = tuple(-(-side // NODE_PX) for side in level.roots.shape[1:])
-        flow = 2 * finer(flow, nodes, 2)
-        most = 1.0 if level.bins > 1 else math.inf
-        weight = level.bins * smoothness_of(counts, smoothness, most)
-        steps = _NEWTON_STEPS if number else _FIRST_STEPS
-        if level.bins <= _MOST_BINS:
-            if number == 0:  # whole displacements compete with the best flow near no motion
-                flow = _newton(level, times, flow, weight, steps)
-            flow = with_large_motion(level, times, flow)
-        flow = _newton(level, times, flow, weight, steps)
+    scales = roots.pyramid(roots.without_defects(counts))
+    coarse = [scale for scale in scales if scale[1] >= _LIGHT_BINS] or scales[:1]
+    misfits, flows, shares = [], [], (math.inf, _GAIN_SHARE)
+    for share in shares:
+        flow = np.zeros((2, 1, 1))
+        for frames, bins in coarse:
+            flow, _ = _at_scale(frames, bins, times, flow, smoothness, share)
+        level = roots.level_of(frames, bins, 1.0, share)
+        places = place_of_pixels(level, times, flow)
+        misfits.append(evidence(level, times[np.newaxis], places).misfit)
+        flows.append(flow)
+    is_uneven = misfits[1] < misfits[0] / (1 + _EVEN)
+    flow, share = flows[is_uneven], shares[is_uneven]
+    for frames, bins in scales[len(coarse) :]:
+        flow, level = _at_scale(frames, bins, times, flow, smoothness, share, proposal)
     return flow, level
+
+
+def _at_scale(
+    frames: Floats,
+    bins: int,
+    times: Floats,
+    coarser: Floats,
+    smoothness: float,
+    gain_share: float,
+    proposal: Proposal | None = None,
+) -> tuple[Floats, Level]:
+    """Return the flow at nodes of a scale, given that of the next coarser one, and its level."""
+    nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
+    flow, is_first = 2 * finer(coarser, nodes, 2), coarser.size == 2
+    dispersion = 1.0 if is_first else dispersion_of(frames, times, flow, gain_share)
+    level = roots.level_of(frames, bins, dispersion, gain_share)
+    most = 1.0 if bins > 1 else math.inf
+    photons = frames.sum(axis=0).mean() / bins**2 / dispersion
+    weight = bins * smoothness_of(photons, smoothness, most)
+    if is_first:
+        flow = _newton(level, times, flow, weight, _FIRST_STEPS)
+    if bins == 1 and proposal is not None:
+        there_and_back = (np.nan_to_num(np.moveaxis(motion, -1, 0)) for motion in proposal)
+        flow = search.with_proposal(_middle(level), flow, *there_and_back)
+    if bins <= _MOST_BINS:
+        flow = search.with_large_motion(_middle(level), len(frames), flow)
+    return _newton(level, times, flow, weight, _NEWTON_STEPS), level
+
+
+def dispersion_of(frames: Floats, times: Floats, flow: Floats, gain_share: float) -> float:
+    """Return the variance of counts (n, H, W) over their mean, 1 or more, given a flow nearby.
+
+    That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
+    """
+    level = roots.blurred(frames, _BLUR_PX, 1, 1.0, gain_share)
+    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, times, flow))
+    squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
+    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(times) - 1) * level.noise)
+    if not inside.any():
+        return 1.0
+    return max(1.0, float(np.percentile(around[inside], _STEADIEST_PERCENT) / _OF_NOISE))
+
+
+def _middle(level: Level) -> Level:
+    """Return the two frames in the middle of a level."""
+    pair = np.s_[len(level.roots) // 2 - 1 : len(level.roots) // 2 + 1]
+    return level._replace(roots=level.roots[pair], splines=level.splines[pair])
 
 
 def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
@@ -191,13 +272,13 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
     content of the reference frame's pixels.
     """
-    aligned, inside = aligned_frames(level, places)
+    aligned, inside, _ = aligned_frames(level, places)
     mean = aligned.mean(axis=0)
     differences = aligned - mean
     gradient = np.stack(np.gradient(mean)[::-1])
     spread = patterns - patterns.mean(axis=1, keepdims=True)
     noise = (patterns.shape[1] - 1) * level.noise
-    around = gaussian_filter((differences**2).sum(axis=0), _AGREEMENT_PX) / noise
+    around = gaussian_filter((differences**2).sum(axis=0), AGREEMENT_PX) / noise
     weight = 4 * inside / np.maximum(1, around / MOST_NOISE)
     drift = -weight * np.tensordot(spread, differences, 1)
     right, down = gradient
@@ -209,69 +290,15 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
-def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask]:
-    """Return the roots of frames (n, H, W) at places, and which places are in all frames.
-
-    Brightness that differs from frame to frame by a factor is equalized.
-    """
-    inside = np.ones(level.roots.shape[1:], np.bool_)
-    aligned = np.empty_like(level.roots)
-    for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
-        roots.interpolate(splines, moved, frame, inside)
-    mean = aligned.mean(axis=0) * inside
-    power, shared = (mean**2).sum(), (aligned * mean).sum(axis=(1, 2))
-    aligned *= np.divide(power, shared, out=np.ones_like(shared), where=shared > 0)[:, None, None]
-    return aligned, inside
-
-
-def times_from_reference(frames: int) -> Floats:
-    """Return the times of frames relative to the one before the middle, (frames,)."""
-    return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
-
-
-def place_of_pixels(level: Level, times: Floats, flow: Floats) -> Iterator[Floats]:
-    """Yield the places (2, H, W) at each time of the content of pixels, given a flow at nodes."""
-    shape = level.roots.shape[1:]
-    pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    motion = finer(flow, shape, NODE_PX)[::-1]
-    return (pixels + time * motion for time in times)
-
-
-def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
-    """Return values (k, n, m) on a finer grid of this shape, by linear interpolation."""
-    for axis, side in enumerate(shape, start=1):
-        last = coarse.shape[axis] - 1
-        place = ((np.arange(side) + 0.5) / factor - 0.5).clip(0, last)
-        before = place.astype(np.intp)
-        share = np.expand_dims(place - before, tuple(range(axis, 2)))
-        start = coarse.take(before, axis)
-        coarse = start + share * (coarse.take(np.minimum(before + 1, last), axis) - start)
-    return coarse
-
-
-def _at_pixels(values: Floats, counts: NDArray[Any]) -> Floats:
-    """Return values at nodes (k, n, m) at the pixels of frames, (H, W, k)."""
-    return np.moveaxis(finer(values, counts.shape[1:], NODE_PX), 0, -1)
-
-
-def to_nodes(pixels: Floats) -> Floats:
-    """Return sums of (c, H, W) over the squares around nodes."""
-    count, *shape = pixels.shape
-    rows, columns = (-(-side // NODE_PX) for side in shape)
-    missing = [(0, 0), (0, rows * NODE_PX - shape[0]), (0, columns * NODE_PX - shape[1])]
-    squares = np.pad(pixels, missing).reshape(count, rows, NODE_PX, columns, NODE_PX)
-    return np.asarray(squares.sum(axis=(2, 4)))
-
-
 # Prior
 
 
-def smoothness_of(counts: NDArray[Any], smoothness: float, most: float = 1.0) -> float:
-    """Return the penalty of counts (n, H, W) per unit of the gradient of their flow.
+def smoothness_of(photons: float, smoothness: float, most: float = 1.0) -> float:
+    """Return the penalty per unit of the gradient of a flow, for photons per pixel in all frames.
 
     It grows with the photons, to `most` times the smoothness.
     """
-    photons = min(counts.sum(axis=0).mean(), _MANY_PHOTONS)
+    photons = min(photons, _MANY_PHOTONS)
     return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** _SMOOTHNESS_POWER))
 
 
@@ -284,39 +311,6 @@ def link_weights(smoothness: float, squared_change: Floats) -> Floats:
 def _links(flow: Floats, smoothness: float) -> Links:
     right, down = ((np.diff(flow, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
     return link_weights(smoothness, right), link_weights(smoothness, down)
-
-
-# Search
-
-
-def with_large_motion(level: Level, times: Floats, flow: Floats, reach: int = _REACH_PX) -> Floats:
-    """Return the flow at nodes (2, n, m), px, where another displacement is likelier, that one.
-
-    The two frames in the middle tell: in frames farther apart, a fraction of a pixel is many.
-    """
-    area = NODE_PX**2
-    pair = np.s_[len(times) // 2 - 1 : len(times) // 2 + 1]
-    middle = level._replace(roots=level.roots[pair], splines=level.splines[pair])
-    aligned, inside = aligned_frames(middle, place_of_pixels(middle, times[pair], flow))
-    squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
-    seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
-    now = to_nodes(squares[np.newaxis])[0] * area / seen
-    # how well the flow so far explains the second frame around each node, 0 to 1
-    *_, back = place_of_pixels(middle, np.array([0.0, -1.0]), flow)
-    around = gaussian_filter(squares, _AGREEMENT_PX) / middle.noise
-    at_second = map_coordinates(around, back, order=1, mode="nearest")
-    explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
-    side = 2 * reach + 1
-    costs = np.empty((*now.shape, side**2 + 1), np.float32)
-    brightness = middle.roots.mean(axis=(1, 2), keepdims=True)
-    equal = middle.roots * (brightness.mean() / np.maximum(brightness, _DARK))
-    leaving, noise = _LEAVING * (len(times) - 1), area * level.noise
-    messages.fill_costs(equal.astype(np.float32), now, noise, leaving, _CLAIM * explained, costs)
-    total = costs.copy()
-    messages.add_messages(costs, flow, total)
-    best = total.argmin(axis=-1)
-    y, x = np.divmod(best, side)
-    return np.where(best == side**2, flow, np.stack((x, y)) - float(reach))
 
 
 # Solve

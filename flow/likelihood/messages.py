@@ -16,7 +16,7 @@ from megalopta.flow.likelihood.roots import NODE_PX, misfit
 
 Singles = NDArray[np.float32]
 
-_STEP, _JUMP = 0.7, 3.0
+STEP, JUMP = 0.7, 3.0
 """Costs of a change by one pixel along one axis, and of any change; fitted to dead leaves and disks
 with motion up to 20 px, of other seeds than those reported, as all constants here"""
 _CHANGE_PER_PX = 0.5
@@ -44,6 +44,7 @@ def fill_costs(
     for y in range(rows):
         for label in range(labels - 1):
             down, right = label // side - side // 2, label % side - side // 2
+            far = leaving * (1 + math.log1p(math.hypot(down, right) / NODE_PX))
             first = max(0, -right)
             last = max(first, min(width, width - right))
             squares[:] = 0
@@ -57,7 +58,7 @@ def fill_costs(
                 cost = squares[NODE_PX * x : NODE_PX * (x + 1)].sum() / 2 * area / max(seen, 1)
                 cost = cost if seen >= _LEAST_SEEN * area else max(cost, now[y, x])
                 claim = claimed[min(max((middle[x] + right) // NODE_PX, 0), columns - 1)]
-                costs[y, x, label] = 2 * noise * misfit(cost / noise) + leaving + claim
+                costs[y, x, label] = 2 * noise * misfit(cost / noise) + far + claim
     costs[..., -1] = 2 * noise * misfit(now / noise)
 
 
@@ -84,11 +85,11 @@ def add_messages(costs: Singles, nodes: Floats, total: Singles) -> None:
     rows, columns, labels = costs.shape
     last, side = labels - 1, int(math.sqrt(labels - 1))
     # costs of a change by one pixel from the left and from the right; a row of labels ends
-    from_left = np.full(last, _STEP, np.float32)
+    from_left = np.full(last, STEP, np.float32)
     from_left[::side] = np.inf
     from_right = from_left[::-1].copy()
     bordered = np.full(last + 2 * side, np.inf, np.float32)
-    known, half_step = bordered[side : side + last], np.float32(_STEP / 2)
+    known, half_step = bordered[side : side + last], np.float32(STEP / 2)
     for way in (1, -1):
         received = np.zeros((2, columns, 4, labels), np.float32)
         for i in range(rows):
@@ -115,7 +116,7 @@ def add_messages(costs: Singles, nodes: Floats, total: Singles) -> None:
                     if nearest_before >= 0:
                         from_flow = stays + half_step - least
                         sent[nearest_before] = min(sent[nearest_before], from_flow)
-                    sent[last] = min(cost - least, np.float32(_JUMP))
+                    sent[last] = min(cost - least, np.float32(JUMP))
 
 
 @compiled
@@ -136,7 +137,7 @@ def _pass_on(
     bordered: Singles, from_left: Singles, from_right: Singles, least: np.float32, sent: Singles
 ) -> None:
     """Write the least cost of each displacement here, given that of each before, less the least."""
-    last, step, jump = len(from_left), np.float32(_STEP), np.float32(_JUMP)
+    last, step, jump = len(from_left), np.float32(STEP), np.float32(JUMP)
     side = (len(bordered) - last) // 2
     known, left, right = bordered[side:], bordered[side - 1 :], bordered[side + 1 :]
     lower = bordered[2 * side :]

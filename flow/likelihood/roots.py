@@ -10,7 +10,8 @@ Binned by 2 × 2 px, counts remain Poisson; their roots have the same noise at a
 (Anscombe 1948).
 """
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,6 +24,8 @@ from megalopta.core.compiling import compiled
 
 NODE_PX = 4
 """Distance of the nodes of a motion"""
+AGREEMENT_PX = 2.0
+"""Standard deviation of the neighborhood in which aligned frames are compared"""
 MOST_NOISE = 2.0
 """Mean squared difference of aligned frames, over that of noise, above which evidence is reduced"""
 
@@ -36,6 +39,8 @@ _BLUR_AT_EQUALITY_PX = 0.6
 """Best standard deviation for two frames with as much texture as shot noise, q = 1"""
 _FAINTEST = 1e-6
 """Smaller q are raised to this: without visible texture, the widest blur is right"""
+_LEAST_GAIN_PX = 6.0
+"""Least neighborhood of `Level.gain_px`"""
 _STANDS_OUT = 3 * 2**0.5
 """Distance of roots of counts that shot noise alone exceeds once in 10⁹ pairs of pixels"""
 
@@ -51,6 +56,10 @@ class Level(NamedTuple):
     """Variance of the roots"""
     bins: int
     """Pixels of the frames per pixel of this level, along a side"""
+    dispersion: float
+    """Variance of the counts over their mean, which they were divided by"""
+    gain_px: float
+    """Standard deviation of the neighborhood in which frames differ by one factor, px"""
 
 
 def suited_blur_px(excess: Floats, frames: int) -> Floats:
@@ -103,13 +112,13 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     return frames
 
 
-def pyramid(counts: Floats) -> Iterator[Level]:
-    """Yield frames (n, H, W) from the coarsest level to the finest."""
-    binned = [counts]
-    while min(binned[-1].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
-        binned.append(halved(binned[-1]))
-    for power, frames in reversed(list(enumerate(binned))):
-        yield level_of(frames, 2**power)
+def pyramid(counts: Floats) -> list[tuple[Floats, int]]:
+    """Return frames (n, H, W) and pixels along a side of their bins, the coarsest first."""
+    scales = [(counts, 1)]
+    while min(scales[-1][0].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
+        frames, bins = scales[-1]
+        scales.append((halved(frames), 2 * bins))
+    return scales[::-1]
 
 
 def halved(frames: Floats) -> Floats:
@@ -119,14 +128,26 @@ def halved(frames: Floats) -> Floats:
     return np.asarray(even.reshape(-1, height, 2, width, 2).sum(axis=(2, 4)))
 
 
-def level_of(frames: Floats, bins: int = 1) -> Level:
-    """Return frames (n, H, W), binned by `bins`, as roots and splines."""
+def level_of(
+    frames: Floats, bins: int = 1, dispersion: float = 1.0, gain_share: float = math.inf
+) -> Level:
+    """Return frames (n, H, W), binned by `bins`, as roots and splines; the rest as in `Level`."""
+    frames = frames / dispersion
     excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
-    smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
+    blur_px = suited_blur_px(excess, len(frames)).clip(*_BLURS_PX)
+    return blurred(frames, float(blur_px), bins, dispersion, gain_share)
+
+
+def blurred(
+    frames: Floats, blur_px: float, bins: int, dispersion: float, gain_share: float
+) -> Level:
+    """Return frames (n, H, W) as a level, with this blur."""
+    smooth = partial(gaussian_filter, sigma=blur_px)
     roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
     splines = (spline_filter(root, 3, mode="nearest") for root in roots)
     bordered = np.stack([np.pad(spline, BORDER_PX, "edge") for spline in splines])
-    return Level(roots, bordered, root_noise(smooth), bins)
+    gain_px = max(gain_share * max(frames.shape[1:]), _LEAST_GAIN_PX)
+    return Level(roots, bordered, root_noise(smooth), bins, dispersion, gain_px)
 
 
 @compiled(fastmath={"reassoc", "contract"})

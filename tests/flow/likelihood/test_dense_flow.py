@@ -5,13 +5,9 @@ import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
 from megalopta.flow.likelihood import messages
-from megalopta.flow.likelihood.dense_flow import (
-    evidence,
-    most_likely,
-    node_covariance,
-    with_large_motion,
-)
+from megalopta.flow.likelihood.dense_flow import evidence, most_likely, node_covariance
 from megalopta.flow.likelihood.roots import BORDER_PX, NODE_PX, interpolate, level_of
+from megalopta.flow.likelihood.search import with_large_motion
 
 from ..textures import drifting_texture
 
@@ -160,7 +156,7 @@ def square_over_ground(fast=(7, -3)):
 
 
 def test_a_fast_square_over_still_ground_is_found():
-    flow = with_large_motion(square_over_ground(), np.arange(2.0), np.zeros(NODES))
+    flow = with_large_motion(square_over_ground(), 2, np.zeros(NODES))
     np.testing.assert_array_equal(flow[0, 7:11, 6:10], 7)
     np.testing.assert_array_equal(flow[1, 7:11, 6:10], -3)
     # the content of pixels that the square hides in the second frame may seem to move
@@ -172,7 +168,7 @@ def test_a_fast_square_over_still_ground_is_found():
 def test_a_flow_that_is_right_moves_by_no_more_than_rounding():
     right = np.zeros(NODES)
     right[0, 6:12, 5:11], right[1, 6:12, 5:11] = 7.02, -2.98
-    flow = with_large_motion(square_over_ground(), np.arange(2.0), right)
+    flow = with_large_motion(square_over_ground(), 2, right)
     assert np.abs(flow - right)[:, 7:11, 6:10].max() < 0.03
     assert not flow[:, :3].any() and not flow[:, 14:].any()
 
@@ -194,6 +190,4 @@ def test_messages_along_a_row_are_least_costs():
 
 def test_frames_narrower_than_the_longest_displacement_have_a_flow():
     counts = drawn(30.0, drifting_texture((0.0, 0.0), 2, (24, 24)))[:, :6, :5]
-    assert np.isfinite(
-        with_large_motion(level_of(counts), np.arange(2.0), np.zeros((2, 2, 2)))
-    ).all()
+    assert np.isfinite(with_large_motion(level_of(counts), 2, np.zeros((2, 2, 2)))).all()
