@@ -363,7 +363,7 @@ class _Search:
         """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
         misfits, at_its_depth = [], self._stepped(motion, _DEPTH_STEPS, held=True).motion
         for compared in (at_its_depth, best):
-            aligned, inside = alignment.aligned_frames(self.level, self._places(compared))
+            aligned, inside, _ = alignment.aligned_frames(self.level, self._places(compared))
             squares = 2 * len(aligned) * gaussian_filter(aligned.var(axis=0), _AROUND_PX)
             noise = 2 * (len(aligned) - 1) * self.level.noise
             misfits.append(np.where(inside, noise * roots.misfit(squares / noise), np.nan))
