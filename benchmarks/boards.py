@@ -1,4 +1,7 @@
-"""Errors of whole-frame methods on scenes of this project: `python benchmarks/boards.py OUT.csv`.
+"""Errors of whole-frame methods on scenes of this project.
+
+`python benchmarks/boards.py OUT.csv` has undisturbed light, `… OUT.csv ramp20 shadow` also these
+disturbances (`megalopta.benchmark.disturbances`).
 
 Four sets: dead leaves in affine motion with three disks in front, views of the shipped forest
 panoramas from a camera that turns, pictures of scikit-image in layers whose disks move by up to
@@ -16,7 +19,7 @@ from skimage import data
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.benchmark.clips import FlowClip
-from megalopta.benchmark.methods import block_detector
+from megalopta.benchmark.disturbances import disturbance
 from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, natural_template
 from megalopta.benchmark.whole_frames import frame_errors, verdicts, write_board
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
@@ -66,11 +69,12 @@ def clip(name: str, scene: MovingLayers, set_name: str) -> FlowClip:
     return FlowClip(name, light / light.mean(), scene.flow(SHAPE, 0), set_name=set_name)
 
 
-def main(path: Path) -> None:
-    board = frame_errors(list(clips()), [block_detector(m) for m in METHODS], PHOTONS_PER_PX)
-    write_board(path, board)
+def main(path: str, *disturbances: str) -> None:
+    chosen = list(map(disturbance, disturbances))
+    board = frame_errors(list(clips()), METHODS, PHOTONS_PER_PX, disturbances=chosen)
+    write_board(Path(path), board)
     print(*verdicts(board), sep="\n")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(*sys.argv[1:])
