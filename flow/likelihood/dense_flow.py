@@ -74,8 +74,9 @@ aligned frames must differ less after that than after one factor for all"""
 _STEADIEST_PERCENT, _OF_NOISE, _BLUR_PX = 25.0, 0.8, 0.7
 """Dispersion is that of the steadiest quarter of the frame, which has this share of the mean noise,
 after this blur"""
-_OF_WAY_BACK = 4.0
-"""Squared distance after the way back, over its median, that noise of the way back may explain"""
+_WAY_BACK_MEDIANS, _WAY_BACK_NOISE_PX = 4.0, 1.5
+"""Squared distance after the way back that is put down to the noise of that: medians of the frame,
+and at most this distance"""
 
 _FIRST_STEPS, _NEWTON_STEPS, _PRIOR_STEPS = 30, 3, 2
 """Newton steps at the coarsest scale, which start from no motion and are cheap, and at others"""
@@ -118,7 +119,7 @@ def flow_and_covariance(
     multiplied by a factor that depends on the light. Where frames do not agree, evidence is reduced
     and the covariance large. Added is the squared distance from the start after the flow and the
     way back of the proposal, as far as it exceeds that of most pixels: where a match is wrong, or
-    something hidden; the squared flow where it leaves the frame. NaN as `likelihood_flow`.
+    something hidden; the largest one where the flow leaves the frame. NaN as `likelihood_flow`.
     """
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
@@ -133,9 +134,10 @@ def flow_and_covariance(
     xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
     pixels = search.sharp_flow(_middle(level), flow)
     distance = round_trip(pixels, np.moveaxis(proposal[1], -1, 0))
-    squares = np.where(np.isfinite(distance), distance, np.hypot(*pixels)) ** 2
-    around = gaussian_filter(squares, AGREEMENT_PX)
-    added = np.maximum(0, around - _OF_WAY_BACK * np.median(around)) / 2
+    farthest = distance[np.isfinite(distance)].max(initial=0.0)
+    around = gaussian_filter(np.minimum(distance, farthest) ** 2, AGREEMENT_PX)
+    noise = min(_WAY_BACK_MEDIANS * np.median(around), _WAY_BACK_NOISE_PX**2)
+    added = np.maximum(0, around - noise) / 2
     covariance = np.moveaxis(np.stack((xx + added, xy, yy + added)), 0, -1)
     return np.moveaxis(pixels, 0, -1), covariance[..., [[0, 1], [1, 2]]]
 
