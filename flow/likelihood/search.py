@@ -21,8 +21,8 @@ from megalopta.flow.likelihood.messages import Singles
 from megalopta.flow.likelihood.roots import AGREEMENT_PX, NODE_PX, Level
 
 _REACH_PX, _REACH_SHARE = 8, 0.2
-"""Largest displacement along x and y, px of a level; at coarse levels this share of the longer side
-if that is more"""
+"""Largest displacement along x and y, px of a level; at coarse levels this share of the longer
+side"""
 _COARSE_BINS = 4
 """Bins from which a level is coarse"""
 _LEAVING = 0.5
@@ -45,9 +45,9 @@ def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
     `level`: of the two frames in the middle of so many: in frames farther apart, a fraction of a
     pixel is many.
     """
-    reach = _REACH_PX
-    if level.bins >= _COARSE_BINS:
-        reach = max(reach, round(_REACH_SHARE * max(level.roots.shape[1:])))
+    reach = round(_REACH_SHARE * max(level.roots.shape[1:]))
+    if level.bins < _COARSE_BINS:
+        reach = _REACH_PX
     leaving = _LEAVING * (frames - 1)
     back = level._replace(roots=level.roots[::-1], splines=level.splines[::-1])
     displaced = _displaced(level, flow, reach, leaving)
