@@ -9,6 +9,7 @@ named as it is with `occlusions`, `invalid` or `flow_noc` for `flow`.
 
 import re
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -108,8 +109,23 @@ class TrueFlow(NamedTuple):
         return [path for path in paths if path]
 
 
-KITTI_FLOWS = ("flow_occ", "flow_noc")
-"""Folders of KITTI's flow: of all pixels, of those visible in the next frame only"""
+_MASKS = {
+    "occlusion": "occlusions",
+    "undefined": "invalid",
+    "visible": "flow_noc",
+    "objects": "obj_map",
+}
+_PICTURES = (
+    ("other-gt-flow/(.+)/flow", "", r"other-data/\2/frame"),
+    ("other-gt-flow/(.+)/flow", "gray", r"other-data-gray/\2/frame"),
+    (r"flow_[FB]W_(\w+)/flow_\w+_", "", r"frame_\2/frame_\2_"),
+    ("flow_(?:occ|noc)/(.*)", "", r"image_2/\2"),
+    ("flow_(?:occ|noc)/(.*)", "", r"colored_0/\2"),
+    ("flow_(?:occ|noc)/(.*)", "", r"image_0/\2"),
+    ("flow/(.+)", "clean", r"clean/\2"),
+    ("flow/(.+)", "final", r"final/\2"),
+)
+"""Path of flow up to its number, pass, and path of its pictures up to theirs"""
 
 Truths = Mapping[FrameName, TrueFlow]
 
@@ -129,37 +145,34 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
             read_lists(home, tree.names())  # refuses a name without a record
             for sequence in tree.names():
                 tree.opened(sequence).compare_all("training/")
-    truths: dict[FrameName, TrueFlow] = {}
+    homes: dict[Path, bool] = {}  # folders of flow, and whether pictures may be among it
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
-        kitti = [folder / name for name in KITTI_FLOWS if (folder / name).is_dir()]
-        if kitti:
-            visible = _frames_below(kitti[-1]) if len(kitti) > 1 else {}
-            for frame, path in _frames_below(kitti[0]).items():
-                objects = next(iter(folder.glob(f"obj_map/{path.stem}.png")), None)
-                truths[frame] = TrueFlow(path, png_scale, None, None, visible.get(frame), objects)
-        elif (folder / "flow").is_dir():
-            for frame, path in _frames_below(folder / "flow").items():
-                name = Path(frame.sequence) / f"{frame.name}.png"
-                masks = (folder / kind / name for kind in ("occlusions", "invalid"))
-                occlusion, undefined = (mask if mask.exists() else None for mask in masks)
-                truths[frame] = TrueFlow(path, png_scale, occlusion, undefined)
+        named = [folder / name for name in ("flow_occ", "flow_noc", "flow")]
+        if stored := [home for home in named if home.is_dir()]:
+            homes[stored[0]] = False
         elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
-            spring = _frames_below(folder, among_pictures=True)
-            truths |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
-    if not truths:
-        for frame, path in _frames_below(root, among_pictures=True).items():
-            truth, start = TrueFlow(path, png_scale), path.stem.removesuffix("flow")
-            if start != path.stem:
-                beside = [
-                    path.with_name(f"{start}{mask}.png")
-                    for mask in ("occlusions", "invalid", "flow_noc")
-                ]
-                truth = TrueFlow(path, png_scale, *(m if m.exists() else None for m in beside))
-            if not path.stem.endswith("flow_noc"):
-                truths[frame] = truth
+            homes[folder] = True
+    truths = {
+        frame: _with_masks(path, png_scale)
+        for home, among_pictures in (homes or {root: True}).items()
+        for frame, path in _frames_below(home, among_pictures).items()
+        if not path.stem.endswith("flow_noc")
+    }
     if not truths:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
     return truths
+
+
+def _with_masks(flow: Path, png_scale: float) -> TrueFlow:
+    """Return a flow with its masks, whose folder or name has another word for flow."""
+    masks = {}
+    if words := re.fullmatch("(.*)flow(?:_occ|_noc)?(/.*)?", flow.with_suffix("").as_posix()):
+        start, end = words.groups("")
+        for field, word in _MASKS.items():
+            path = Path(f"{start}{word}{end}.png")
+            if path != flow and path.exists():
+                masks[field] = path
+    return TrueFlow(flow, png_scale, **masks)
 
 
 def uncertainty_of(flow: Path) -> Path:
@@ -202,16 +215,13 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, P
     Passes are "clean" and "final" of Sintel, "gray" of Middlebury's pictures without color, and ""
     of all others. Raises UserError if there are none.
     """
-    pictures: dict[str, dict[FrameName, tuple[Path, Path]]] = {
-        name: {} for name in ("clean", "final", "", "gray")
-    }
+    pictures = defaultdict[str, dict[FrameName, tuple[Path, Path]]](dict)
     for frame, files in truths.items():
-        for name, pair in _pictures(frame, files.flow).items():
-            if all(path.exists() for path in pair):
-                pictures[name][frame] = pair
+        for name, pair in _pictures(files.flow).items():
+            pictures[name][frame] = pair
     complete = {name: pairs for name, pairs in pictures.items() if len(pairs) == len(truths)}
     if not complete:
-        most = max(pictures.values(), key=len)
+        most = max(pictures.values(), key=len, default={})
         lacking = next(files.flow for frame, files in truths.items() if frame not in most)
         raise UserError(
             f"{lacking}: its two pictures are not there, or have other names; known are {LAYOUTS}"
@@ -308,43 +318,27 @@ def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
     return mask
 
 
-def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
-    """Return the files of both pictures, by pass, where the layout of the flow has them."""
-    folder, stem = (flow := flow.absolute()).parent, flow.stem
-    if stem == "flow10":  # Middlebury
-        beside = sorted(folder.parent.parent.iterdir(), reverse=True)
-        places = [*(place / folder.name for place in beside), folder]
-        pairs = [(place / "frame10.png", place / "frame11.png") for place in places]
-        return {
-            "gray" if "gray" in pair[0].parent.parent.name else "": pair
-            for pair in pairs
-            if pair[0].exists()
-        }
-    numbered = re.fullmatch(r"(.*?)(\d+)", stem)
-    start, number = numbered.groups() if numbered else (stem, "0")
-
-    def at(place: Path, step: int, start: str = start) -> Path:
-        return place / f"{start}{int(number) + step:0{len(number)}d}.png"
-
-    if spring := re.fullmatch(r"flow_([FB])W_(\w+)", folder.name):
-        way, side = spring.groups()
-        frames, start = folder.parent / f"frame_{side}", f"frame_{side}_"
-        return {"": (at(frames, 0, start), at(frames, 1 if way == "F" else -1, start))}
-    levels = len(Path(frame.sequence).parts)
-    above, root = flow.parents[levels].name, flow.parents[levels + 1]
-    if above in KITTI_FLOWS:
-        kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
-        place = next((kind for kind in kinds if kind.is_dir()), kinds[0]) / frame.sequence
-        return {"": (at(place, 0), at(place, 1))}
-    if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
-        passes = {name: root / name / frame.sequence for name in ("clean", "final")}
-        return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
-    key = re.sub("_?flow_?|(^|[-_])gt$", "", stem)
-    pictures = _pictures_in(folder)
-    from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
+def _pictures(flow: Path) -> dict[str, tuple[Path, Path]]:
+    """Return both pictures of a flow, by pass, where they are there."""
+    pairs: dict[str, tuple[Path, Path]] = {}
+    flow = flow.absolute()
+    if numbered := re.fullmatch(r"(.*?)(\d+)", flow.with_suffix("").as_posix()):
+        start, number = numbered.groups()
+        second = int(number) + (-1 if flow.name.startswith("flow_BW_") else 1)
+        for pattern, name, pictures in _PICTURES:
+            if name not in pairs and (known := re.fullmatch(f"(.*/){pattern}", start)):
+                place = known.expand(rf"\1{pictures}")
+                pair = Path(f"{place}{number}.png"), Path(f"{place}{second:0{len(number)}d}.png")
+                if all(path.exists() for path in pair):
+                    pairs[name] = pair
+    if pairs:
+        return pairs
+    key = re.sub("_?flow_?|(^|[-_])gt$", "", flow.stem)
+    pictures_by_name = _pictures_in(flow.parent)
+    from_key = pictures_by_name[bisect_left(pictures_by_name, key, key=lambda path: path.name) :]
     beginning = takewhile(lambda path: path.name.startswith(key), from_key)
-    pair = [path for path in beginning if not path.name[len(key)].isdigit() or not key]
-    return {"": (pair[0], pair[1])} if len(pair) == 2 else {}
+    beside = [path for path in beginning if not path.name[len(key)].isdigit() or not key]
+    return {"": (beside[0], beside[1])} if len(beside) == 2 else {}
 
 
 @cache
