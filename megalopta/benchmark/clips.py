@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -94,27 +95,17 @@ class TrueFlow(NamedTuple):
     flow: Path
     png_scale: float = KITTI_SCALE
     """Codes of a pixel in flow as PNG"""
-    occlusion: Path | None = None
-    """Mask, white where hidden in the next frame; Sintel"""
-    undefined: Path | None = None
-    """Mask, white where not scored; Sintel"""
-    visible: Path | None = None
-    """Flow of pixels visible in the next frame only; KITTI"""
-    objects: Path | None = None
-    """Numbers of moving objects, 0 elsewhere; KITTI 2015"""
+    masks: Mapping[str, Path] = MappingProxyType({})
+    """Pictures by word of `MASKS`"""
 
     def files(self) -> list[Path]:
-        """Return all its files."""
-        paths = self.flow, self.occlusion, self.undefined, self.visible
-        return [path for path in paths if path]
+        """Return all files of which scores depend."""
+        return [self.flow, *(path for word, path in self.masks.items() if word != "obj_map")]
 
 
-_MASKS = {
-    "occlusion": "occlusions",
-    "undefined": "invalid",
-    "visible": "flow_noc",
-    "objects": "obj_map",
-}
+MASKS = ("occlusions", "invalid", "flow_noc", "obj_map")
+"""Words for pixels that are hidden in the next frame, that are not scored, for flow of those that
+are visible in the next frame (KITTI), and for numbers of moving objects (KITTI 2015)"""
 _PICTURES = (
     ("other-gt-flow/(.+)/flow", "", r"other-data/\2/frame"),
     ("other-gt-flow/(.+)/flow", "gray", r"other-data-gray/\2/frame"),
@@ -165,14 +156,11 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
 
 def _with_masks(flow: Path, png_scale: float) -> TrueFlow:
     """Return a flow with its masks, whose folder or name has another word for flow."""
-    masks = {}
-    if words := re.fullmatch("(.*)flow(?:_occ|_noc)?(/.*)?", flow.with_suffix("").as_posix()):
-        start, end = words.groups("")
-        for field, word in _MASKS.items():
-            path = Path(f"{start}{word}{end}.png")
-            if path != flow and path.exists():
-                masks[field] = path
-    return TrueFlow(flow, png_scale, **masks)
+    words = re.fullmatch("(.*)flow(?:_occ|_noc)?(/.*)?", flow.with_suffix("").as_posix())
+    start, end = words.groups("") if words else ("", "")
+    paths = {word: Path(f"{start}{word}{end}.png") for word in MASKS if words}
+    masks = {word: path for word, path in paths.items() if path != flow and path.exists()}
+    return TrueFlow(flow, png_scale, masks)
 
 
 def uncertainty_of(flow: Path) -> Path:
@@ -275,9 +263,10 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
         raise UserError(f"{first} and {second} are black; give brighter pictures")
     if not np.isfinite(flow).all(axis=-1).any():
         raise UserError(f"{truth.flow}: no pixel has a known flow; give other flow")
-    objects = _mask(truth.objects, flow.shape) if truth.objects else None
+    objects = truth.masks.get("obj_map")
+    moving = _mask(objects, flow.shape) if objects else None
     light /= light.mean()
-    return FlowClip(name, light, flow.astype(np.float64), hidden, objects, set_name)
+    return FlowClip(name, light, flow.astype(np.float64), hidden, moving, set_name)
 
 
 def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
@@ -285,15 +274,15 @@ def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
 
     Raises UserError if a file is damaged or of another size.
     """
-    path = files.flow
+    path, masks = files.flow, files.masks
     try:
         true, hidden = read_flow(path, png_scale=files.png_scale), None
-        if files.undefined:
-            true[_mask(path := files.undefined, true.shape)] = np.nan
-        if files.occlusion:
-            hidden = _mask(path := files.occlusion, true.shape)
-        if files.visible:
-            hidden = np.isnan(read_flow(path := files.visible)[..., 0])
+        if "invalid" in masks:
+            true[_mask(path := masks["invalid"], true.shape)] = np.nan
+        if "occlusions" in masks:
+            hidden = _mask(path := masks["occlusions"], true.shape)
+        if "flow_noc" in masks:
+            hidden = np.isnan(read_flow(path := masks["flow_noc"])[..., 0])
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise UserError(f"{path} cannot be read ({reason}); give a file of true flow") from None
