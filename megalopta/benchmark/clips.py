@@ -30,7 +30,7 @@ from megalopta.dataset.index import read_lists
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.flow.stimuli.photons import Counts, draw_counts
-from megalopta.render import open_footage
+from megalopta.render import Footage, open_footage
 from megalopta.render.footage.pictures import KINDS
 from megalopta.sensor.sampling.streams import generator
 
@@ -51,24 +51,20 @@ class FlowClip:
     set_name: str = ""
     """Name of the set of clips that this one belongs to"""
 
-    def counts(
-        self,
-        flux: float,
-        draw: int,
-        key: tuple[str, ...] = (),
-        disturbance: Disturbance | None = None,
-    ) -> Counts:
-        """Return a draw (T, H, W) of `flux` photons per pixel, which key and name seed.
+    def counts(self, flux: float, draw: int, disturbance: Disturbance | None = None) -> Counts:
+        """Return a draw (T, H, W) of `flux` photons per pixel, which the name seeds.
 
         Patterns of a disturbance are the same at every flux.
         """
         means = self.light * flux
         if disturbance:
-            rng = generator(0, "disturbance", *key, disturbance.kind, self.name, draw)
+            rng = generator(0, "disturbance", _BOARD, disturbance.kind, self.name, draw)
             means = disturbed_means(means, disturbance, rng)
-        return draw_counts(means, 0, *key, self.name, f"{flux:.6g}", draw)
+        return draw_counts(means, 0, _BOARD, self.name, f"{flux:.6g}", draw)
 
 
+_BOARD = "whole frames"
+"""A part of the seeds"""
 _UNCERTAINTY = ".uncertainty.npy"
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 _OF_FLOW = re.compile("flow|(^|[-_])(occlusions|invalid)$")
@@ -250,7 +246,7 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
         with open_footage(path) as footage:
             for note in footage.notes:
                 say(note)
-            frames.append(np.asarray(footage.frame(0) @ footage.luminance_shares))
+            frames.append(luminance(footage, 0))
     flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
@@ -267,6 +263,11 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     moving = _mask(objects, flow.shape) if objects else None
     light /= light.mean()
     return FlowClip(name, light, flow.astype(np.float64), hidden, moving, set_name)
+
+
+def luminance(footage: Footage, index: int) -> Floats:
+    """Return the luminance (H, W) of a frame."""
+    return np.asarray(footage.frame(index) @ footage.luminance_shares, np.float64)
 
 
 def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:

@@ -34,8 +34,6 @@ AMOUNTS: Mapping[str, float] = MappingProxyType(
     | {"mismatch": 20, "warm": 3, "rendering": 20}
 )
 """Default amounts by kind: %, but D of dispersion and times the mean light of warm pixels"""
-_LEAST_GAIN = 0.05
-_WARM_SHARE, _WARM_BLUR_PX = 0.004, 0.8
 
 
 class Disturbance(NamedTuple):
@@ -59,7 +57,7 @@ def disturbance(name: str) -> Disturbance:
     if kind not in AMOUNTS:
         known = ", ".join(f"{known} {amount:g}" for known, amount in AMOUNTS.items())
         raise ValueError(f"disturbance {quoted(name)!r} is unknown; choose from {known}")
-    chosen = Disturbance(kind, AMOUNTS[kind] if amount is None else float(amount))
+    chosen = Disturbance(kind, float(amount or AMOUNTS[kind]))
     least, most = (1, 1000) if kind == "dispersion" else (0, 100)
     if not least < chosen.amount <= most:
         raise ValueError(f"{chosen}: give an amount above {least}, up to {most}")
@@ -82,10 +80,10 @@ def disturbed_means(means: Floats, disturbance: Disturbance, rng: np.random.Gene
     elif kind == "dispersion":
         means = rng.gamma(means / (amount - 1), amount - 1)
     elif kind == "mismatch":
-        means *= np.maximum(rng.normal(1, share, (height, width)), _LEAST_GAIN)
+        means *= np.maximum(rng.normal(1, share, (height, width)), 0.05)
     elif kind == "warm":
-        seeds = rng.random((height, width)) < _WARM_SHARE
-        warmth = gaussian_filter(seeds.astype(np.float64), _WARM_BLUR_PX)
+        seeds = rng.random((height, width)) < 0.004
+        warmth = gaussian_filter(seeds.astype(np.float64), 0.8)
         means += amount * means.mean() * warmth / max(warmth.max(), 1e-9)
     elif kind == "rendering":
         means *= rng.gamma(share**-2, share**2, means.shape)

@@ -25,9 +25,6 @@ from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity
 
 Methods = Mapping[str, BlockDetector]
 
-BLOCK_PX = 24
-"""Side of the blocks on boards of whole frames"""
-
 _STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
     {
         "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
@@ -110,19 +107,16 @@ def method_or_baseline(chosen: Method) -> BlockDetector:
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
     if kind == "tuned":
         return tuned(name)
-    return stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
-
-
-def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method or baseline with the blocks of boards of whole frames."""
-    return method_or_baseline(chosen).model_copy(update={"block_px": BLOCK_PX})
-
-
-def stretched(name: str, kind: str) -> GrayDetector:
-    """Return a gray method on Anscombe roots of the counts: √, slightly smoothed; NLM, denoised."""
+    if kind not in _STRETCHES:
+        return velocity_method(chosen)
     detector, (settings, light) = gray_method(name), _STRETCHES[kind]
     names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {light}"}
     return detector.model_copy(update={**names, **settings})
+
+
+def block_detector(chosen: Method) -> BlockDetector:
+    """Return a method or baseline with the blocks of boards of whole frames, 24 × 24 px."""
+    return method_or_baseline(chosen).model_copy(update={"block_px": 24})
 
 
 def methods_and_baselines() -> list[BlockDetector]:

@@ -28,7 +28,7 @@ from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics import endpoint_error, translation_bound
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
-from megalopta.stages.noise_warning import LIMIT, variances
+from megalopta.stages.noise_warning import variances
 from megalopta.stages.run import require
 
 FOLDER = "ranking"
@@ -108,8 +108,6 @@ def _ranked(
         rendering_photons_per_px=min(equal, default=None),
         blocks={},
     )
-    noisy = tuple(flux for flux in fluxes if facts.rendering_noise(flux) > LIMIT)
-    facts = facts.model_copy(update={"noisy_fluxes": noisy})
     if warning := caution(facts):
         say(warning)
     rows: list[tuple[Any, ...]] = []
@@ -124,14 +122,9 @@ def _ranked(
                 dataset, photons, methods, fluxes, settings.repeats, segments, advance
             )
     samples = table.samples(rows)
-    still = samples[
-        (samples["metric"] == table.MEAN)
-        & (samples["method"] == ranked.STILL)
-        & (samples["photons"] == fluxes[0])
-    ]
-    blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
-    counted = {str(group): int(count) for group, count in blocks.items()}
-    facts = facts.model_copy(update={"blocks": counted})
+    still = samples.query("metric == @table.MEAN and method == @ranked.STILL")
+    blocks = still[still["photons"] == fluxes[0]].groupby("group", sort=False)["blocks"].sum()
+    facts = facts.model_copy(update={"blocks": blocks.astype(int).to_dict()})
     return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
 
 

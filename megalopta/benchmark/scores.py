@@ -206,8 +206,9 @@ def score_table(scores: Scores) -> Table:
     for head in _COLUMNS:
         table.add_column(head, justify="right", no_wrap=True)
     for entry in scores.entries:
+        style = "bold" if entry.sequence is None else None
         names = map(sentence, (entry.program, entry.pass_name, entry.sequence or "overall"))
         values = (entry.errors[group][field] for group, field in _COLUMNS.values())
         cells = ("–" if value is None else f"{value:.3g}" for value in values)
-        table.add_row(*names, *cells, end_section=entry.sequence is None)
+        table.add_row(*names, *cells, style=style, end_section=bool(style))
     return table

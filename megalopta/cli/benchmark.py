@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 170  # width of tables, on any terminal
-_UNKNOWN = "–"
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
@@ -125,7 +124,7 @@ def _pairs(options: Namespace) -> Path:
             clips, count = _read(files), len(files)
         draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
         board = whole_frames.frame_errors(
-            clips, methods, options.photons, draws, disturbances, count, options.no_truth
+            clips, methods, options.photons, draws, disturbances, count
         )
     over = ", mean over pairs, 95 % CI over pairs" if count > 1 else ""
     heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
@@ -137,7 +136,7 @@ def _pairs(options: Namespace) -> Path:
             f"the flow by {stand_in} and similar methods; last, the mean from the median of the "
             "other methods on the same photons, which may share an error:"
         )
-        heads[whole_frames.FROM_OTHERS] = "others px"
+        heads |= {whole_frames.FROM_OTHERS: "others px"}
     else:
         whole_frames.write_board(options.out, board)
         print(*whole_frames.verdicts(board), "", sep="\n")
@@ -196,30 +195,32 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.table import MEAN, means, records
+    from megalopta.benchmark.table import MEAN, MEDIAN, means, records
 
-    groups, fluxes = (board.samples[name].unique() for name in ("group", "photons"))
-    console = Console(width=_WIDTH + 14 * (len(groups) - 1))
+    (undisturbed, *groups), fluxes = (
+        board.by_scene.index.unique(name) for name in ("group", "photons")
+    )
+    console = Console(width=_WIDTH + 14 * len(groups))
+    columns = [*heads.values(), *(f"{group}\nmean px" for group in groups)]
     for (set_name, heading), flux in product(board.parts().items(), fluxes):
-        rows = means(board.of(set_name, flux))
         cells = dict[tuple[str, str], str]()
-        for row in records(rows):
+        for row in records(means(board.samples(set_name, flux))):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
             ends = (factor * end for end in (row.value, row.low, row.high))
             value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
-            if row.group != groups[0]:
-                cells[row.method, f"{row.group} {row.metric}"] = value
-                continue
-            has_ends = row.metric.startswith(("median", "mean_epe_px")) and row.low == row.low
-            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if has_ends else value
+            if row.group == undisturbed:
+                has_ends = row.metric in (MEDIAN, MEAN) and row.low == row.low
+                cell = f"{value}\n{low}…{high}" if has_ends else value
+                cells[row.method, heads.get(row.metric, "")] = cell
+            elif row.metric == MEAN:
+                cells[row.method, f"{row.group}\nmean px"] = value
         table = Table(box=SIMPLE, padding=(0, 1))
         table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
-        disturbed = {f"{group} {MEAN}": f"{group}\nmean px" for group in groups[1:]}
-        known = [name for name in heads | disturbed if any(name in key for key in cells)]
-        for name in known:
-            table.add_column((heads | disturbed)[name], justify="right")
+        known = [column for column in columns if column in {place for _, place in cells}]
+        for column in known:
+            table.add_column(column, justify="right")
         for method in (detector.name for detector in board.detectors):
-            table.add_row(method, *(cells.get((method, name), _UNKNOWN) for name in known))
+            table.add_row(method, *(cells.get((method, column), "–") for column in known))
         console.print(table)
 
 
