@@ -167,9 +167,11 @@ def _read_npy(path: Path) -> Flow:
     if values is None:
         raise ValueError(f"{path} is not a complete .npy file of numbers; write it with numpy.save")
     if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":
+        is_turned = values.ndim == 3 and values.shape[0] == 2
+        remedy = "numpy.moveaxis(flow, 0, -1)" if is_turned else "astype('float32')"
         raise ValueError(
             f"{path} holds {values.dtype} {values.shape}: a flow is float32 (H, W, 2), px, x "
-            "before y; convert it, for example by numpy.moveaxis or astype"
+            f"before y; convert it, for example by {remedy}"
         )
     return values.astype(np.float32)
 

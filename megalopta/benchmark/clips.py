@@ -25,7 +25,6 @@ from megalopta.benchmark.disturbances import Disturbance, disturbed_means
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
-from megalopta.core.progress import say
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
@@ -50,6 +49,8 @@ class FlowClip:
     """(H, W), pixels of moving objects; None: unknown"""
     set_name: str = ""
     """Name of the set of clips that this one belongs to"""
+    notes: tuple[str, ...] = ()
+    """What was supposed of its files"""
 
     def counts(self, flux: float, draw: int, disturbance: Disturbance | None = None) -> Counts:
         """Return a draw (T, H, W) of `flux` photons per pixel, which the name seeds.
@@ -241,11 +242,10 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     """
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
-    frames = []
+    frames, notes = [], list[str]()
     for path in (first, second):
         with open_footage(path) as footage:
-            for note in footage.notes:
-                say(note)
+            notes += footage.notes
             frames.append(luminance(footage, 0))
     flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
@@ -262,7 +262,8 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     objects = truth.masks.get("obj_map")
     moving = _mask(objects, flow.shape) if objects else None
     light /= light.mean()
-    return FlowClip(name, light, flow.astype(np.float64), hidden, moving, set_name)
+    motion = flow.astype(np.float64)
+    return FlowClip(name, light, motion, hidden, moving, set_name, tuple(notes))
 
 
 def luminance(footage: Footage, index: int) -> Floats:

@@ -27,14 +27,13 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.benchmark.clips import Files, FlowClip
+    from megalopta.benchmark.clips import Files
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 170  # width of tables, on any terminal
 _FLUXES = "1,3,10,30,100,1000"
 _DRAWS_OF_ONE = 5
 _REFERENCE = "DIS"
-_OF_SWEEPS = ("allow_code", "out")
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -105,9 +104,11 @@ def _pairs(options: Namespace) -> Path:
         if getattr(options, name) and not options.no_truth:
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
     from megalopta.benchmark import whole_frames
+    from megalopta.benchmark.clips import read_pair
     from megalopta.benchmark.disturbances import disturbance
     from megalopta.benchmark.methods import block_detector, methods_and_baselines
     from megalopta.core.errors import refused_as
+    from megalopta.core.progress import say
     from megalopta.report.images import evenly_spaced
 
     with ExitStack() as stack, refused_as():
@@ -121,7 +122,10 @@ def _pairs(options: Namespace) -> Path:
             clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
         else:
             files = list(_files_of_pairs(options))
-            clips, count = _read(files), len(files)
+            for pair in files:  # a fault is told before the work
+                for note in read_pair(*pair).notes:
+                    say(note)
+            clips, count = (read_pair(*pair) for pair in files), len(files)
         draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
         board = whole_frames.frame_errors(
             clips, methods, options.photons, draws, disturbances, count
@@ -148,27 +152,14 @@ def _pairs(options: Namespace) -> Path:
     return Path(options.out)
 
 
-def _read(pairs: "list[tuple[str, str, Files]]") -> "Iterator[FlowClip]":
-    """Yield pairs one at a time, after all were read once: a fault is told before the work."""
-    from megalopta.benchmark.clips import read_pair
-    from megalopta.core.progress import silent
-
-    for _, name, files in pairs:
-        read_pair(name, files)
-    for set_name, name, files in pairs:
-        with silent():
-            clip = read_pair(name, files, set_name)
-        yield clip
-
-
-def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
-    """Yield set, name and files of the pairs to measure."""
+def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str]]":
+    """Yield name, files and set of the pairs to measure."""
     from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
 
     paths, scale = options.paths, options.png_scale
     if len(paths) == 3 and not any(path.is_dir() for path in paths):
-        yield "", paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale))
+        yield paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale)), ""
         return
     if len(paths) > 1 and not all(path.is_dir() for path in paths):
         raise UserError(
@@ -178,12 +169,12 @@ def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
     names = [path.resolve().name for path in paths]
     homes = dict[Path, Path]()
     for path, name in zip(paths, names, strict=True):
+        alone = name if names.count(name) == 1 else path.as_posix()
         for pass_name, pairs in clips.sets_below(path, scale).items():
-            alone = name if names.count(name) == 1 else path.as_posix()
             for pair, files in evenly_spaced([*pairs.items()], options.pairs):
                 if (home := homes.setdefault(files[0], path)) != path:
                     raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
-                yield f"{alone} {pass_name}".strip(), pair, files
+                yield pair, files, f"{alone} {pass_name}".strip()
 
 
 def _print_tables(board: "Board", heads: dict[str, str]) -> None:
@@ -248,10 +239,9 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
 )
 def _photons(options: Namespace) -> object:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
-    unused = ("redo", "scheduler") if is_sweep else _OF_SWEEPS
-    for name in unused:
+    kind = "a dataset" if is_sweep else "a sweep"
+    for name in ("redo", "scheduler") if is_sweep else ("allow_code", "out"):
         if getattr(options, name):
-            kind = "a dataset" if is_sweep else "a sweep"
             raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
     if not is_sweep:
         run_later_stage("benchmark", options)
@@ -259,9 +249,9 @@ def _photons(options: Namespace) -> object:
     from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.sweep_figure import reproduce_sweep
 
-    path, out = options.dataset, options.out or Path("out/sweeps")
-    sweep = load_sweep(path, options.overrides, options.allow_code)
-    return reproduce_sweep(path.stem, sweep, out, options.workers)
+    sweep = load_sweep(options.dataset, options.overrides, options.allow_code)
+    out = options.out or Path("out/sweeps")
+    return reproduce_sweep(options.dataset.stem, sweep, out, options.workers)
 
 
 @verb(
