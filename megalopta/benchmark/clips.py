@@ -70,11 +70,9 @@ _UNCERTAINTY = ".uncertainty.npy"
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 _OF_FLOW = re.compile("flow|(^|[-_])(occlusions|invalid)$")
 LAYOUTS = (
-    "the layouts of Sintel (flow/SEQ/frame_0001.flo, clean/SEQ/frame_0001.png), KITTI (flow_occ/"
-    "000000_10.png, image_2/000000_10.png), Middlebury (other-gt-flow/NAME/flow10.flo, other-data/"
-    "NAME/frame10.png), Spring (SEQ/flow_FW_left/, SEQ/frame_left/), FlyingChairs (00001_flow.flo, "
-    "00001_img1.ppm), NAME.flo beside two pictures NAME_1.png and NAME_2.png, or a folder for each"
-    " pair (NAME/flow.flo, NAME/first.png, NAME/second.png)"
+    "the layouts of Sintel, KITTI, Middlebury, Spring or FlyingChairs, NAME.flo beside two pictures"
+    " NAME_1.png and NAME_2.png, or a folder for each pair (NAME/flow.flo, NAME/first.png,"
+    " NAME/second.png)"
 )
 """Known layouts, for messages."""
 

@@ -1,21 +1,15 @@
 """Disturbances of light and pixels that a benchmark adds: light that changes unevenly, other noise.
 
 Across the frame, x goes from −1/2 to 1/2 and y, in widths, about 0. "Second" are the frames after
-the motion, of a pair the second one. Amounts that are left out are those of `AMOUNTS`.
+the motion, of a pair the second one.
 
-- **ramp** p: second times 1 + 2x·p/100, from 1 − p % at the left to 1 + p % at the right.
-- **vignette** p: second times v(x − p/100, y)/v(x, y) of the vignette v = (1 + 1.5 r²)⁻², which
-  moved by p % of the width.
-- **shadow** p: second loses p % where x + 0.3 y > 1/6, about a third of the frame; the edge is
-  blurred by a Gaussian with a standard deviation of 1/40 of the width.
-- **dispersion** D: counts are negative binomial, with a variance of D times their mean m. They are
-  Poisson counts whose means have a gamma distribution of mean m and variance m·(D − 1).
-- **mismatch** p: a gain for every pixel, normal with mean 1 and a standard deviation of p %, at
-  least 0.05, the same in all frames.
-- **warm** k: clusters of warm pixels, the same in all frames: 0.4 % of the pixels, blurred by 0.8
-  px. The warmest gives k times the mean light more.
-- **rendering** p: gains as of pixels, but gamma-distributed and independent in every frame, as the
-  noise of a renderer with few light paths.
+- **ramp** p, **vignette** p, **shadow** p change the second, by p %; the vignette moves by p % of
+  the width, and the shadow falls on a third of the frame, with an edge blurred by 1/40 of it.
+- **dispersion** D: counts are negative binomial, Poisson counts whose means have a gamma
+  distribution of mean m and variance m·(D − 1), so that their variance is D·m.
+- **mismatch** p, **warm** k: gains of p % rms, and clusters of 0.4 % of the pixels, blurred by 0.8
+  px, the warmest k times the mean light above it; the same in all frames.
+- **rendering** p: gamma-distributed gains of p % rms, independent in every frame.
 """
 
 import re

@@ -13,7 +13,6 @@ flow. Once truth is published, everyone can verify that it is what was sealed.
 import hashlib
 import hmac
 import secrets
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,14 +48,12 @@ def seal_dataset(root: Path, out: Path) -> Path:
             f"{root}: who knows its settings and finds its seed, {seed}, can render the truth "
             "again; make a dataset with a secret seed of more than 20 digits"
         )
-    with ExitStack() as stack:
-        stack.enter_context(locked(out.parent, f".{out.name}.lock"))
+    is_alone, making = locked(out.parent, f".{out.name}.lock"), files.atomic_write(out)
+    with is_alone, making as part, progress("Sealing", len(names), "sequence") as advance:
         for path in filter(files.is_temporary, out.parent.glob(f".part-*-{out.name}")):
             files.remove(path)  # of a killed run
-        part = stack.enter_context(files.atomic_write(out))
         inputs, truth, cameras = part / "inputs", part / "truth", {}
         truth.mkdir(mode=0o700, parents=True)
-        advance = stack.enter_context(progress("Sealing", len(names), "sequence"))
         for name in names:
             cameras[name] = _split(Sequence(tree.opened(name)), inputs, truth)
             advance(1)
@@ -91,13 +88,11 @@ def _split(sequence: Sequence, inputs: Path, truth: Path) -> dict[str, Any]:
             path = place.joinpath(kind, *below)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
+    sensors = dataset.former.exposures or settings.sensors
     return {
         "frames": len(sequence),
         "frame_rate_hz": settings.trajectory.frame_rate_hz,
-        "exposure_s": {
-            exposure.name: exposure.exposure_s
-            for exposure in dataset.former.exposures or settings.sensors
-        },
+        "exposure_s": {sensor.name: sensor.exposure_s for sensor in sensors},
         "camera": settings.camera.model_dump(mode="json"),
     }
 

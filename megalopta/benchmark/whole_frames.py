@@ -1,10 +1,7 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every pixel with known flow is scored (`flow.metrics.endpoint_error`). Methods of blocks have blocks
-of 24 × 24 px, between which their velocities are interpolated. A pixel without flow counts as zero
-motion. Next to the median there are the mean, shares of pixels that are far off, Fl and WAUC, and
-means by speed and by occlusion. A method's value is the mean over draws and pairs, with its
-interval over pairs (`table`).
+Every pixel with known flow is scored (`flow.metrics.endpoint_error`); one without flow counts as
+zero motion. A method's value is the mean over draws and pairs, with its interval over pairs.
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
 pictures without photon noise, which favors it and similar methods. The other is the median of all
@@ -67,8 +64,7 @@ FROM_OTHERS = "mean_px_from_others"
 """Mean distance from the median of the flow of all other methods, where nobody knows the truth"""
 
 OWN_METHODS = "PF", "PF-fast", "PPF", "PM", "PPM"
-"""Methods of this program for photon counts: where the first that was measured does not have the
-lowest error, a verdict says so"""
+"""Of these, verdicts name the first that was measured, if its error is not the lowest"""
 UNDISTURBED = "none"
 _CASE = ["set", "unit", "group", "photons", "method"]
 
