@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 170  # width of tables, on any terminal
-_FLUXES = "1,3,10,30,100,1000"
-_DRAWS_OF_ONE = 5
-_REFERENCE = "DIS"
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -44,7 +41,6 @@ _PNG_SCALE = option(
     positive,
     64.0,
 )
-_PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, _FLUXES)
 
 
 @verb(
@@ -63,35 +59,18 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
         " (default: all two-frame methods, tuned if possible)",
     ),
-    _PHOTONS,
+    option("--photons N,N", "mean photons per pixel and frame", numbers, "1,3,10,30,100,1000"),
     _PNG_SCALE,
-    option(
-        "--pairs N",
-        "largest number of pairs from a set of a folder, or a video, evenly spaced",
-        at_least(1),
-        20,
-    ),
-    option(
-        "--draws N",
-        f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
-        at_least(1),
-    ),
+    option("--pairs N", "most pairs of a set or of a video, evenly spaced", at_least(1), 20),
+    option("--draws N", "photon draws per pair (default: 1; 5 of a single pair)", at_least(1)),
     option(
         "--disturb A,B",
         "also measure with disturbances, such as ramp20,vignette,shadow,dispersion5,mismatch,warm,"
         "rendering; may be repeated",
         action="append",
     ),
-    switch(
-        "--no-truth",
-        "true flow is unknown: compare methods with the flow of the noise-free pictures and"
-        " with each other",
-    ),
-    option(
-        "--reference METHOD",
-        f"with --no-truth: method whose flow of the noise-free pictures replaces true flow"
-        f" (default: {_REFERENCE})",
-    ),
+    switch("--no-truth", "true flow is unknown: compare with noise-free flow, and with each other"),
+    option("--reference METHOD", "with --no-truth: method of the noise-free flow (default: DIS)"),
     option(
         "--unit",
         "with --no-truth: meaning of the values of arrays and 16-bit pictures",
@@ -116,7 +95,7 @@ def _pairs(options: Namespace) -> Path:
         disturbances = list(dict.fromkeys(map(disturbance, names)))
         methods = options.methods.split(",") if options.methods else methods_and_baselines()
         if options.no_truth:
-            reference = block_detector(options.reference or _REFERENCE)
+            reference = block_detector(options.reference or "DIS")
             pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
             pictures = dict(evenly_spaced([*pictures.items()], options.pairs))
             clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
@@ -126,7 +105,7 @@ def _pairs(options: Namespace) -> Path:
                 for note in read_pair(*pair).notes:
                     say(note)
             clips, count = (read_pair(*pair) for pair in files), len(files)
-        draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
+        draws = options.draws or (5 if count == 1 else 1)
         board = whole_frames.frame_errors(
             clips, methods, options.photons, draws, disturbances, count
         )
