@@ -46,10 +46,6 @@ class TunedMethod(BlockDetector, frozen=True):
 
     method: SerializeAsAny[GrayDetector]
 
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of the method in a frame (H, W)."""
-        return self._at(1.0).grid(shape)
-
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow as the method does, with the settings for the light."""
         return self._at(float(self.checked(frames).mean())).dense(*frames)

@@ -155,9 +155,8 @@ def frame_errors(
                 if not rows:  # compiled before time is measured
                     for detector in detectors:
                         dense_flow(detector, clip, counts)
-                group = str(disturbance or UNDISTURBED)
-                values = clip.set_name, clip.name, group, flux
-                case = dict(zip(_CASE, values, strict=False))
+                case = {"set": clip.set_name, "unit": clip.name, "photons": flux}
+                case["group"] = str(disturbance or UNDISTURBED)
                 rows += [case | errors for errors in _errors(detectors, clip, counts)]
                 advance()
     if not rows:
