@@ -66,7 +66,7 @@ FROM_OTHERS = "mean_px_from_others"
 OWN_METHODS = "PF", "PF-fast", "PPF", "PM", "PPM"
 """Of these, verdicts name the first that was measured, if its error is not the lowest"""
 UNDISTURBED = "none"
-_CASE = ["set", "unit", "group", "photons", "method"]
+_CASE = ["set", "unit", "group", "photons", "method", "frames"]
 
 _CLEAN_PHOTONS = 1000.0
 """Photons per pixel of the noise-free light that the reference sees."""
@@ -79,27 +79,25 @@ _Frame: TypeAlias = tuple[Footage, int]
 class Board:
     """Errors of methods over the pixels of pairs, by photons per pixel and frame."""
 
-    detectors: Sequence[BlockDetector]
     by_scene: pd.DataFrame
     """Means over draws, a column per metric, NaN if unknown.
 
-    A row per set, pair (unit), disturbance (group), photons and method."""
+    A row per set, pair (unit), disturbance (group), photons, method and its number of frames."""
 
     def parts(self) -> Mapping[str | None, str]:
         """Return the headings of all pairs together (None) and, if there are several, of sets."""
-        units = self.by_scene.index.droplevel(["group", "photons", "method"]).unique()
-        pairs = units.to_frame(index=False).groupby("set", sort=False).size()
-        whole = {None: f"All {len(units)} pairs" if len(units) > 1 else str(units[0][1])}
-        sets = {str(name): f"{name} ({number} pairs)" for name, number in pairs.items()}
+        pairs = self.by_scene[["set", "unit"]].drop_duplicates()
+        whole = {None: f"All {len(pairs)} pairs" if len(pairs) > 1 else str(pairs["unit"].iloc[0])}
+        counts = pairs["set"].value_counts(sort=False).items()
+        sets = {str(name): f"{name} ({count} pairs)" for name, count in counts}
         return whole | (sets if len(sets) > 1 else {})
 
     def samples(self, set_name: str | None, flux: float) -> pd.DataFrame:
         """Return the values of the pairs of a set, or of all, at a flux, as `table.samples`."""
-        rows = self.by_scene.xs(flux, level="photons", drop_level=False)
+        rows = self.by_scene[self.by_scene["photons"] == flux]
         if set_name is not None:
-            rows = rows.xs(set_name, level="set", drop_level=False)
-        long = rows.rename_axis(columns="metric").stack(future_stack=True).dropna()
-        return long.rename("total").reset_index().assign(blocks=1.0)
+            rows = rows[rows["set"] == set_name]
+        return rows.melt(_CASE, var_name="metric", value_name="total").dropna().assign(blocks=1.0)
 
 
 def verdicts(board: Board) -> Iterator[str]:
@@ -108,9 +106,9 @@ def verdicts(board: Board) -> Iterator[str]:
     All pairs together come first. The difference to the next method, and to the first of
     `OWN_METHODS`, has Student's 95 % interval over pairs.
     """
-    if len(board.detectors) < 2:
+    if board.by_scene["method"].nunique() < 2:
         return
-    groups, fluxes = (board.by_scene.index.unique(name) for name in ("group", "photons"))
+    groups, fluxes = (board.by_scene[name].unique() for name in ("group", "photons"))
     for group, (set_name, pairs), flux in product(groups, board.parts().items(), fluxes):
         rows = board.samples(set_name, flux).query("group == @group")
         mean, median = (_lead(rows[rows["metric"] == name]) for name in (MEAN, MEDIAN))
@@ -161,7 +159,7 @@ def frame_errors(
                 advance()
     if not rows:
         raise ValueError("no pair with texture; give others")
-    return Board(detectors, pd.DataFrame(rows).groupby(_CASE, sort=False).mean())
+    return Board(pd.DataFrame(rows).groupby(_CASE, sort=False, as_index=False).mean())
 
 
 def _errors(
@@ -172,7 +170,8 @@ def _errors(
     for detector in detectors:
         start = time.process_time()
         flow = dense_flow(detector, clip, counts)
-        row: dict[str, Any] = {"method": detector.name, SECONDS: time.process_time() - start}
+        row: dict[str, Any] = {SECONDS: time.process_time() - start}
+        row |= {"method": detector.name, "frames": detector.memory_frames + 1}
         row[MEDIAN] = np.median(np.hypot(*(flow - clip.flow)[known].T))
         errors = DenseErrors()
         errors.add(flow, clip.flow, clip.hidden)
@@ -197,10 +196,8 @@ def write_board(path: Path, board: Board, stand_in: str = "") -> None:
 
     Without truth, rows say what stands in for it.
     """
-    frames = {detector.name: detector.memory_frames + 1 for detector in board.detectors}
-    columns = [*METRICS, *([FROM_OTHERS] if stand_in else [])]
-    rows = board.by_scene.reindex(columns=columns).reset_index()
-    rows.insert(5, "frames", rows["method"].map(frames))
+    columns = [*_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
+    rows = board.by_scene.reindex(columns=columns)
     names = {"unit": "pair", "group": "disturbance", "photons": "photons_per_px"}
     if stand_in:
         distances = {name: name.replace("epe_", "") for name in METRICS if name != SECONDS}

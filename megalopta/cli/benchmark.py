@@ -168,7 +168,7 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
     from megalopta.benchmark.table import MEAN, MEDIAN, means, records
 
     (undisturbed, *groups), fluxes = (
-        board.by_scene.index.unique(name) for name in ("group", "photons")
+        board.by_scene[name].unique() for name in ("group", "photons")
     )
     console = Console(width=_WIDTH + 14 * len(groups))
     columns = [*heads.values(), *(f"{group}\nmean px" for group in groups)]
@@ -189,7 +189,7 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
         known = [column for column in columns if column in {place for _, place in cells}]
         for column in known:
             table.add_column(column, justify="right")
-        for method in (detector.name for detector in board.detectors):
+        for method in board.by_scene["method"].unique():
             table.add_row(method, *(cells.get((method, column), "–") for column in known))
         console.print(table)
 
