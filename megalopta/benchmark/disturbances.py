@@ -14,7 +14,6 @@ the motion, of a pair the second one.
 
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +22,10 @@ from scipy.ndimage import gaussian_filter
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 
-AMOUNTS: Mapping[str, float] = MappingProxyType(
-    {"ramp": 20, "vignette": 15, "shadow": 40, "dispersion": 2}
-    | {"mismatch": 20, "warm": 3, "rendering": 20}
-)
+AMOUNTS: Mapping[str, float] = {
+    **{"ramp": 20, "vignette": 15, "shadow": 40, "dispersion": 2},
+    **{"mismatch": 20, "warm": 3, "rendering": 20},
+}
 """Default amounts by kind: %, but D of dispersion and times the mean light of warm pixels"""
 
 

@@ -8,7 +8,6 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,14 +24,12 @@ from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity
 
 Methods = Mapping[str, BlockDetector]
 
-_STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
-    {
-        "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
-        "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
-    }
-)
-TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = MappingProxyType(
-    strict_yaml.load(Path(__file__).with_name("tuned.yaml").read_text("utf-8"))
+_STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = {
+    "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
+    "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
+}
+TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = strict_yaml.load(
+    Path(__file__).with_name("tuned.yaml").read_text("utf-8")
 )
 """Settings by method and photons per pixel, with their error on the tuning scenes"""
 STRONGEST = tuple(f"{name} tuned" if name in TUNED else name for name in VELOCITY_METHODS)

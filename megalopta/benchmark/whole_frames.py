@@ -14,7 +14,6 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from itertools import pairwise, product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -41,24 +40,22 @@ from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 SECONDS, FOREGROUND = "cpu_s", "fl_foreground_share"
-METRICS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
-    {
-        MEDIAN: ("median px", "", ""),
-        MEAN: ("mean px", "all", "epe_px"),
-        "share_beyond_1_px": ("> 1 px %", "all", "over_1px_percent"),
-        FAR: ("> 3 px %", "all", "over_3px_percent"),
-        "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
-        "fl_share": ("Fl %", "all", "fl_percent"),
-        "wauc_share": ("WAUC %", "all", "wauc_percent"),
-        "mean_epe_below_10_px": ("0–10", "slow", "epe_px"),
-        "mean_epe_10_to_40_px": ("10–40", "medium", "epe_px"),
-        "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
-        "mean_epe_visible_px": ("visible", "visible", "epe_px"),
-        "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
-        FOREGROUND: ("Fl-fg %", "", ""),
-        SECONDS: ("CPU s", "", ""),
-    }
-)
+METRICS: Mapping[str, tuple[str, str, str]] = {
+    MEDIAN: ("median px", "", ""),
+    MEAN: ("mean px", "all", "epe_px"),
+    "share_beyond_1_px": ("> 1 px %", "all", "over_1px_percent"),
+    FAR: ("> 3 px %", "all", "over_3px_percent"),
+    "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
+    "fl_share": ("Fl %", "all", "fl_percent"),
+    "wauc_share": ("WAUC %", "all", "wauc_percent"),
+    "mean_epe_below_10_px": ("0–10", "slow", "epe_px"),
+    "mean_epe_10_to_40_px": ("10–40", "medium", "epe_px"),
+    "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
+    "mean_epe_visible_px": ("visible", "visible", "epe_px"),
+    "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
+    FOREGROUND: ("Fl-fg %", "", ""),
+    SECONDS: ("CPU s", "", ""),
+}
 """Head of its column, group of pixels and field of `endpoint_error.DenseError` by metric"""
 FROM_OTHERS = "mean_px_from_others"
 """Mean distance from the median of the flow of all other methods, where nobody knows the truth"""
@@ -111,21 +108,20 @@ def verdicts(board: Board) -> Iterator[str]:
     groups, fluxes = (board.by_scene[name].unique() for name in ("group", "photons"))
     for group, (set_name, pairs), flux in product(groups, board.parts().items(), fluxes):
         rows = board.samples(set_name, flux).query("group == @group")
-        mean, median = (_lead(rows[rows["metric"] == name]) for name in (MEAN, MEDIAN))
+        px = rows.pivot(index=["set", "unit"], columns=["metric", "method"], values="total")
+        mean, median = (_lead(px[name]) for name in (MEAN, MEDIAN))
         disturbed = "" if group == UNDISTURBED else f", {group}"
         yield f"{pairs}{disturbed}, {flux:g} photons: lowest mean {mean}; lowest median {median}"
 
 
-def _lead(rows: pd.DataFrame) -> str:
+def _lead(px: pd.DataFrame) -> str:
     """Return the method of the least mean, and how far the next and our own are above it."""
-    sums = table.by_method(rows)
-    first, second, *_ = sorted(sums, key=lambda name: table.mean(sums[name]))
-    own, above = next((name for name in OWN_METHODS if name in sums), first), []
+    first, second, *_ = px.mean().sort_values(kind="stable").index
+    own, above = next((name for name in OWN_METHODS if name in px), first), []
     for name in dict.fromkeys((second, own) if own != first else (second,)):
-        gap = table.difference(sums[name], sums[first])
-        interval = f" ± {gap.high - gap.value:.2f}" if gap.high == gap.high else ""
-        above.append(f"{name} {gap.value:.2f}{interval} px")
-    return f"{first} {table.mean(sums[first]):.2f} px, {' and '.join(above)} above it"
+        gap, half = table.difference(px[name].to_numpy(), px[first].to_numpy())
+        above.append(f"{name} {gap:.2f}{f' ± {half:.2f}' if half == half else ''} px")
+    return f"{first} {px[first].mean():.2f} px, {' and '.join(above)} above it"
 
 
 def frame_errors(

@@ -115,18 +115,14 @@ def _pairs(options: Namespace) -> Path:
         stand_in = f"{reference.name} on the pictures without noise, which favors {reference.name}"
         whole_frames.write_board(options.out, board, f"not the truth but {stand_in}")
         print(
-            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nDistance from "
-            f"the flow by {stand_in} and similar methods; last, the mean from the median of the "
-            "other methods on the same photons, which may share an error:"
+            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nFrom the flow "
+            f"by {stand_in}; last, from the median of the other methods, which may share an error:"
         )
         heads |= {whole_frames.FROM_OTHERS: "others px"}
     else:
         whole_frames.write_board(options.out, board)
         print(*whole_frames.verdicts(board), "", sep="\n")
-        print(
-            f"Errors of all pixels{over}; with means (px) of those that move 0–10, 10–40, 40+ px, "
-            "and of visible and occluded ones, if there are any:"
-        )
+        print(f"Errors of all pixels{over}; means by motion (px) and by occlusion:")
     _print_tables(board, heads)
     return Path(options.out)
 
@@ -252,19 +248,12 @@ def _sequence(options: Namespace) -> Path:
     "score methods, or flow files of any program, on pictures as they are, without photons",
     option(
         "flows FLOW",
-        "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
-        "out as the truth is, with the expected error (px) of NAME.flo in NAME.uncertainty.npy, "
-        "if it is stated; or a method to run on the truth's pictures: a name such as DIS, "
-        "module:function or an ONNX file; several are compared",
+        "folders of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid out as "
+        "the truth, with NAME.uncertainty.npy (px) beside NAME.flo if known; or methods to run on "
+        "the truth's pictures: names such as DIS, module:function or ONNX files",
         nargs="+",
     ),
-    option(
-        "--truth",
-        "folder of the true flow: a dataset, a sealed truth, or one of Sintel, KITTI, "
-        "Middlebury, Spring or FlyingChairs",
-        Path,
-        required=True,
-    ),
+    option("--truth", "dataset, sealed truth or another folder of true flow", Path, required=True),
     option("--inputs", "published inputs of a sealed truth (default: 'inputs' next to it)", Path),
     _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),
