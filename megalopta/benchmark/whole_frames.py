@@ -109,7 +109,7 @@ def verdicts(board: Board) -> Iterator[str]:
     for group, (set_name, pairs), flux in product(groups, board.parts().items(), fluxes):
         rows = board.samples(set_name, flux).query("group == @group")
         px = rows.pivot(index=["set", "unit"], columns=["metric", "method"], values="total")
-        mean, median = (_lead(px[name]) for name in (MEAN, MEDIAN))
+        mean, median = (_lead(px[[name]].droplevel(0, axis=1)) for name in (MEAN, MEDIAN))
         disturbed = "" if group == UNDISTURBED else f", {group}"
         yield f"{pairs}{disturbed}, {flux:g} photons: lowest mean {mean}; lowest median {median}"
 

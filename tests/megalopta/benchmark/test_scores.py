@@ -49,7 +49,9 @@ def tree(tmp_path):
 
 
 def submit(capsys, truth, flow, *words):
-    cli.main(["benchmark", "submit", "--truth", str(truth), str(flow), *map(str, words)])
+    out = truth.parent / "scores.json"
+    words = truth, flow, "--out", out, *words
+    cli.main(["benchmark", "submit", "--truth", *map(str, words)])
     return capsys.readouterr().out
 
 
