@@ -49,9 +49,8 @@ def tree(tmp_path):
 
 
 def submit(capsys, truth, flow, *words):
-    out = truth.parent / "scores.json"
-    words = truth, flow, "--out", out, *words
-    cli.main(["benchmark", "submit", "--truth", *map(str, words)])
+    words = truth.parent / "scores.json", "--truth", truth, flow, *words
+    cli.main(["benchmark", "submit", "--out", *map(str, words)])
     return capsys.readouterr().out
 
 
