@@ -16,6 +16,7 @@ before memory is allocated, and nothing is unpickled.
 
 import struct
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -33,8 +34,6 @@ Flow = NDArray[np.float32]
 _TAG = b"PIEH"
 _HEADER = struct.Struct("<4sii")
 _UNKNOWN, _LARGEST_KNOWN = 1e10, 1e9
-
-_GZIP_LEVEL = 5
 
 KITTI_SCALE = 64.0
 """Codes of a pixel in flow as PNG, of KITTI; DSEC has 128."""
@@ -111,7 +110,7 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
     _check(flow)
     values = flow.astype("<f4")
     with atomic_write(Path(path)) as temporary, h5py.File(temporary, "w") as file:
-        file.create_dataset("flow", data=values, compression="gzip", compression_opts=_GZIP_LEVEL)
+        file.create_dataset("flow", data=values, compression="gzip", compression_opts=5)
 
 
 def read_flo5(path: str | Path) -> Flow:
@@ -144,11 +143,10 @@ def read_kitti_png(path: str | Path, png_scale: float = KITTI_SCALE) -> Flow:
         raise ValueError(f"png_scale {png_scale:g}: give the codes of a pixel, such as 64 or 128")
     content = bounded.read_bytes(path, bounded.ARRAY_BYTES)
     bounded.check_decoded(path, struct.unpack(">II", content[16:24].ljust(8, b"\0")), _PX_BYTES)
-    try:
+    image = None
+    with suppress(ValueError, struct.error):
         coded = np.frombuffer(checked_png(content), np.uint8)
-    except (ValueError, struct.error):
-        coded = None
-    image = None if coded is None else cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
         raise ValueError(f"{path} is not a 16-bit PNG with three channels, as KITTI's flow")
     flow = (image[..., :0:-1].astype(np.float32) - _CODE_OF_ZERO) / png_scale

@@ -235,8 +235,8 @@ class DenseErrors:
     """Sums of errors by group of pixels; images are added one at a time."""
 
     def __init__(self) -> None:
-        # number of pixels, and sums over them of the other fields of `DenseError`
-        self._sums = {name: np.zeros(len(fields(DenseError))) for name in GROUPS}
+        # number of pixels, and sums over them of the other fields of `DenseError`, by group
+        self._sums = np.zeros((len(GROUPS), len(fields(DenseError))))
         self.sparsification = np.zeros((2, 2, _BINS))
 
     def add(
@@ -280,14 +280,13 @@ class DenseErrors:
             within = np.clip(_STEPS + 1 - np.maximum(np.ceil(off * _STEPS / 5), 1), 0, _STEPS)
             wauc = within * (within + 1) / (_STEPS * (_STEPS + 1))
             angles = _angles_deg(flow_px, true_px)
-            percents = 100.0 * np.array([*over, fl, wauc, missing])
-            counted = np.ones_like(epe)
-            values = np.stack((counted, epe, *percents[:-1], angles, percents[-1]))
+            counted, *percents = np.array([speed >= 0, *over, fl, wauc, missing], np.float64)
+            *percents, none = 100 * np.array(percents)
+            values = np.stack((counted, epe, *percents, angles, none))
             slow, fast = SPEEDS_PX
-            by_sight = counted > 0, ~hidden[part], hidden[part]
+            by_sight = speed >= 0, ~hidden[part], hidden[part]
             by_speed = speed < slow, (speed >= slow) & (speed < fast), speed >= fast
-            for name, among in zip(GROUPS, (*by_sight, *by_speed), strict=True):
-                self._sums[name] += values[:, among].sum(axis=1)
+            self._sums += np.array((*by_sight, *by_speed), np.float64) @ values.T
             if uncertainty is not None:
                 self.sparsification += sparsification(epe, uncertainty[known][part])
 
@@ -296,14 +295,13 @@ class DenseErrors:
         """Join the errors of several sets of images."""
         joined = cls()
         for part in parts:
-            for name, sums in part._sums.items():
-                joined._sums[name] += sums
+            joined._sums += part._sums
             joined.sparsification += part.sparsification
         return joined
 
     def of(self, group: str) -> DenseError:
         """Return the errors of one of `GROUPS`."""
-        pixels, *sums = self._sums[group].tolist()
+        pixels, *sums = self._sums[GROUPS.index(group)].tolist()
         means = (total / pixels if pixels else math.nan for total in sums)
         return DenseError(int(pixels), *means)
 

@@ -9,11 +9,13 @@ named as it is with `occlusions`, `invalid` or `flow_noc` for `flow`.
 
 import re
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -23,12 +25,11 @@ from megalopta.benchmark.disturbances import Disturbance, disturbed_means
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
-from megalopta.core.progress import say
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import FLOW_SUFFIXES, KITTI_SCALE, read_flow
 from megalopta.flow.stimuli.photons import Counts, draw_counts
-from megalopta.render import open_footage
+from megalopta.render import Footage, open_footage
 from megalopta.render.footage.pictures import KINDS
 from megalopta.sensor.sampling.streams import generator
 
@@ -48,34 +49,30 @@ class FlowClip:
     """(H, W), pixels of moving objects; None: unknown"""
     set_name: str = ""
     """Name of the set of clips that this one belongs to"""
+    notes: tuple[str, ...] = ()
+    """What was supposed of its files"""
 
-    def counts(
-        self,
-        flux: float,
-        draw: int,
-        key: tuple[str, ...] = (),
-        disturbance: Disturbance | None = None,
-    ) -> Counts:
-        """Return a draw (T, H, W) of `flux` photons per pixel, which key and name seed.
+    def counts(self, flux: float, draw: int, disturbance: Disturbance | None = None) -> Counts:
+        """Return a draw (T, H, W) of `flux` photons per pixel, which the name seeds.
 
         Patterns of a disturbance are the same at every flux.
         """
         means = self.light * flux
         if disturbance:
-            rng = generator(0, "disturbance", *key, disturbance.kind, self.name, draw)
+            rng = generator(0, "disturbance", _BOARD, disturbance.kind, self.name, draw)
             means = disturbed_means(means, disturbance, rng)
-        return draw_counts(means, 0, *key, self.name, f"{flux:.6g}", draw)
+        return draw_counts(means, 0, _BOARD, self.name, f"{flux:.6g}", draw)
 
 
+_BOARD = "whole frames"
+"""A part of the seeds"""
 _UNCERTAINTY = ".uncertainty.npy"
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 _OF_FLOW = re.compile("flow|(^|[-_])(occlusions|invalid)$")
 LAYOUTS = (
-    "the layouts of Sintel (flow/SEQ/frame_0001.flo, clean/SEQ/frame_0001.png), KITTI (flow_occ/"
-    "000000_10.png, image_2/000000_10.png), Middlebury (other-gt-flow/NAME/flow10.flo, other-data/"
-    "NAME/frame10.png), Spring (SEQ/flow_FW_left/, SEQ/frame_left/), FlyingChairs (00001_flow.flo, "
-    "00001_img1.ppm), NAME.flo beside two pictures NAME_1.png and NAME_2.png, or a folder for each"
-    " pair (NAME/flow.flo, NAME/first.png, NAME/second.png)"
+    "the layouts of Sintel, KITTI, Middlebury, Spring or FlyingChairs, NAME.flo beside two pictures"
+    " NAME_1.png and NAME_2.png, or a folder for each pair (NAME/flow.flo, NAME/first.png,"
+    " NAME/second.png)"
 )
 """Known layouts, for messages."""
 
@@ -93,23 +90,28 @@ class TrueFlow(NamedTuple):
     flow: Path
     png_scale: float = KITTI_SCALE
     """Codes of a pixel in flow as PNG"""
-    occlusion: Path | None = None
-    """Mask, white where hidden in the next frame; Sintel"""
-    undefined: Path | None = None
-    """Mask, white where not scored; Sintel"""
-    visible: Path | None = None
-    """Flow of pixels visible in the next frame only; KITTI"""
-    objects: Path | None = None
-    """Numbers of moving objects, 0 elsewhere; KITTI 2015"""
+    masks: Mapping[str, Path] = MappingProxyType({})
+    """Pictures by word of `MASKS`"""
 
     def files(self) -> list[Path]:
-        """Return all its files."""
-        paths = self.flow, self.occlusion, self.undefined, self.visible
-        return [path for path in paths if path]
+        """Return all files of which scores depend."""
+        return [self.flow, *(path for word, path in self.masks.items() if word != "obj_map")]
 
 
-KITTI_FLOWS = ("flow_occ", "flow_noc")
-"""Folders of KITTI's flow: of all pixels, of those visible in the next frame only"""
+MASKS = ("occlusions", "invalid", "flow_noc", "obj_map")
+"""Words for pixels that are hidden in the next frame, that are not scored, for flow of those that
+are visible in the next frame (KITTI), and for numbers of moving objects (KITTI 2015)"""
+_PICTURES = (
+    ("other-gt-flow/(.+)/flow", "", r"other-data/\2/frame"),
+    ("other-gt-flow/(.+)/flow", "gray", r"other-data-gray/\2/frame"),
+    (r"flow_[FB]W_(\w+)/flow_\w+_", "", r"frame_\2/frame_\2_"),
+    ("flow_(?:occ|noc)/(.*)", "", r"image_2/\2"),
+    ("flow_(?:occ|noc)/(.*)", "", r"colored_0/\2"),
+    ("flow_(?:occ|noc)/(.*)", "", r"image_0/\2"),
+    ("flow/(.+)", "clean", r"clean/\2"),
+    ("flow/(.+)", "final", r"final/\2"),
+)
+"""Path of flow up to its number, pass, and path of its pictures up to theirs"""
 
 Truths = Mapping[FrameName, TrueFlow]
 
@@ -129,37 +131,31 @@ def true_flows(root: Path, png_scale: float = KITTI_SCALE) -> Truths:
             read_lists(home, tree.names())  # refuses a name without a record
             for sequence in tree.names():
                 tree.opened(sequence).compare_all("training/")
-    truths: dict[FrameName, TrueFlow] = {}
+    homes: dict[Path, bool] = {}  # folders of flow, and whether pictures may be among it
     for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
-        kitti = [folder / name for name in KITTI_FLOWS if (folder / name).is_dir()]
-        if kitti:
-            visible = _frames_below(kitti[-1]) if len(kitti) > 1 else {}
-            for frame, path in _frames_below(kitti[0]).items():
-                objects = next(iter(folder.glob(f"obj_map/{path.stem}.png")), None)
-                truths[frame] = TrueFlow(path, png_scale, None, None, visible.get(frame), objects)
-        elif (folder / "flow").is_dir():
-            for frame, path in _frames_below(folder / "flow").items():
-                name = Path(frame.sequence) / f"{frame.name}.png"
-                masks = (folder / kind / name for kind in ("occlusions", "invalid"))
-                occlusion, undefined = (mask if mask.exists() else None for mask in masks)
-                truths[frame] = TrueFlow(path, png_scale, occlusion, undefined)
+        named = [folder / name for name in ("flow_occ", "flow_noc", "flow")]
+        if stored := [home for home in named if home.is_dir()]:
+            homes[stored[0]] = False
         elif any(path.is_dir() for path in folder.glob("*/flow_[FB]W_*")):
-            spring = _frames_below(folder, among_pictures=True)
-            truths |= {frame: TrueFlow(path, png_scale) for frame, path in spring.items()}
-    if not truths:
-        for frame, path in _frames_below(root, among_pictures=True).items():
-            truth, start = TrueFlow(path, png_scale), path.stem.removesuffix("flow")
-            if start != path.stem:
-                beside = [
-                    path.with_name(f"{start}{mask}.png")
-                    for mask in ("occlusions", "invalid", "flow_noc")
-                ]
-                truth = TrueFlow(path, png_scale, *(m if m.exists() else None for m in beside))
-            if not path.stem.endswith("flow_noc"):
-                truths[frame] = truth
+            homes[folder] = True
+    truths = {
+        frame: _with_masks(path, png_scale)
+        for home, among_pictures in (homes or {root: True}).items()
+        for frame, path in _frames_below(home, among_pictures).items()
+        if not path.stem.endswith("flow_noc")
+    }
     if not truths:
         raise UserError(f"{root}: no true flow; give a dataset, or a folder in {LAYOUTS}")
     return truths
+
+
+def _with_masks(flow: Path, png_scale: float) -> TrueFlow:
+    """Return a flow with its masks, whose folder or name has another word for flow."""
+    words = re.fullmatch("(.*)flow(?:_occ|_noc)?(/.*)?", flow.with_suffix("").as_posix())
+    start, end = words.groups("") if words else ("", "")
+    paths = {word: Path(f"{start}{word}{end}.png") for word in MASKS if words}
+    masks = {word: path for word, path in paths.items() if path != flow and path.exists()}
+    return TrueFlow(flow, png_scale, masks)
 
 
 def uncertainty_of(flow: Path) -> Path:
@@ -202,16 +198,13 @@ def pictures_of(truths: Truths) -> Mapping[str, Mapping[FrameName, tuple[Path, P
     Passes are "clean" and "final" of Sintel, "gray" of Middlebury's pictures without color, and ""
     of all others. Raises UserError if there are none.
     """
-    pictures: dict[str, dict[FrameName, tuple[Path, Path]]] = {
-        name: {} for name in ("clean", "final", "", "gray")
-    }
+    pictures = defaultdict[str, dict[FrameName, tuple[Path, Path]]](dict)
     for frame, files in truths.items():
-        for name, pair in _pictures(frame, files.flow).items():
-            if all(path.exists() for path in pair):
-                pictures[name][frame] = pair
+        for name, pair in _pictures(files.flow).items():
+            pictures[name][frame] = pair
     complete = {name: pairs for name, pairs in pictures.items() if len(pairs) == len(truths)}
     if not complete:
-        most = max(pictures.values(), key=len)
+        most = max(pictures.values(), key=len, default={})
         lacking = next(files.flow for frame, files in truths.items() if frame not in most)
         raise UserError(
             f"{lacking}: its two pictures are not there, or have other names; known are {LAYOUTS}"
@@ -247,12 +240,11 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     """
     first, second, truth = files
     flow, hidden = read_true_flow(truth)
-    frames = []
+    frames, notes = [], list[str]()
     for path in (first, second):
         with open_footage(path) as footage:
-            for note in footage.notes:
-                say(note)
-            frames.append(np.asarray(footage.frame(0) @ footage.luminance_shares))
+            notes += footage.notes
+            frames.append(luminance(footage, 0))
     flow, hidden = at_pixels(truth, flow, hidden, frames[0].shape)
     for path, frame in zip((first, second), frames, strict=True):
         if frame.shape != flow.shape[:2]:
@@ -265,9 +257,16 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
         raise UserError(f"{first} and {second} are black; give brighter pictures")
     if not np.isfinite(flow).all(axis=-1).any():
         raise UserError(f"{truth.flow}: no pixel has a known flow; give other flow")
-    objects = _mask(truth.objects, flow.shape) if truth.objects else None
+    objects = truth.masks.get("obj_map")
+    moving = _mask(objects, flow.shape) if objects else None
     light /= light.mean()
-    return FlowClip(name, light, flow.astype(np.float64), hidden, objects, set_name)
+    motion = flow.astype(np.float64)
+    return FlowClip(name, light, motion, hidden, moving, set_name, tuple(notes))
+
+
+def luminance(footage: Footage, index: int) -> Floats:
+    """Return the luminance (H, W) of a frame."""
+    return np.asarray(footage.frame(index) @ footage.luminance_shares, np.float64)
 
 
 def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
@@ -275,15 +274,15 @@ def read_true_flow(files: TrueFlow) -> tuple[NDArray[np.float32], Mask | None]:
 
     Raises UserError if a file is damaged or of another size.
     """
-    path = files.flow
+    path, masks = files.flow, files.masks
     try:
         true, hidden = read_flow(path, png_scale=files.png_scale), None
-        if files.undefined:
-            true[_mask(path := files.undefined, true.shape)] = np.nan
-        if files.occlusion:
-            hidden = _mask(path := files.occlusion, true.shape)
-        if files.visible:
-            hidden = np.isnan(read_flow(path := files.visible)[..., 0])
+        if "invalid" in masks:
+            true[_mask(path := masks["invalid"], true.shape)] = np.nan
+        if "occlusions" in masks:
+            hidden = _mask(path := masks["occlusions"], true.shape)
+        if "flow_noc" in masks:
+            hidden = np.isnan(read_flow(path := masks["flow_noc"])[..., 0])
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise UserError(f"{path} cannot be read ({reason}); give a file of true flow") from None
@@ -308,43 +307,27 @@ def _mask(path: Path, shape: tuple[int, ...]) -> Mask:
     return mask
 
 
-def _pictures(frame: FrameName, flow: Path) -> dict[str, tuple[Path, Path]]:
-    """Return the files of both pictures, by pass, where the layout of the flow has them."""
-    folder, stem = (flow := flow.absolute()).parent, flow.stem
-    if stem == "flow10":  # Middlebury
-        beside = sorted(folder.parent.parent.iterdir(), reverse=True)
-        places = [*(place / folder.name for place in beside), folder]
-        pairs = [(place / "frame10.png", place / "frame11.png") for place in places]
-        return {
-            "gray" if "gray" in pair[0].parent.parent.name else "": pair
-            for pair in pairs
-            if pair[0].exists()
-        }
-    numbered = re.fullmatch(r"(.*?)(\d+)", stem)
-    start, number = numbered.groups() if numbered else (stem, "0")
-
-    def at(place: Path, step: int, start: str = start) -> Path:
-        return place / f"{start}{int(number) + step:0{len(number)}d}.png"
-
-    if spring := re.fullmatch(r"flow_([FB])W_(\w+)", folder.name):
-        way, side = spring.groups()
-        frames, start = folder.parent / f"frame_{side}", f"frame_{side}_"
-        return {"": (at(frames, 0, start), at(frames, 1 if way == "F" else -1, start))}
-    levels = len(Path(frame.sequence).parts)
-    above, root = flow.parents[levels].name, flow.parents[levels + 1]
-    if above in KITTI_FLOWS:
-        kinds = [root / name for name in ("image_2", "colored_0", "image_0")]
-        place = next((kind for kind in kinds if kind.is_dir()), kinds[0]) / frame.sequence
-        return {"": (at(place, 0), at(place, 1))}
-    if above == "flow" and any((root / name).is_dir() for name in ("clean", "final")):
-        passes = {name: root / name / frame.sequence for name in ("clean", "final")}
-        return {name: (at(place, 0), at(place, 1)) for name, place in passes.items()}
-    key = re.sub("_?flow_?|(^|[-_])gt$", "", stem)
-    pictures = _pictures_in(folder)
-    from_key = pictures[bisect_left(pictures, key, key=lambda path: path.name) :]
+def _pictures(flow: Path) -> dict[str, tuple[Path, Path]]:
+    """Return both pictures of a flow, by pass, where they are there."""
+    pairs: dict[str, tuple[Path, Path]] = {}
+    flow = flow.absolute()
+    if numbered := re.fullmatch(r"(.*?)(\d+)", flow.with_suffix("").as_posix()):
+        start, number = numbered.groups()
+        second = int(number) + (-1 if flow.name.startswith("flow_BW_") else 1)
+        for pattern, name, pictures in _PICTURES:
+            if name not in pairs and (known := re.fullmatch(f"(.*/){pattern}", start)):
+                place = known.expand(rf"\1{pictures}")
+                pair = Path(f"{place}{number}.png"), Path(f"{place}{second:0{len(number)}d}.png")
+                if all(path.exists() for path in pair):
+                    pairs[name] = pair
+    if pairs:
+        return pairs
+    key = re.sub("_?flow_?|(^|[-_])gt$", "", flow.stem)
+    pictures_by_name = _pictures_in(flow.parent)
+    from_key = pictures_by_name[bisect_left(pictures_by_name, key, key=lambda path: path.name) :]
     beginning = takewhile(lambda path: path.name.startswith(key), from_key)
-    pair = [path for path in beginning if not path.name[len(key)].isdigit() or not key]
-    return {"": (pair[0], pair[1])} if len(pair) == 2 else {}
+    beside = [path for path in beginning if not path.name[len(key)].isdigit() or not key]
+    return {"": (beside[0], beside[1])} if len(beside) == 2 else {}
 
 
 @cache

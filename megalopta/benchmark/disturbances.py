@@ -1,26 +1,19 @@
 """Disturbances of light and pixels that a benchmark adds: light that changes unevenly, other noise.
 
 Across the frame, x goes from −1/2 to 1/2 and y, in widths, about 0. "Second" are the frames after
-the motion, of a pair the second one. Amounts that are left out are those of `AMOUNTS`.
+the motion, of a pair the second one.
 
-- **ramp** p: second times 1 + 2x·p/100, from 1 − p % at the left to 1 + p % at the right.
-- **vignette** p: second times v(x − p/100, y)/v(x, y) of the vignette v = (1 + 1.5 r²)⁻², which
-  moved by p % of the width.
-- **shadow** p: second loses p % where x + 0.3 y > 1/6, about a third of the frame; the edge is
-  blurred by a Gaussian with a standard deviation of 1/40 of the width.
-- **dispersion** D: counts are negative binomial, with a variance of D times their mean m. They are
-  Poisson counts whose means have a gamma distribution of mean m and variance m·(D − 1).
-- **mismatch** p: a gain for every pixel, normal with mean 1 and a standard deviation of p %, at
-  least 0.05, the same in all frames.
-- **warm** k: clusters of warm pixels, the same in all frames: 0.4 % of the pixels, blurred by 0.8
-  px. The warmest gives k times the mean light more.
-- **rendering** p: gains as of pixels, but gamma-distributed and independent in every frame, as the
-  noise of a renderer with few light paths.
+- **ramp** p, **vignette** p, **shadow** p change the second, by p %; the vignette moves by p % of
+  the width, and the shadow falls on a third of the frame, with an edge blurred by 1/40 of it.
+- **dispersion** D: counts are negative binomial, Poisson counts whose means have a gamma
+  distribution of mean m and variance m·(D − 1), so that their variance is D·m.
+- **mismatch** p, **warm** k: gains of p % rms, and clusters of 0.4 % of the pixels, blurred by 0.8
+  px, the warmest k times the mean light above it; the same in all frames.
+- **rendering** p: gamma-distributed gains of p % rms, independent in every frame.
 """
 
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,13 +22,11 @@ from scipy.ndimage import gaussian_filter
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 
-AMOUNTS: Mapping[str, float] = MappingProxyType(
-    {"ramp": 20, "vignette": 15, "shadow": 40, "dispersion": 2}
-    | {"mismatch": 20, "warm": 3, "rendering": 20}
-)
+AMOUNTS: Mapping[str, float] = {
+    **{"ramp": 20, "vignette": 15, "shadow": 40, "dispersion": 2},
+    **{"mismatch": 20, "warm": 3, "rendering": 20},
+}
 """Default amounts by kind: %, but D of dispersion and times the mean light of warm pixels"""
-_LEAST_GAIN = 0.05
-_WARM_SHARE, _WARM_BLUR_PX = 0.004, 0.8
 
 
 class Disturbance(NamedTuple):
@@ -59,7 +50,7 @@ def disturbance(name: str) -> Disturbance:
     if kind not in AMOUNTS:
         known = ", ".join(f"{known} {amount:g}" for known, amount in AMOUNTS.items())
         raise ValueError(f"disturbance {quoted(name)!r} is unknown; choose from {known}")
-    chosen = Disturbance(kind, AMOUNTS[kind] if amount is None else float(amount))
+    chosen = Disturbance(kind, float(amount or AMOUNTS[kind]))
     least, most = (1, 1000) if kind == "dispersion" else (0, 100)
     if not least < chosen.amount <= most:
         raise ValueError(f"{chosen}: give an amount above {least}, up to {most}")
@@ -82,10 +73,10 @@ def disturbed_means(means: Floats, disturbance: Disturbance, rng: np.random.Gene
     elif kind == "dispersion":
         means = rng.gamma(means / (amount - 1), amount - 1)
     elif kind == "mismatch":
-        means *= np.maximum(rng.normal(1, share, (height, width)), _LEAST_GAIN)
+        means *= np.maximum(rng.normal(1, share, (height, width)), 0.05)
     elif kind == "warm":
-        seeds = rng.random((height, width)) < _WARM_SHARE
-        warmth = gaussian_filter(seeds.astype(np.float64), _WARM_BLUR_PX)
+        seeds = rng.random((height, width)) < 0.004
+        warmth = gaussian_filter(seeds.astype(np.float64), 0.8)
         means += amount * means.mean() * warmth / max(warmth.max(), 1e-9)
     elif kind == "rendering":
         means *= rng.gamma(share**-2, share**2, means.shape)

@@ -8,7 +8,6 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,17 +24,12 @@ from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity
 
 Methods = Mapping[str, BlockDetector]
 
-BLOCK_PX = 24
-"""Side of the blocks on boards of whole frames"""
-
-_STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = MappingProxyType(
-    {
-        "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
-        "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
-    }
-)
-TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = MappingProxyType(
-    strict_yaml.load(Path(__file__).with_name("tuned.yaml").read_text("utf-8"))
+_STRETCHES: Mapping[str, tuple[Mapping[str, object], str]] = {
+    "√": ({"stretch": "anscombe", "blur_px": 0.7}, "square roots of counts"),
+    "NLM": ({"stretch": "denoised"}, "counts denoised by non-local means"),
+}
+TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = strict_yaml.load(
+    Path(__file__).with_name("tuned.yaml").read_text("utf-8")
 )
 """Settings by method and photons per pixel, with their error on the tuning scenes"""
 STRONGEST = tuple(f"{name} tuned" if name in TUNED else name for name in VELOCITY_METHODS)
@@ -48,10 +42,6 @@ class TunedMethod(BlockDetector, frozen=True):
     takes_counts: ClassVar[bool] = True
 
     method: SerializeAsAny[GrayDetector]
-
-    def grid(self, shape: tuple[int, int]) -> BlockGrid:
-        """Return the blocks of the method in a frame (H, W)."""
-        return self._at(1.0).grid(shape)
 
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow as the method does, with the settings for the light."""
@@ -110,19 +100,16 @@ def method_or_baseline(chosen: Method) -> BlockDetector:
     name, _, kind = chosen.rpartition(" ") if isinstance(chosen, str) else ("", "", "")
     if kind == "tuned":
         return tuned(name)
-    return stretched(name, kind) if kind in _STRETCHES else velocity_method(chosen)
-
-
-def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method or baseline with the blocks of boards of whole frames."""
-    return method_or_baseline(chosen).model_copy(update={"block_px": BLOCK_PX})
-
-
-def stretched(name: str, kind: str) -> GrayDetector:
-    """Return a gray method on Anscombe roots of the counts: √, slightly smoothed; NLM, denoised."""
+    if kind not in _STRETCHES:
+        return velocity_method(chosen)
     detector, (settings, light) = gray_method(name), _STRETCHES[kind]
     names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {light}"}
     return detector.model_copy(update={**names, **settings})
+
+
+def block_detector(chosen: Method) -> BlockDetector:
+    """Return a method or baseline with the blocks of boards of whole frames, 24 × 24 px."""
+    return method_or_baseline(chosen).model_copy(update={"block_px": 24})
 
 
 def methods_and_baselines() -> list[BlockDetector]:

@@ -14,6 +14,7 @@ from megalopta.config.scene import ONCE
 from megalopta.core.format_numbers import FORMATS
 from megalopta.core.record import Record
 from megalopta.scenes.levels import illuminance_of
+from megalopta.stages.noise_warning import LIMIT
 
 FEWEST_SEQUENCES = 5
 """Least number of sequences for sequences to be the units"""
@@ -82,8 +83,6 @@ class RankingFacts(Record, frozen=True):
     rendering_photons_per_px: FiniteFloat | None = None
     """Photons per pixel whose shot noise has the variance of the rendering's noise, least of all
     sequences."""
-    noisy_fluxes: tuple[FiniteFloat, ...] = ()
-    """Fluxes at which rendering noise adds more than a tenth to the variance of shot noise."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group, over all pairs of frames."""
 
@@ -91,6 +90,11 @@ class RankingFacts(Record, frozen=True):
         """Return the variance of the rendering's noise over that of shot noise."""
         equal = self.rendering_photons_per_px
         return flux / self.frame_px / equal if equal else 0.0
+
+    @property
+    def noisy_fluxes(self) -> list[float]:
+        """Fluxes at which rendering noise adds more than a tenth to the variance of shot noise."""
+        return [flux for flux in self.settings.fluxes if self.rendering_noise(flux) > LIMIT]
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,25 +133,18 @@ def _errors(ranking: Ranking) -> Section:
         ranked.photons_at(facts.photons_per_lux_s, level, settings.exposure_s): level
         for level in settings.light_levels
     }
-    heads = [
-        Markup("<br>").join(
-            (
-                short(flux),
-                *([level_name(levels[flux])] if flux in levels else []),
-                f"{number(flux / facts.frame_px)} per px",
-                *(
-                    [f"rendering noise {number(facts.rendering_noise(flux))} × shot noise"]
-                    if flux in facts.noisy_fluxes
-                    else []
-                ),
-            )
-        )
-        for flux in settings.fluxes
-    ]
+    heads = []
+    for flux in settings.fluxes:
+        of_light = [short(flux), level_name(levels[flux]) if flux in levels else ""]
+        of_light.append(f"{number(flux / facts.frame_px)} per px")
+        if flux in facts.noisy_fluxes:
+            noise = number(facts.rendering_noise(flux))
+            of_light.append(f"rendering noise {noise} × shot noise")
+        heads.append(Markup("<br>").join(filter(None, of_light)))
     methods, head = (*settings.methods, STILL), ("photons per frame", *heads)
 
-    def lines(of_light: Callable[[str, float], str]) -> list[list[str]]:
-        return [[name, *(of_light(name, flux) for flux in settings.fluxes)] for name in methods]
+    def lines(text: Callable[[str, float], str]) -> list[list[str]]:
+        return [[name, *(text(name, flux) for flux in settings.fluxes)] for name in methods]
 
     together = lines(
         lambda name, flux: Markup("<br>").join(cell(metric, name, flux) for metric in _METRICS)

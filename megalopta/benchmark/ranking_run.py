@@ -7,6 +7,7 @@ block's error is its endpoint error in px per frame; one without velocity counts
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -28,16 +29,13 @@ from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics import endpoint_error, translation_bound
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
-from megalopta.stages.noise_warning import LIMIT, variances
+from megalopta.stages.noise_warning import variances
 from megalopta.stages.run import require
 
 FOLDER = "ranking"
 """Folder of the demo's ranking, inside its dataset"""
-_FEWEST_FRAMES = 3
 _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
-_STREAM = "1 × 1 px, 1 frame"
-"""Name of the photon draws on single pixels and frames, a part of their seed"""
 
 Rows: TypeAlias = Iterator[tuple[Any, ...]]
 """Rows of `table.samples`"""
@@ -81,8 +79,8 @@ def _ranked(
     for dataset in datasets:  # refused before the work
         dataset.require_truth()
         name, frames = dataset.sequence, dataset.configuration.trajectory.frames
-        if frames < _FEWEST_FRAMES:
-            raise ValueError(f"{name} has {frames} frames; give {_FEWEST_FRAMES} or more")
+        if frames < 3:
+            raise ValueError(f"{name} has {frames} frames; give 3 or more")
         for method in methods.values():
             method.grid(dataset.configuration.camera.shape)
     rates, equal = [], []
@@ -108,8 +106,6 @@ def _ranked(
         rendering_photons_per_px=min(equal, default=None),
         blocks={},
     )
-    noisy = tuple(flux for flux in fluxes if facts.rendering_noise(flux) > LIMIT)
-    facts = facts.model_copy(update={"noisy_fluxes": noisy})
     if warning := caution(facts):
         say(warning)
     rows: list[tuple[Any, ...]] = []
@@ -124,14 +120,9 @@ def _ranked(
                 dataset, photons, methods, fluxes, settings.repeats, segments, advance
             )
     samples = table.samples(rows)
-    still = samples[
-        (samples["metric"] == table.MEAN)
-        & (samples["method"] == ranked.STILL)
-        & (samples["photons"] == fluxes[0])
-    ]
-    blocks = still.groupby("group", sort=False)["blocks"].sum().astype(int)
-    counted = {str(group): int(count) for group, count in blocks.items()}
-    facts = facts.model_copy(update={"blocks": counted})
+    still = samples.query("metric == @table.MEAN and method == @ranked.STILL")
+    blocks = still[still["photons"] == fluxes[0]].groupby("group", sort=False)["blocks"].sum()
+    facts = facts.model_copy(update={"blocks": blocks.astype(int).to_dict()})
     return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
 
 
@@ -161,20 +152,15 @@ def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
         "smooth": means["edges"] < _EDGE_SHARE,
         "depth edge": means["edges"] >= _EDGE_SHARE,
     }
-    kinds = (
-        ("speed", speed, ranked.SPEEDS_PX),
-        ("parallax", means["parallax"], ranked.PARALLAX_PX),
-    )
-    for kind, values, bounds in kinds:
-        place = np.digitize(values, bounds)
-        groups |= {f"{kind} {name}": place == at for at, name in enumerate(ranked.RANGES)}
-    for name in ranked.RANGES:
-        for parallax in ranked.RANGES:
-            cell = groups[f"speed {name}"] & groups[f"parallax {parallax}"]
-            groups[ranked.cell_name(name, parallax)] = cell
-    return BlockTruth(
-        means["velocity"], {name: blocks & groups["all"] for name, blocks in groups.items()}
-    )
+    fast = np.digitize(speed, ranked.SPEEDS_PX)
+    near = np.digitize(means["parallax"], ranked.PARALLAX_PX)
+    groups |= {f"speed {name}": fast == at for at, name in enumerate(ranked.RANGES)}
+    groups |= {f"parallax {name}": near == at for at, name in enumerate(ranked.RANGES)}
+    for name, parallax in product(ranked.RANGES, ranked.RANGES):
+        cell = groups[f"speed {name}"] & groups[f"parallax {parallax}"]
+        groups[ranked.cell_name(name, parallax)] = cell
+    groups = {name: blocks & groups["all"] for name, blocks in groups.items()}
+    return BlockTruth(means["velocity"], groups)
 
 
 def _block_means(truth: Any, turned: Floats, grid: BlockGrid) -> dict[str, Floats]:
@@ -230,7 +216,7 @@ class Photons:
         store = ArrayStore(self._folder, key)
         if (kept := store.read(["velocities"])) is None:
             means = self.means(flux)
-            stream = self._sequence, _STREAM, str(flux), str(repeat)
+            stream = self._sequence, "1 × 1 px, 1 frame", str(flux), str(repeat)
             counts = draw_counts(means, self._seed, *stream)
             velocities = method.respond(counts, 1 / means.mean())
             store.write(kept := {"velocities": velocities.astype(np.float32)})
@@ -272,13 +258,10 @@ def endpoint_errors(
             advance(1)
         truth = truth_of(grids[0])
         speed = np.linalg.norm(truth.velocities, axis=-1)
-        least = [
-            translation_bound.cramer_rao_covariance(
-                translation_bound.fisher_information(frame, grids[0])
-            )
-            for frame in photons.means(flux)[:-1]
-        ]
-        trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
+        means = photons.means(flux)[:-1]
+        known = [translation_bound.fisher_information(frame, grids[0]) for frame in means]
+        least = translation_bound.cramer_rao_covariance(np.array(known))
+        trace = np.trace(least, axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
         yield from rows(ranked.STILL, flux, [speed], truth)
         yield from rows(ranked.BOUND, flux, [np.minimum(np.sqrt(np.pi / 4 * trace), speed)], truth)
 

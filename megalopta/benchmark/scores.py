@@ -15,6 +15,7 @@ from rich.table import Table
 
 from megalopta.benchmark import clips
 from megalopta.benchmark.seal import opened_seal
+from megalopta.benchmark.whole_frames import METRICS
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import FORMATS
@@ -128,13 +129,11 @@ def score_submissions(
             advance(1)
     frames, entries = Counter(frame.sequence for frame in truths), []
     for name, pass_name, _, errors in submissions:
-        rows: list[tuple[str | None, int, DenseErrors]] = [
-            # that of KITTI has no name
-            (sequence or name_of_truth, frames[sequence], part)
-            for sequence, part in errors.items()
-        ]
-        rows.append((None, len(truths), DenseErrors.joined(errors.values())))
-        for sequence, count, part in rows:
+        whole = None, len(truths), DenseErrors.joined(errors.values())
+        by_sequence = ((key or name_of_truth, frames[key], part) for key, part in errors.items())
+        for sequence, count, part in (*by_sequence, whole):  # that of KITTI has no name
+            by_group = {group: for_json(asdict(part.of(group))) for group in GROUPS}
+            confidence = for_json(sparsified(part.sparsification)._asdict())
             entry = Entry(
                 program=name,
                 pass_name=pass_name,
@@ -142,10 +141,7 @@ def score_submissions(
                 truth=name_of_truth,
                 truth_hash=sealed or digest(*hashes),  # a plain one would confirm guesses
                 frames=count,
-                errors={
-                    **{group: for_json(asdict(part.of(group))) for group in GROUPS},
-                    "confidence": for_json(sparsified(part.sparsification)._asdict()),
-                },
+                errors={**by_group, "confidence": confidence},
             )
             entries.append(entry)
     return Scores(entries=tuple(entries))
@@ -192,17 +188,7 @@ def _read(path: Path, png_scale: float, stated: bool) -> FlowAndUncertainty:
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
-    "EPE": ("all", "epe_px"),
-    "visible": ("visible", "epe_px"),
-    "occluded": ("occluded", "epe_px"),
-    "0–10": ("slow", "epe_px"),
-    "10–40": ("medium", "epe_px"),
-    "40+": ("fast", "epe_px"),
-    "> 1 px %": ("all", "over_1px_percent"),
-    "> 3 px %": ("all", "over_3px_percent"),
-    "> 5 px %": ("all", "over_5px_percent"),
-    "Fl %": ("all", "fl_percent"),
-    "WAUC": ("all", "wauc_percent"),
+    **{head: (group, field) for head, group, field in METRICS.values() if group},
     "angle °": ("all", "angular_deg"),
     "none %": ("all", "missing_percent"),
     "sure ½": ("confidence", "surest_half_px"),
@@ -220,10 +206,9 @@ def score_table(scores: Scores) -> Table:
     for head in _COLUMNS:
         table.add_column(head, justify="right", no_wrap=True)
     for entry in scores.entries:
-        is_last = entry.sequence is None
-        names = entry.program, entry.pass_name, entry.sequence or "overall"
+        style = "bold" if entry.sequence is None else None
+        names = map(sentence, (entry.program, entry.pass_name, entry.sequence or "overall"))
         values = (entry.errors[group][field] for group, field in _COLUMNS.values())
         cells = ("–" if value is None else f"{value:.3g}" for value in values)
-        style = "bold" if is_last else None
-        table.add_row(*map(sentence, names), *cells, style=style, end_section=is_last)
+        table.add_row(*names, *cells, style=style, end_section=bool(style))
     return table

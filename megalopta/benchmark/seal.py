@@ -13,7 +13,6 @@ flow. Once truth is published, everyone can verify that it is what was sealed.
 import hashlib
 import hmac
 import secrets
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,14 +48,12 @@ def seal_dataset(root: Path, out: Path) -> Path:
             f"{root}: who knows its settings and finds its seed, {seed}, can render the truth "
             "again; make a dataset with a secret seed of more than 20 digits"
         )
-    with ExitStack() as stack:
-        stack.enter_context(locked(out.parent, f".{out.name}.lock"))
+    is_alone, making = locked(out.parent, f".{out.name}.lock"), files.atomic_write(out)
+    with is_alone, making as part, progress("Sealing", len(names), "sequence") as advance:
         for path in filter(files.is_temporary, out.parent.glob(f".part-*-{out.name}")):
             files.remove(path)  # of a killed run
-        part = stack.enter_context(files.atomic_write(out))
         inputs, truth, cameras = part / "inputs", part / "truth", {}
         truth.mkdir(mode=0o700, parents=True)
-        advance = stack.enter_context(progress("Sealing", len(names), "sequence"))
         for name in names:
             cameras[name] = _split(Sequence(tree.opened(name)), inputs, truth)
             advance(1)
@@ -79,7 +76,6 @@ def _split(sequence: Sequence, inputs: Path, truth: Path) -> dict[str, Any]:
         stored = np.lib.format.open_memmap(path, "w+", counts.dtype, counts.shape)
         for index in range(len(counts)):
             stored[index] = counts[index]
-        stored.flush()
     pictures = "final" if sequence.exposures else "clean"  # flow of clean ones is nearly the truth
     for file in dataset.files:
         folder, kind, *below = Path(file).parts
@@ -92,13 +88,11 @@ def _split(sequence: Sequence, inputs: Path, truth: Path) -> dict[str, Any]:
             path = place.joinpath(kind, *below)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
+    sensors = dataset.former.exposures or settings.sensors
     return {
         "frames": len(sequence),
         "frame_rate_hz": settings.trajectory.frame_rate_hz,
-        "exposure_s": {
-            exposure.name: exposure.exposure_s
-            for exposure in dataset.former.exposures or settings.sensors
-        },
+        "exposure_s": {sensor.name: sensor.exposure_s for sensor in sensors},
         "camera": settings.camera.model_dump(mode="json"),
     }
 
@@ -123,7 +117,7 @@ def opened_seal(truth: Path, inputs: Path | None = None) -> str | None:
         sums, published = (bounded.read_text(inputs / name) for name in (_SUMS, _TRUTH))
         if hashlib.sha256(sums.encode()).hexdigest() != expected:
             raise ValueError(f"{_SUMS} is not that of this truth")
-        if f"{hashlib.sha256(published.encode()).hexdigest()}  {_TRUTH}" not in sums.splitlines():
+        if hashlib.sha256(published.encode()).hexdigest() not in sums:
             raise ValueError(f"{_TRUTH} was changed")
     if changed := set(sums_of_truth.splitlines()) ^ set(published.splitlines()):
         raise UserError(

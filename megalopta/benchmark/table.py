@@ -101,14 +101,13 @@ def ratio(upper: Sums, lower: Sums) -> Interval | None:
     return _around(mean(upper) / mean(lower), *spread) if spread else None
 
 
-def difference(upper: Sums, lower: Sums) -> Interval:
-    """Return the mean over units of the difference of two means, with Student's interval."""
-    gaps = upper.totals / upper.blocks - lower.totals / lower.blocks
+def difference(upper: Floats, lower: Floats) -> tuple[float, float]:
+    """Return the mean difference over units, and half its Student's interval, NaN for one unit."""
+    gaps = upper - lower
     if len(gaps) < 2:
-        return Interval(float(gaps.mean()))
+        return float(gaps.mean()), math.nan
     quantile = student.ppf((1 + _CONFIDENCE) / 2, len(gaps) - 1)
-    half, gap = float(quantile * gaps.std(ddof=1) / math.sqrt(len(gaps))), float(gaps.mean())
-    return Interval(gap, gap - half, gap + half)
+    return float(gaps.mean()), float(quantile * gaps.std(ddof=1) / math.sqrt(len(gaps)))
 
 
 def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:

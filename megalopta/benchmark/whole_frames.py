@@ -1,10 +1,7 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
-Every pixel with known flow is scored (`flow.metrics.endpoint_error`). Methods of blocks have blocks
-of 24 × 24 px, between which their velocities are interpolated. A pixel without flow counts as zero
-motion. Next to the median there are the mean, shares of pixels that are far off, Fl and WAUC, and
-means by speed and by occlusion. A method's value is the mean over draws and pairs, with its
-interval over pairs (`table`).
+Every pixel with known flow is scored (`flow.metrics.endpoint_error`); one without flow counts as
+zero motion. A method's value is the mean over draws and pairs, with its interval over pairs.
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
 pictures without photon noise, which favors it and similar methods. The other is the median of all
@@ -12,13 +9,11 @@ other methods on the same photons, which may share an error.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from megalopta.benchmark import table
-from megalopta.benchmark.clips import FlowClip
+from megalopta.benchmark.clips import FlowClip, luminance
 from megalopta.benchmark.disturbances import Disturbance
 from megalopta.benchmark.methods import block_detector
 from megalopta.benchmark.table import FAR, MEAN, MEDIAN
@@ -45,71 +40,61 @@ from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 SECONDS, FOREGROUND = "cpu_s", "fl_foreground_share"
-METRICS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
-    {
-        MEDIAN: ("median px", "", ""),
-        MEAN: ("mean px", "all", "epe_px"),
-        "share_beyond_1_px": ("> 1 px %", "all", "over_1px_percent"),
-        FAR: ("> 3 px %", "all", "over_3px_percent"),
-        "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
-        "fl_share": ("Fl %", "all", "fl_percent"),
-        "wauc_share": ("WAUC %", "all", "wauc_percent"),
-        "mean_epe_below_10_px": ("0–10", "slow", "epe_px"),
-        "mean_epe_10_to_40_px": ("10–40", "medium", "epe_px"),
-        "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
-        "mean_epe_visible_px": ("visible", "visible", "epe_px"),
-        "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
-        FOREGROUND: ("Fl-fg %", "", ""),
-        SECONDS: ("CPU s", "", ""),
-    }
-)
+METRICS: Mapping[str, tuple[str, str, str]] = {
+    MEDIAN: ("median px", "", ""),
+    MEAN: ("mean px", "all", "epe_px"),
+    "share_beyond_1_px": ("> 1 px %", "all", "over_1px_percent"),
+    FAR: ("> 3 px %", "all", "over_3px_percent"),
+    "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
+    "fl_share": ("Fl %", "all", "fl_percent"),
+    "wauc_share": ("WAUC %", "all", "wauc_percent"),
+    "mean_epe_below_10_px": ("0–10", "slow", "epe_px"),
+    "mean_epe_10_to_40_px": ("10–40", "medium", "epe_px"),
+    "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
+    "mean_epe_visible_px": ("visible", "visible", "epe_px"),
+    "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
+    FOREGROUND: ("Fl-fg %", "", ""),
+    SECONDS: ("CPU s", "", ""),
+}
 """Head of its column, group of pixels and field of `endpoint_error.DenseError` by metric"""
 FROM_OTHERS = "mean_px_from_others"
 """Mean distance from the median of the flow of all other methods, where nobody knows the truth"""
 
 OWN_METHODS = "PF", "PF-fast", "PPF", "PM", "PPM"
-"""Methods of this program for photon counts: where the first that was measured does not have the
-lowest error, a verdict says so"""
+"""Of these, verdicts name the first that was measured, if its error is not the lowest"""
 UNDISTURBED = "none"
+_CASE = ["set", "unit", "group", "photons", "method", "frames"]
 
 _CLEAN_PHOTONS = 1000.0
 """Photons per pixel of the noise-free light that the reference sees."""
 
-_Light: TypeAlias = Callable[[], Floats]
-"""Returns the luminance (H, W) of a picture when needed."""
+_Frame: TypeAlias = tuple[Footage, int]
+"""Where a picture is read when needed"""
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
     """Errors of methods over the pixels of pairs, by photons per pixel and frame."""
 
-    detectors: Sequence[BlockDetector]
-    samples: pd.DataFrame
-    """A row per set, metric, method, photons, disturbance (group) and pair (`table.samples`): the
-    sum over known draws, and their number (blocks)"""
+    by_scene: pd.DataFrame
+    """Means over draws, a column per metric, NaN if unknown.
+
+    A row per set, pair (unit), disturbance (group), photons, method and its number of frames."""
 
     def parts(self) -> Mapping[str | None, str]:
         """Return the headings of all pairs together (None) and, if there are several, of sets."""
-        pairs = self.samples.groupby("set", sort=False)["unit"].nunique()
-        count = int(pairs.sum())
-        whole = {None: f"All {count} pairs" if count > 1 else str(self.samples["unit"].iloc[0])}
-        sets = {str(name): f"{name} ({number} pairs)" for name, number in pairs.items()}
+        pairs = self.by_scene[["set", "unit"]].drop_duplicates()
+        whole = {None: f"All {len(pairs)} pairs" if len(pairs) > 1 else str(pairs["unit"].iloc[0])}
+        counts = pairs["set"].value_counts(sort=False).items()
+        sets = {str(name): f"{name} ({count} pairs)" for name, count in counts}
         return whole | (sets if len(sets) > 1 else {})
 
-    def of(self, set_name: str | None, flux: float) -> pd.DataFrame:
-        """Return the samples of a set, or of all, at a flux."""
-        samples = self.samples[self.samples["photons"] == flux]
-        return samples if set_name is None else samples[samples["set"] == set_name]
-
-    def by_scene(self) -> pd.DataFrame:
-        """Return the mean over draws, a column per metric.
-
-        A row per set, pair, disturbance, photons and method.
-        """
-        rows = self.samples.assign(value=self.samples["total"] / self.samples["blocks"])
-        names = ["set", "unit", "group", "photons", "method"]
-        wide = rows.pivot(index=names, columns="metric", values="value")
-        return wide.reindex(pd.MultiIndex.from_frame(rows[names].drop_duplicates()))
+    def samples(self, set_name: str | None, flux: float) -> pd.DataFrame:
+        """Return the values of the pairs of a set, or of all, at a flux, as `table.samples`."""
+        rows = self.by_scene[self.by_scene["photons"] == flux]
+        if set_name is not None:
+            rows = rows[rows["set"] == set_name]
+        return rows.melt(_CASE, var_name="metric", value_name="total").dropna().assign(blocks=1.0)
 
 
 def verdicts(board: Board) -> Iterator[str]:
@@ -118,29 +103,25 @@ def verdicts(board: Board) -> Iterator[str]:
     All pairs together come first. The difference to the next method, and to the first of
     `OWN_METHODS`, has Student's 95 % interval over pairs.
     """
-    if len(board.detectors) < 2:
+    if board.by_scene["method"].nunique() < 2:
         return
-    groups, fluxes = (board.samples[name].unique() for name in ("group", "photons"))
+    groups, fluxes = (board.by_scene[name].unique() for name in ("group", "photons"))
     for group, (set_name, pairs), flux in product(groups, board.parts().items(), fluxes):
-        rows = board.of(set_name, flux)
-        rows = rows[rows["group"] == group]
-        mean, median = (_lead(rows[rows["metric"] == name]) for name in (MEAN, MEDIAN))
+        rows = board.samples(set_name, flux).query("group == @group")
+        px = rows.pivot(index=["set", "unit"], columns=["metric", "method"], values="total")
+        mean, median = (_lead(px[[name]].droplevel(0, axis=1)) for name in (MEAN, MEDIAN))
         disturbed = "" if group == UNDISTURBED else f", {group}"
         yield f"{pairs}{disturbed}, {flux:g} photons: lowest mean {mean}; lowest median {median}"
 
 
-def _lead(rows: pd.DataFrame) -> str:
+def _lead(px: pd.DataFrame) -> str:
     """Return the method of the least mean, and how far the next and our own are above it."""
-    sums = table.by_method(rows)
-    mean_px = {name: table.mean(errors) for name, errors in sums.items()}
-    first, *others = sorted(mean_px, key=lambda name: mean_px[name])
-    own = [name for name in OWN_METHODS if name in sums][:1]
-    above = []
-    for name in dict.fromkeys((others[0], *(own if own != [first] else []))):
-        gap = table.difference(sums[name], sums[first])
-        interval = f" ± {gap.high - gap.value:.2f}" if gap.high == gap.high else ""
-        above.append(f"{name} {gap.value:.2f}{interval} px")
-    return f"{first} {mean_px[first]:.2f} px, {' and '.join(above)} above it"
+    first, second, *_ = px.mean().sort_values(kind="stable").index
+    own, above = next((name for name in OWN_METHODS if name in px), first), []
+    for name in dict.fromkeys((second, own) if own != first else (second,)):
+        gap, half = table.difference(px[name].to_numpy(), px[first].to_numpy())
+        above.append(f"{name} {gap:.2f}{f' ± {half:.2f}' if half == half else ''} px")
+    return f"{first} {px[first].mean():.2f} px, {' and '.join(above)} above it"
 
 
 def frame_errors(
@@ -150,63 +131,60 @@ def frame_errors(
     draws: int = 1,
     disturbances: Sequence[Disturbance] = (),
     count: int = 0,
-    with_others: bool = False,
 ) -> Board:
     """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
     One clip is in memory at a time; `count` is their number, if an iterator gives them. Three or
-    more methods are also compared `with_others`. Raises ValueError if a method gives no velocity or
-    needs more frames than a clip has, or a clip is too small.
+    more methods are also compared with each other. Raises ValueError if a method gives no velocity
+    or needs more frames than a clip has, or a clip is too small.
     """
     detectors = [block_detector(method) for method in methods]
     count = len(clips) if isinstance(clips, Sized) else count
     cases = list(product(range(draws), (None, *disturbances), fluxes))
-    parts = list[pd.DataFrame]()
+    rows = list[dict[str, Any]]()
     with progress("Measuring flow", count * len(cases), "draw") as advance:
         for clip in clips:
-            rows = list[tuple[Any, ...]]()
             for draw, disturbance, flux in cases:
-                counts = clip.counts(flux, draw, ("whole frames",), disturbance)
-                if not (parts or rows):  # compiled before time is measured
+                counts = clip.counts(flux, draw, disturbance)
+                if not rows:  # compiled before time is measured
                     for detector in detectors:
                         dense_flow(detector, clip, counts)
-                for metric, name, value in _measures(detectors, clip, counts, with_others):
-                    known = np.isfinite(value)
-                    case = metric, name, flux, str(disturbance or UNDISTURBED), clip.name
-                    rows.append((*case, value if known else 0.0, float(known)))
+                case = {"set": clip.set_name, "unit": clip.name, "photons": flux}
+                case["group"] = str(disturbance or UNDISTURBED)
+                rows += [case | errors for errors in _errors(detectors, clip, counts)]
                 advance()
-            sums = table.samples(rows).groupby([*table.CASE, "unit"], sort=False).sum()
-            parts.append(sums.reset_index().assign(set=clip.set_name))
-    if not parts:
+    if not rows:
         raise ValueError("no pair with texture; give others")
-    return Board(detectors, pd.concat(parts, ignore_index=True))
+    return Board(pd.DataFrame(rows).groupby(_CASE, sort=False, as_index=False).mean())
 
 
-def _measures(
-    detectors: Sequence[BlockDetector], clip: FlowClip, counts: Frames, with_others: bool
-) -> Iterator[tuple[str, str, float]]:
-    """Yield metric, method and value; NaN is unknown."""
-    known, flows = np.isfinite(clip.flow).all(axis=-1), dict[str, NDArray[np.float32]]()
+def _errors(
+    detectors: Sequence[BlockDetector], clip: FlowClip, counts: Frames
+) -> list[dict[str, Any]]:
+    """Return method and values of the metrics that are known."""
+    known, flows, rows = np.isfinite(clip.flow).all(axis=-1), list[NDArray[np.float32]](), []
     for detector in detectors:
         start = time.process_time()
         flow = dense_flow(detector, clip, counts)
-        yield SECONDS, detector.name, time.process_time() - start
-        yield MEDIAN, detector.name, float(np.median(np.hypot(*(flow - clip.flow)[known].T)))
+        row: dict[str, Any] = {SECONDS: time.process_time() - start}
+        row |= {"method": detector.name, "frames": detector.memory_frames + 1}
+        row[MEDIAN] = np.median(np.hypot(*(flow - clip.flow)[known].T))
         errors = DenseErrors()
         errors.add(flow, clip.flow, clip.hidden)
         for metric, (_, group, field) in METRICS.items():
             if group and (group != "visible" or clip.hidden is not None):
                 scale = 0.01 if field.endswith("percent") else 1
-                yield metric, detector.name, scale * asdict(errors.of(group))[field]
+                row[metric] = scale * asdict(errors.of(group))[field]
         if clip.foreground is not None:
             objects = DenseErrors()
             objects.add(flow, np.where(clip.foreground[..., np.newaxis], clip.flow, np.nan))
-            yield FOREGROUND, detector.name, 0.01 * objects.of("all").fl_percent
-        if with_others:
-            flows[detector.name] = flow.astype(np.float32)
-    for name in flows if len(flows) > 2 else ():
-        others = np.median([flows[other] for other in flows if other != name], axis=0)
-        yield FROM_OTHERS, name, float(np.hypot(*(flows[name] - others)[known].T).mean())
+            row[FOREGROUND] = 0.01 * objects.of("all").fl_percent
+        flows.append(flow.astype(np.float32))
+        rows.append(row)
+    for place, row in enumerate(rows if len(rows) > 2 else ()):
+        others = np.median(flows[:place] + flows[place + 1 :], axis=0)
+        row[FROM_OTHERS] = np.hypot(*(flows[place] - others)[known].T).mean()
+    return rows
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
@@ -214,18 +192,15 @@ def write_board(path: Path, board: Board, stand_in: str = "") -> None:
 
     Without truth, rows say what stands in for it.
     """
-    frames = {detector.name: detector.memory_frames + 1 for detector in board.detectors}
-    rows = board.by_scene().reindex(columns=[*METRICS, FROM_OTHERS]).reset_index()
-    rows.insert(5, "frames", rows["method"].map(frames))
+    columns = [*_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
+    rows = board.by_scene.reindex(columns=columns)
     names = {"unit": "pair", "group": "disturbance", "photons": "photons_per_px"}
     if stand_in:
         distances = {name: name.replace("epe_", "") for name in METRICS if name != SECONDS}
         names |= {name: f"{distance}_from_stand_in" for name, distance in distances.items()}
         rows.insert(6, "stand_in", stand_in)
-    else:
-        del rows[FROM_OTHERS]
-    text = rows.rename(columns=names).to_csv(index=False, float_format="%.6g", na_rep="nan")
-    write_text(path, text)
+    rows = rows.rename(columns=names)
+    write_text(path, rows.to_csv(index=False, float_format="%.6g", na_rep="nan"))
 
 
 def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
@@ -243,7 +218,7 @@ def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Float
 
 def pairs_without_truth(
     stack: ExitStack, paths: Sequence[Path], unit: Unit | None = None
-) -> dict[str, tuple[_Light, _Light]]:
+) -> dict[str, tuple[_Frame, _Frame]]:
     """Return two pictures, or all pairs of successive frames, by name.
 
     The stack closes opened files. Raises UserError if there are not two frames.
@@ -253,9 +228,7 @@ def pairs_without_truth(
         check_decoded(footage.path, footage.shape, SENSED_BYTES)
     for note in dict.fromkeys(note for footage in opened for note in footage.notes):
         say(note)
-    frames: list[_Light] = [
-        partial(_luminance, footage, k) for footage in opened for k in range(len(footage))
-    ]
+    frames = [(footage, k) for footage in opened for k in range(len(footage))]
     if len(frames) < 2 or len(opened) > 2 or (len(opened) == 2 and len(frames) > 2):
         raise UserError(
             f"benchmark pairs: {len(paths)} paths, {len(frames)} frames in all; without truth, give"
@@ -269,12 +242,8 @@ def pairs_without_truth(
     return {f"{paths[0].stem} {k}": pair for k, pair in enumerate(pairwise(frames))}
 
 
-def _luminance(footage: Footage, index: int) -> Floats:
-    return np.asarray(footage.frame(index) @ footage.luminance_shares, np.float64)
-
-
 def clips_without_truth(
-    pairs: Mapping[str, tuple[_Light, _Light]], reference: Method
+    pairs: Mapping[str, tuple[_Frame, _Frame]], reference: Method
 ) -> Iterator[FlowClip]:
     """Yield pairs whose true flow is replaced by that of the reference without photon noise.
 
@@ -282,7 +251,7 @@ def clips_without_truth(
     """
     detector = block_detector(reference)
     for name, (first, second) in pairs.items():
-        light = np.stack([first(), second()])
+        light = np.stack([luminance(*first), luminance(*second)])
         light /= light.mean() or 1
         flow = detector.dense(*light * _CLEAN_PHOTONS)
         if light.min() == light.max() or not np.isfinite(flow).any():

@@ -27,15 +27,10 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.benchmark.clips import Files, FlowClip
+    from megalopta.benchmark.clips import Files
     from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 170  # width of tables, on any terminal
-_UNKNOWN = "–"
-_FLUXES = "1,3,10,30,100,1000"
-_DRAWS_OF_ONE = 5
-_REFERENCE = "DIS"
-_OF_SWEEPS = ("allow_code", "out")
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -46,7 +41,6 @@ _PNG_SCALE = option(
     positive,
     64.0,
 )
-_PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, _FLUXES)
 
 
 @verb(
@@ -65,35 +59,18 @@ _PHOTONS = option("--photons N,N", "mean photons per pixel and frame", numbers, 
         "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
         " (default: all two-frame methods, tuned if possible)",
     ),
-    _PHOTONS,
+    option("--photons N,N", "mean photons per pixel and frame", numbers, "1,3,10,30,100,1000"),
     _PNG_SCALE,
-    option(
-        "--pairs N",
-        "largest number of pairs from a set of a folder, or a video, evenly spaced",
-        at_least(1),
-        20,
-    ),
-    option(
-        "--draws N",
-        f"photon draws per pair (default: 1; {_DRAWS_OF_ONE} for a single pair)",
-        at_least(1),
-    ),
+    option("--pairs N", "most pairs of a set or of a video, evenly spaced", at_least(1), 20),
+    option("--draws N", "photon draws per pair (default: 1; 5 of a single pair)", at_least(1)),
     option(
         "--disturb A,B",
         "also measure with disturbances, such as ramp20,vignette,shadow,dispersion5,mismatch,warm,"
         "rendering; may be repeated",
         action="append",
     ),
-    switch(
-        "--no-truth",
-        "true flow is unknown: compare methods with the flow of the noise-free pictures and"
-        " with each other",
-    ),
-    option(
-        "--reference METHOD",
-        f"with --no-truth: method whose flow of the noise-free pictures replaces true flow"
-        f" (default: {_REFERENCE})",
-    ),
+    switch("--no-truth", "true flow is unknown: compare with noise-free flow, and with each other"),
+    option("--reference METHOD", "with --no-truth: method of the noise-free flow (default: DIS)"),
     option(
         "--unit",
         "with --no-truth: meaning of the values of arrays and 16-bit pictures",
@@ -106,9 +83,11 @@ def _pairs(options: Namespace) -> Path:
         if getattr(options, name) and not options.no_truth:
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
     from megalopta.benchmark import whole_frames
+    from megalopta.benchmark.clips import read_pair
     from megalopta.benchmark.disturbances import disturbance
     from megalopta.benchmark.methods import block_detector, methods_and_baselines
     from megalopta.core.errors import refused_as
+    from megalopta.core.progress import say
     from megalopta.report.images import evenly_spaced
 
     with ExitStack() as stack, refused_as():
@@ -116,16 +95,19 @@ def _pairs(options: Namespace) -> Path:
         disturbances = list(dict.fromkeys(map(disturbance, names)))
         methods = options.methods.split(",") if options.methods else methods_and_baselines()
         if options.no_truth:
-            reference = block_detector(options.reference or _REFERENCE)
+            reference = block_detector(options.reference or "DIS")
             pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
             pictures = dict(evenly_spaced([*pictures.items()], options.pairs))
             clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
         else:
             files = list(_files_of_pairs(options))
-            clips, count = _read(files), len(files)
-        draws = options.draws or (_DRAWS_OF_ONE if count == 1 else 1)
+            for pair in files:  # a fault is told before the work
+                for note in read_pair(*pair).notes:
+                    say(note)
+            clips, count = (read_pair(*pair) for pair in files), len(files)
+        draws = options.draws or (5 if count == 1 else 1)
         board = whole_frames.frame_errors(
-            clips, methods, options.photons, draws, disturbances, count, options.no_truth
+            clips, methods, options.photons, draws, disturbances, count
         )
     over = ", mean over pairs, 95 % CI over pairs" if count > 1 else ""
     heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
@@ -133,43 +115,26 @@ def _pairs(options: Namespace) -> Path:
         stand_in = f"{reference.name} on the pictures without noise, which favors {reference.name}"
         whole_frames.write_board(options.out, board, f"not the truth but {stand_in}")
         print(
-            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nDistance from "
-            f"the flow by {stand_in} and similar methods; last, the mean from the median of the "
-            "other methods on the same photons, which may share an error:"
+            f"NO TRUE FLOW: these are distances, not errors, of all pixels{over}.\n\nFrom the flow "
+            f"by {stand_in}; last, from the median of the other methods, which may share an error:"
         )
-        heads[whole_frames.FROM_OTHERS] = "others px"
+        heads |= {whole_frames.FROM_OTHERS: "others px"}
     else:
         whole_frames.write_board(options.out, board)
         print(*whole_frames.verdicts(board), "", sep="\n")
-        print(
-            f"Errors of all pixels{over}; with means (px) of those that move 0–10, 10–40, 40+ px, "
-            "and of visible and occluded ones, if there are any:"
-        )
+        print(f"Errors of all pixels{over}; means by motion (px) and by occlusion:")
     _print_tables(board, heads)
     return Path(options.out)
 
 
-def _read(pairs: "list[tuple[str, str, Files]]") -> "Iterator[FlowClip]":
-    """Yield pairs one at a time, after all were read once: a fault is told before the work."""
-    from megalopta.benchmark.clips import read_pair
-    from megalopta.core.progress import silent
-
-    for _, name, files in pairs:
-        read_pair(name, files)
-    for set_name, name, files in pairs:
-        with silent():
-            clip = read_pair(name, files, set_name)
-        yield clip
-
-
-def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
-    """Yield set, name and files of the pairs to measure."""
+def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str]]":
+    """Yield name, files and set of the pairs to measure."""
     from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
 
     paths, scale = options.paths, options.png_scale
     if len(paths) == 3 and not any(path.is_dir() for path in paths):
-        yield "", paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale))
+        yield paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale)), ""
         return
     if len(paths) > 1 and not all(path.is_dir() for path in paths):
         raise UserError(
@@ -179,12 +144,12 @@ def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, str, Files]]":
     names = [path.resolve().name for path in paths]
     homes = dict[Path, Path]()
     for path, name in zip(paths, names, strict=True):
+        alone = name if names.count(name) == 1 else path.as_posix()
         for pass_name, pairs in clips.sets_below(path, scale).items():
-            alone = name if names.count(name) == 1 else path.as_posix()
             for pair, files in evenly_spaced([*pairs.items()], options.pairs):
                 if (home := homes.setdefault(files[0], path)) != path:
                     raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
-                yield f"{alone} {pass_name}".strip(), pair, files
+                yield pair, files, f"{alone} {pass_name}".strip()
 
 
 def _print_tables(board: "Board", heads: dict[str, str]) -> None:
@@ -196,30 +161,32 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.table import MEAN, means, records
+    from megalopta.benchmark.table import MEAN, MEDIAN, means, records
 
-    groups, fluxes = (board.samples[name].unique() for name in ("group", "photons"))
-    console = Console(width=_WIDTH + 14 * (len(groups) - 1))
+    (undisturbed, *groups), fluxes = (
+        board.by_scene[name].unique() for name in ("group", "photons")
+    )
+    console = Console(width=_WIDTH + 14 * len(groups))
+    columns = [*heads.values(), *(f"{group}\nmean px" for group in groups)]
     for (set_name, heading), flux in product(board.parts().items(), fluxes):
-        rows = means(board.of(set_name, flux))
         cells = dict[tuple[str, str], str]()
-        for row in records(rows):
+        for row in records(means(board.samples(set_name, flux))):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
             ends = (factor * end for end in (row.value, row.low, row.high))
             value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
-            if row.group != groups[0]:
-                cells[row.method, f"{row.group} {row.metric}"] = value
-                continue
-            has_ends = row.metric.startswith(("median", "mean_epe_px")) and row.low == row.low
-            cells[row.method, row.metric] = f"{value}\n{low}…{high}" if has_ends else value
+            if row.group == undisturbed:
+                has_ends = row.metric in (MEDIAN, MEAN) and row.low == row.low
+                cell = f"{value}\n{low}…{high}" if has_ends else value
+                cells[row.method, heads.get(row.metric, "")] = cell
+            elif row.metric == MEAN:
+                cells[row.method, f"{row.group}\nmean px"] = value
         table = Table(box=SIMPLE, padding=(0, 1))
         table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
-        disturbed = {f"{group} {MEAN}": f"{group}\nmean px" for group in groups[1:]}
-        known = [name for name in heads | disturbed if any(name in key for key in cells)]
-        for name in known:
-            table.add_column((heads | disturbed)[name], justify="right")
-        for method in (detector.name for detector in board.detectors):
-            table.add_row(method, *(cells.get((method, name), _UNKNOWN) for name in known))
+        known = [column for column in columns if column in {place for _, place in cells}]
+        for column in known:
+            table.add_column(column, justify="right")
+        for method in board.by_scene["method"].unique():
+            table.add_row(method, *(cells.get((method, column), "–") for column in known))
         console.print(table)
 
 
@@ -247,10 +214,9 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
 )
 def _photons(options: Namespace) -> object:
     is_sweep = options.dataset.suffix in (".yaml", ".yml") and not options.dataset.is_dir()
-    unused = ("redo", "scheduler") if is_sweep else _OF_SWEEPS
-    for name in unused:
+    kind = "a dataset" if is_sweep else "a sweep"
+    for name in ("redo", "scheduler") if is_sweep else ("allow_code", "out"):
         if getattr(options, name):
-            kind = "a dataset" if is_sweep else "a sweep"
             raise UserError(f"benchmark photons: --{name.replace('_', '-')} is for {kind}; omit it")
     if not is_sweep:
         run_later_stage("benchmark", options)
@@ -258,9 +224,9 @@ def _photons(options: Namespace) -> object:
     from megalopta.benchmark.trial import load_sweep
     from megalopta.reproduction.sweep_figure import reproduce_sweep
 
-    path, out = options.dataset, options.out or Path("out/sweeps")
-    sweep = load_sweep(path, options.overrides, options.allow_code)
-    return reproduce_sweep(path.stem, sweep, out, options.workers)
+    sweep = load_sweep(options.dataset, options.overrides, options.allow_code)
+    out = options.out or Path("out/sweeps")
+    return reproduce_sweep(options.dataset.stem, sweep, out, options.workers)
 
 
 @verb(
@@ -282,19 +248,12 @@ def _sequence(options: Namespace) -> Path:
     "score methods, or flow files of any program, on pictures as they are, without photons",
     option(
         "flows FLOW",
-        "folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
-        "out as the truth is, with the expected error (px) of NAME.flo in NAME.uncertainty.npy, "
-        "if it is stated; or a method to run on the truth's pictures: a name such as DIS, "
-        "module:function or an ONNX file; several are compared",
+        "folders of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid out as "
+        "the truth, with NAME.uncertainty.npy (px) beside NAME.flo if known; or methods to run on "
+        "the truth's pictures: names such as DIS, module:function or ONNX files",
         nargs="+",
     ),
-    option(
-        "--truth",
-        "folder of the true flow: a dataset, a sealed truth, or one of Sintel, KITTI, "
-        "Middlebury, Spring or FlyingChairs",
-        Path,
-        required=True,
-    ),
+    option("--truth", "dataset, sealed truth or another folder of true flow", Path, required=True),
     option("--inputs", "published inputs of a sealed truth (default: 'inputs' next to it)", Path),
     _PNG_SCALE,
     option("--program", "name of the program that wrote it (default: its folder's name)"),

@@ -43,7 +43,7 @@ def test_shadow_covers_a_third_of_the_frame_at_60_percent():
 def test_dispersed_counts_have_a_variance_of_d_times_their_mean(factor):
     """Of 86 400 pixels of mean 10 the standard errors are below 1 and 2 %; 5 σ."""
     clip = FlowClip("flat", MEANS / 10, np.zeros((180, 240, 2)))
-    counts = clip.counts(10.0, 0, (), disturbance(f"dispersion {factor}")).astype(float)
+    counts = clip.counts(10.0, 0, disturbance(f"dispersion {factor}")).astype(float)
     assert counts.mean() == pytest.approx(10, abs=5 * np.sqrt(10 * factor / counts.size))
     assert counts.var() == pytest.approx(10 * factor, rel=0.05)
 
@@ -74,4 +74,4 @@ def test_names_have_amounts_or_defaults():
 
 def test_without_a_disturbance_photons_are_as_before():
     clip = FlowClip("flat", MEANS / 10, np.zeros((180, 240, 2)))
-    np.testing.assert_array_equal(clip.counts(3.0, 0), clip.counts(3.0, 0, (), None))
+    np.testing.assert_array_equal(clip.counts(3.0, 0), clip.counts(3.0, 0, None))

@@ -117,7 +117,7 @@ def test_lights_in_which_rendering_noise_rivals_shot_noise_are_marked(grating, t
     words = ["--methods", "BM", "--repeats", "1", "--fluxes", dim, bright]
     cli.main(["benchmark", "sequence", str(grating), "--out", str(tmp_path), *words])
     facts = RankingFacts.model_validate_json((tmp_path / "ranking.json").read_text())
-    assert facts.noisy_fluxes == (float(bright),)
+    assert facts.noisy_fluxes == [float(bright)]
     rows = pd.read_csv(tmp_path / "ranking.csv")
     shares = rows.groupby("photons")["rendering_noise"].first()
     np.testing.assert_allclose(shares, (0.05, 0.2), rtol=0.25)

@@ -49,7 +49,8 @@ def tree(tmp_path):
 
 
 def submit(capsys, truth, flow, *words):
-    cli.main(["benchmark", "submit", "--truth", str(truth), str(flow), *map(str, words)])
+    words = truth.parent / "scores.json", "--truth", truth, flow, *words
+    cli.main(["benchmark", "submit", "--out", *map(str, words)])
     return capsys.readouterr().out
 
 

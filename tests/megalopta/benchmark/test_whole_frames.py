@@ -64,16 +64,16 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
     assert board.parts() == {None: "rolled"}
     motion = np.hypot(2, 1)
-    for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
-        found = board.by_scene().xs(detector.name, level="method")[list(BASIC)]
+    for detector, error in zip(methods, (0, motion, motion), strict=True):
+        found = board.by_scene.set_index("method").loc[detector.name, list(BASIC)]
         np.testing.assert_allclose(found, [[error, error, 0]] * 2)
 
 
 def values(board):
     """The mean of every metric of the only method and flux, but for processor time."""
-    (row,) = board.by_scene().to_dict("records")
+    (row,) = board.by_scene.to_dict("records")
     del row[SECONDS]
-    return {name: value for name, value in row.items() if np.isfinite(value)}
+    return {name: row[name] for name in METRICS if np.isfinite(row.get(name, np.nan))}
 
 
 def test_a_third_of_pixels_far_off_shows_in_mean_and_share_not_in_the_median(clip):
@@ -85,7 +85,7 @@ def test_a_third_of_pixels_far_off_shows_in_mean_and_share_not_in_the_median(cli
         return flow
 
     board = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
-    assert means(board.samples)["low"].isna().all()  # one scene tells no spread
+    assert means(board.samples(None, 3.0))["low"].isna().all()  # one scene tells no spread
     # an error of 10 px is beyond all limits; all pixels move by √5 px; what is hidden is unknown
     third = dict.fromkeys(
         (name for name in METRICS if "beyond" in name or name == "fl_share"), 1 / 3
@@ -318,15 +318,15 @@ def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
         clips = clips_without_truth(pairs, detector_from(moves))
-        board = frame_errors(clips, methods, (3.0, 10.0), 2, with_others=True)
-    assert list(board.samples["unit"].unique()) == ["walk 0", "walk 1", "walk 2"]
+        board = frame_errors(clips, methods, (3.0, 10.0), 2)
+    assert list(board.by_scene["unit"].unique()) == ["walk 0", "walk 1", "walk 2"]
     length = np.hypot(*MOTION)
     expected = {"moves": (0, length)}
     expected |= dict.fromkeys(("stays", "says_nothing"), (length, length / 2))
-    by_scene = board.by_scene()
+    by_scene = board.by_scene[board.by_scene["photons"] == 10].set_index("method")
     for method, both in expected.items():
-        found = by_scene.xs((method, 10.0), level=("method", "photons"))
-        np.testing.assert_allclose(found[[MEAN, FROM_OTHERS]], [both] * 3, atol=1e-6)
+        found = by_scene.loc[method, [MEAN, FROM_OTHERS]]
+        np.testing.assert_allclose(found, [both] * 3, atol=1e-6)
 
 
 def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys):
@@ -358,7 +358,7 @@ def test_pairs_without_contrast_are_left_out(folder, capsys):
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
         board = frame_errors(clips_without_truth(pairs, "DIS"), ["BM"], (1000.0,))
-        assert list(board.samples["unit"].unique()) == ["walk 1", "walk 2"]
+        assert list(board.by_scene["unit"].unique()) == ["walk 1", "walk 2"]
         assert "walk 0: no contrast" in capsys.readouterr().err
         with pytest.raises(ValueError, match="no pair with texture"):
             frame_errors(clips_without_truth({"walk 0": pairs["walk 0"]}, "DIS"), ["BM"])
