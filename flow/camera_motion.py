@@ -230,14 +230,10 @@ def camera_motion_with_error(
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
     """Yield the pixels (H, W) of each of the strips, which overlap."""
-    height, width = shape
-    for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
+    y, x = np.indices(shape)
+    for starts, side, place in ((_ACROSS, shape[1], x), (_DOWN, shape[0], y)):
         for start in starts:
-            strip = [slice(None), slice(None)]
-            strip[axis] = slice(round(start * side), round((start + _PART) * side))
-            part = np.zeros(shape, np.bool_)
-            part[tuple(strip)] = True
-            yield part
+            yield (place >= round(start * side)) & (place < round((start + _PART) * side))
 
 
 def _at_pixels(inverse_depth: Floats, shape: tuple[int, ...]) -> Floats:
@@ -305,13 +301,11 @@ class _Search:
             raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
         if not np.ptp(counts) or roots.has_dark_frame(counts):
             raise ValueError("frames, or one of them, have no contrast; give textured frames")
-        y, x = np.meshgrid(
-            *(
-                np.minimum(roots.NODE_PX * (np.arange(-(-side // roots.NODE_PX)) + 0.5), side - 0.5)
-                for side in (height, width)
-            ),
-            indexing="ij",
+        columns, rows = (
+            np.minimum(roots.NODE_PX * (np.arange(-(-side // roots.NODE_PX)) + 0.5), side - 0.5)
+            for side in (width, height)
         )
+        x, y = np.meshgrid(columns, rows)
         nodes = np.stack((x, y), axis=-1)
         toward = camera.toward(nodes)
 
@@ -361,11 +355,11 @@ class _Search:
 
     def excess(self, motion: _Motion, best: _Motion) -> float:
         """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
-        misfits, at_its_depth = [], self._stepped(motion, _DEPTH_STEPS, held=True).motion
+        misfits, noise = [], 2 * (len(self.times) - 1) * self.level.noise
+        at_its_depth = self._stepped(motion, _DEPTH_STEPS, held=True).motion
         for compared in (at_its_depth, best):
-            aligned, inside = alignment.aligned_frames(self.level, self._places(compared))
+            aligned, inside, _ = alignment.aligned_frames(self.level, self._places(compared))
             squares = 2 * len(aligned) * gaussian_filter(aligned.var(axis=0), _AROUND_PX)
-            noise = 2 * (len(aligned) - 1) * self.level.noise
             misfits.append(np.where(inside, noise * roots.misfit(squares / noise), np.nan))
         return float(np.nansum(misfits[0] - misfits[1]))
 
@@ -404,11 +398,9 @@ class _Search:
         """
         heading, inverse_depth = motion.heading, motion.inverse_depth
         evidence = self.evidence(motion)
-        xx, xy, yy = alignment.to_nodes(evidence.information)
-        information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
-        slopes = np.stack(
-            [np.moveaxis(alignment.to_nodes(slope), 0, -1) for slope in evidence.slope]
-        )
+        information = np.moveaxis(alignment.to_nodes(evidence.information), 0, -1)
+        information = information[..., [[0, 1], [1, 2]]]
+        slopes = np.moveaxis([alignment.to_nodes(slope) for slope in evidence.slope], 1, -1)
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
         heading_flow = inverse_depth[..., np.newaxis, np.newaxis] * (

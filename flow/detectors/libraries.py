@@ -18,6 +18,9 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
+_lock, _threads = Lock(), list[int]()
+"""OpenCV's number of threads, global in a process, before each caller that is on one thread"""
+
 
 class LucasKanade(GrayDetector, frozen=True):
     """Newton search for the shift of a window around the center of each block, coarse to fine.
@@ -72,13 +75,10 @@ class Farneback(DenseDetector, frozen=True):
 
         window = max(1, round(self.window_blocks * grid.block_px))
         # a neighborhood of 5 px, and the width of its weights recommended by OpenCV
-        settings: dict[str, Any] = {"levels": 3, "winsize": window, "iterations": 3, "flags": 0}
-        settings |= {"pyr_scale": 0.5, "poly_n": 5, "poly_sigma": 1.1}
+        how = {"numLevels": 3, "winSize": window, "numIters": 3, "polyN": 5, "polySigma": 1.1}
         # its regularization is an absolute number, for 8-bit pictures
-        first, second = (255 * pair).astype(np.float32)
-        empty: Any = np.empty((*grid.shape, 2), np.float32)
-        with one_thread():
-            return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
+        estimator = cv2.FarnebackOpticalFlow.create(**how)
+        return _calculated(estimator, (255 * pair).astype(np.float32))
 
 
 class DenseInverseSearch(DenseDetector, frozen=True):
@@ -104,29 +104,17 @@ class DenseInverseSearch(DenseDetector, frozen=True):
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV on one thread until the last of nested callers leaves."""
+    """Keep OpenCV on one thread until the last of the callers leaves."""
     import cv2
 
-    with _Callers.lock:
-        if _Callers.inside == 0:
-            _Callers.threads_before = cv2.getNumThreads()
-            cv2.setNumThreads(1)
-        _Callers.inside += 1
+    with _lock:
+        _threads.append(cv2.getNumThreads())
+        cv2.setNumThreads(1)
     try:
         yield
     finally:
-        with _Callers.lock:
-            _Callers.inside -= 1
-            if _Callers.inside == 0:
-                cv2.setNumThreads(_Callers.threads_before)
-
-
-class _Callers:
-    """Counts the callers on one thread: OpenCV's number of threads is global in a process."""
-
-    lock = Lock()
-    inside = 0
-    threads_before = 1
+        with _lock:
+            cv2.setNumThreads(_threads.pop())
 
 
 class TotalVariation(DenseDetector, frozen=True):
@@ -146,8 +134,8 @@ class TotalVariation(DenseDetector, frozen=True):
     def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
         from skimage.registration import optical_flow_tvl1
 
-        down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
-        return np.stack((right, down), axis=-1)
+        down_right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+        return np.moveaxis(down_right[::-1], 0, -1)
 
 
 class DualTotalVariation(DenseDetector, frozen=True):
@@ -267,8 +255,7 @@ class DenseLucasKanade(DenseDetector, frozen=True):
         from skimage.registration import optical_flow_ilk
 
         radius = max(1, round(self.window_blocks * grid.block_px / 2))
-        down, right = optical_flow_ilk(*pair, radius=radius, dtype=np.float64)
-        return np.stack((right, down), axis=-1)
+        return np.moveaxis(optical_flow_ilk(*pair, radius=radius, dtype=np.float64)[::-1], 0, -1)
 
 
 class PhaseCorrelation(GrayDetector, frozen=True):

@@ -9,22 +9,16 @@ toward 0. Where aligned frames differ by more, evidence has proportionally less 
 when small, to its logarithm when large.
 
 **Noise.** Counts may vary by more than shot noise: mismatch of pixels, noise of rendering. At each
-scale they are divided by their dispersion, the variance over the mean that aligned frames show, so
-that they are as sure as Poisson counts of that number (quasi-likelihood).
+scale they are divided by their dispersion, so that they are as sure as Poisson counts of that
+number (quasi-likelihood).
 
 **Light.** Frames may differ in brightness by one factor, or by one that varies over the frame. What
 aligns coarse scales clearly better is taken.
 
-**Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide lies beyond their reach: at all but the coarsest scales, a
-search (`search`) goes first. At the finest, the flow of another method may be proposed.
-
-**Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
-conjugate gradients from the flow so far (`solver`).
-
-**Covariance.** The blocks on the diagonal of the inverse of information plus prior (Laplace's
-approximation). A row of nodes is linked to the rows beside it alone, so these follow exactly from
-two passes, one down and one up (Takahashi's equations).
+**Search.** Newton steps, from the coarsest scale to the finest, follow the likelihood uphill; each
+solves a sparse system (`solver`). What moves by more than its texture is wide lies beyond their
+reach: at all but the coarsest scales, a search (`search`) goes first. At the finest, the flow of
+another method may be proposed.
 
 Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
@@ -55,15 +49,12 @@ it grows as a logarithm"""
 _FEW_PHOTONS, _SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
 `PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
-grows on with more, fitted to the tuning scenes of the benchmark: the likelihood is too sure, as
-interpolation and edges leave more error than photons do. Coarser scales keep moving parts apart."""
+grows on with more, as interpolation and edges leave more error than photons do"""
 _MANY_PHOTONS = 20_000.0
-"""Photons per pixel in all frames above which the prior stays as it is: what frames differ by is no
-longer shot noise, so the evidence does not grow"""
+"""Photons per pixel above which it stays: what frames differ by is no longer shot noise"""
 _NARROWER, _DIM_PHOTONS = 12.0, 60.0
 """Factor of the prior in the covariance in bright light, as most motions are smoother than the
-prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
-and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
+prior allows; photons per pixel in all frames below which it falls. Fitted to tuning scenes"""
 
 _MOST_BINS, _LIGHT_BINS = 16, 8
 """Pixels along a side of the coarsest bins that are searched, and of the finest at which it is
@@ -124,7 +115,7 @@ def flow_and_covariance(
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
     flow, level = _most_likely_flow(counts, smoothness, proposal)
     times = times_from_reference(len(counts))
-    aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
+    aligned = _evidence_of_velocity(level, times, flow)
     photons = counts.sum(axis=0).mean() / level.dispersion
     narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
     weights = _links(flow, narrower * smoothness_of(photons, smoothness))
@@ -165,17 +156,15 @@ def _most_likely_flow(
     times = times_from_reference(len(counts))
     scales = roots.pyramid(roots.without_defects(counts))
     coarse = [scale for scale in scales if scale[1] >= _LIGHT_BINS] or scales[:1]
-    misfits, flows, shares = [], [], (math.inf, _GAIN_SHARE)
-    for share in shares:
-        flow = np.zeros((2, 1, 1))
+    least = math.inf
+    for gain_share in (math.inf, _GAIN_SHARE):
+        start = np.zeros((2, 1, 1))
         for frames, bins in coarse:
-            flow, _ = _at_scale(frames, bins, times, flow, smoothness, share)
-        level = roots.level_of(frames, bins, 1.0, share)
-        places = place_of_pixels(level, times, flow)
-        misfits.append(evidence(level, times[np.newaxis], places).misfit)
-        flows.append(flow)
-    is_uneven = misfits[1] < misfits[0] / (1 + _EVEN)
-    flow, share = flows[is_uneven], shares[is_uneven]
+            start, _ = _at_scale(frames, bins, times, start, smoothness, gain_share)
+        level = roots.level_of(frames, bins, 1.0, gain_share)
+        misfit = _evidence_of_velocity(level, times, start).misfit
+        if misfit < least / (1 + _EVEN) or math.isinf(gain_share):
+            flow, share, least = start, gain_share, misfit
     for frames, bins in scales[len(coarse) :]:
         flow, level = _at_scale(frames, bins, times, flow, smoothness, share, proposal)
     return flow, level
@@ -213,7 +202,7 @@ def dispersion_of(frames: Floats, times: Floats, flow: Floats, gain_share: float
 
     That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
     """
-    level = roots.blurred(frames, _BLUR_PX, 1, 1.0, gain_share)
+    level = roots.level_of(frames, gain_share=gain_share, blur_px=_BLUR_PX)
     aligned, inside, _ = aligned_frames(level, place_of_pixels(level, times, flow))
     squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
     around = gaussian_filter(squares, AGREEMENT_PX) / ((len(times) - 1) * level.noise)
@@ -231,7 +220,7 @@ def _middle(level: Level) -> Level:
 def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
     """Return a flow at nodes, (2, n, m), after steps toward the most likely one."""
     for _ in range(steps):
-        aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
+        aligned = _evidence_of_velocity(level, times, flow)
         xx, xy, yy = information = to_nodes(aligned.products[0] * aligned.information)
         x, y = flow
         target = to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
@@ -290,6 +279,10 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
+def _evidence_of_velocity(level: Level, times: Floats, flow: Floats) -> Evidence:
+    return evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
+
+
 # Prior
 
 
@@ -345,27 +338,25 @@ def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def node_covariance(information: Floats, weights: Links) -> Floats:
     """Return the covariances (3, n, m) of nodes, px²: xx, xy, yy; some node has information.
 
-    `information` (3, n, m) and weights as for `most_likely`.
+    `information` (3, n, m) and weights as for `most_likely`. The blocks on the diagonal of the
+    inverse of information plus prior (Laplace's approximation). A row of nodes is linked to the
+    rows beside it alone, so two passes, down and up, give them exactly (Takahashi's equations).
     """
     right, below = weights
     if information.shape[1] < information.shape[2]:  # blocks of the shorter side
-        return node_covariance(information.transpose(0, 2, 1), (below.T, right.T)).transpose(
-            0, 2, 1
-        )
+        turned = node_covariance(information.swapaxes(1, 2), (below.T, right.T))
+        return turned.swapaxes(1, 2)
     rows, width = information.shape[1:]
-    node = np.arange(width)
-    down = np.pad(np.tile(below, 2), ((1, 1), (0, 0)))  # of both components
+    down = np.pad(np.tile(below, 2), ((1, 1), (0, 0)))
     # inverse of each row, given all above
     above: list[Floats] = []
     for row in range(rows):
         xx, xy, yy = information[:, row]
-        beside, vertical = right[row], down[row] + down[row + 1]
-        pull = np.pad(beside, (1, 0)) + np.pad(beside, (0, 1))
-        # the matrix of a row, x of all nodes before y
-        block = np.diag(np.concatenate((xx + pull, yy + pull)) + vertical)
-        block[node, node + width] = block[node + width, node] = xy
-        for first in (node[:-1], node[:-1] + width):
-            block[first, first + 1] = block[first + 1, first] = -beside
+        beside = np.tile(np.pad(right[row], (0, 1)), 2)  # of both components, x before y
+        pull = beside + np.roll(beside, 1) + (down[row] + down[row + 1])
+        block = np.diag(np.concatenate((xx, yy)) + pull)
+        for values, places in ((-beside[:-1], 1), (xy, width)):
+            block += np.diag(values, places) + np.diag(values, -places)
         if row:
             block -= down[row][:, np.newaxis] * above[-1] * down[row]
         above.append(np.asarray(np.linalg.inv(block), np.float64))

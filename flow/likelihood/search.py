@@ -45,9 +45,8 @@ def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
     `level`: of the two frames in the middle of so many: in frames farther apart, a fraction of a
     pixel is many.
     """
-    reach = _REACH_PX
-    if level.bins >= _COARSE_BINS:
-        reach = max(reach, round(_REACH_SHARE * max(level.roots.shape[1:])))
+    share = _REACH_SHARE if level.bins >= _COARSE_BINS else 0
+    reach = max(_REACH_PX, round(share * max(level.roots.shape[1:])))
     leaving = _LEAVING * (frames - 1)
     back = level._replace(roots=level.roots[::-1], splines=level.splines[::-1])
     displaced = _displaced(level, flow, reach, leaving)
@@ -95,20 +94,19 @@ def equal_roots(level: Level, flow: Floats) -> Singles:
 
 def _displaced(level: Level, flow: Floats, reach: int, leaving: float) -> Floats:
     """Return the flow with whole displacements up to a reach."""
-    area = NODE_PX**2
     aligned, inside, gains = aligned_frames(level, place_of_pixels(level, _THERE, flow))
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
-    seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
-    now = to_nodes(squares[np.newaxis])[0] * area / seen
-    # how well the flow so far explains the second frame around each node, 0 to 1
+    # how well the flow so far explains the second frame, 0 to 1
     *_, from_second = place_of_pixels(level, -_THERE, flow)
     around = gaussian_filter(squares, AGREEMENT_PX) / level.noise
-    at_second = map_coordinates(around, from_second, order=1, mode="nearest")
-    explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
-    side = 2 * reach + 1
+    explained = np.clip(2 - map_coordinates(around, from_second, order=1, mode="nearest"), 0, 1)
+    now, seen, explained = to_nodes(np.stack((squares, inside, explained)))
+    area, side = NODE_PX**2, 2 * reach + 1
+    now *= area / np.maximum(seen, 1)
     costs = np.empty((*now.shape, side**2 + 1), np.float32)
     equal = np.asarray(level.roots * gains, np.float32)
-    messages.fill_costs(equal, now, area * level.noise, leaving, _CLAIM * explained, costs)
+    claims = _CLAIM / area * explained
+    messages.fill_costs(equal, now, area * level.noise, leaving, claims, costs)
     total = costs.copy()
     messages.add_messages(costs, flow, total)
     best = total.argmin(axis=-1)
