@@ -463,11 +463,12 @@ class _Search:
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
         """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""
-        first, second = dense_flow.links(inverse_depth.shape)
+        node = np.arange(inverse_depth.size).reshape(inverse_depth.shape)
+        first = np.concatenate((node[:, :-1].ravel(), node[:-1].ravel()))
+        second = np.concatenate((node[:, 1:].ravel(), node[1:].ravel()))
         change = scale_px * (inverse_depth.ravel()[second] - inverse_depth.ravel()[first])
         weights = dense_flow.link_weights(self.smoothness, change**2)
-        rows = np.concatenate((first, second, first, second))
-        columns = np.concatenate((first, second, second, first))
-        values = scale_px**2 * np.concatenate((weights, weights, -weights, -weights))
-        form = coo_array((values, (rows, columns)), shape=(inverse_depth.size,) * 2)
+        places = np.hstack(((first, first), (second, second), (first, second), (second, first)))
+        values = np.outer((1, 1, -1, -1), scale_px**2 * weights).ravel()
+        form = coo_array((values, tuple(places)), shape=(node.size,) * 2)
         return float((weights * change**2).sum()), form

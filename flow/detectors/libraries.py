@@ -277,9 +277,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
         from skimage.registration import phase_cross_correlation
 
         window = np.outer(*(tukey(side, 0.5) for side in grid.shape))
-        first, second = (window * (frame - frame.mean()) for frame in pair)
+        faded = (window * (frame - frame.mean()) for frame in pair)
         # The returned shift, in steps of 1/20 px, registers the second frame to the first.
-        shift, *_ = phase_cross_correlation(
-            first, second, upsample_factor=20, normalization="phase"
-        )
+        shift, *_ = phase_cross_correlation(*faded, upsample_factor=20, normalization="phase")
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))

@@ -43,12 +43,12 @@ def times_from_reference(frames: int) -> Floats:
     return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
 
 
-def place_of_pixels(level: Level, times: Floats, flow: Floats) -> Iterator[Floats]:
-    """Yield the places (2, H, W) at each time of the content of pixels, given a flow at nodes."""
+def place_of_pixels(level: Level, flow: Floats) -> Iterator[Floats]:
+    """Yield the places (2, H, W) in each frame of the content of pixels, given a flow at nodes."""
     shape = level.roots.shape[1:]
     pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
     motion = finer(flow, shape, NODE_PX)[::-1]
-    return (pixels + time * motion for time in times)
+    return (pixels + time * motion for time in times_from_reference(len(level.roots)))
 
 
 def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:

@@ -114,8 +114,7 @@ def flow_and_covariance(
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
     flow, level = _most_likely_flow(counts, smoothness, proposal)
-    times = times_from_reference(len(counts))
-    aligned = _evidence_of_velocity(level, times, flow)
+    aligned = _evidence_of_velocity(level, flow)
     photons = counts.sum(axis=0).mean() / level.dispersion
     narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
     weights = _links(flow, narrower * smoothness_of(photons, smoothness))
@@ -143,9 +142,8 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
     level = roots.level_of(roots.halved(counts.astype(np.float64)), bins)
     sums = to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
     pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
-    times = times_from_reference(len(counts))
     weight = bins * smoothness_of(counts.sum(axis=0).mean(), smoothness)
-    better = _newton(level, times, sums / (bins * pixels), weight, steps=1)
+    better = _newton(level, sums / (bins * pixels), weight, steps=1)
     return bins * np.moveaxis(finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
@@ -153,27 +151,25 @@ def _most_likely_flow(
     counts: NDArray[Any], smoothness: float, proposal: Proposal | None
 ) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
-    times = times_from_reference(len(counts))
     scales = roots.pyramid(roots.without_defects(counts))
     coarse = [scale for scale in scales if scale[1] >= _LIGHT_BINS] or scales[:1]
     least = math.inf
     for gain_share in (math.inf, _GAIN_SHARE):
         start = np.zeros((2, 1, 1))
         for frames, bins in coarse:
-            start, _ = _at_scale(frames, bins, times, start, smoothness, gain_share)
+            start, _ = _at_scale(frames, bins, start, smoothness, gain_share)
         level = roots.level_of(frames, bins, 1.0, gain_share)
-        misfit = _evidence_of_velocity(level, times, start).misfit
+        misfit = _evidence_of_velocity(level, start).misfit
         if misfit < least / (1 + _EVEN) or math.isinf(gain_share):
             flow, share, least = start, gain_share, misfit
     for frames, bins in scales[len(coarse) :]:
-        flow, level = _at_scale(frames, bins, times, flow, smoothness, share, proposal)
+        flow, level = _at_scale(frames, bins, flow, smoothness, share, proposal)
     return flow, level
 
 
 def _at_scale(
     frames: Floats,
     bins: int,
-    times: Floats,
     coarser: Floats,
     smoothness: float,
     gain_share: float,
@@ -182,30 +178,30 @@ def _at_scale(
     """Return the flow at nodes of a scale, given that of the next coarser one, and its level."""
     nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
     flow, is_first = 2 * finer(coarser, nodes, 2), coarser.size == 2
-    dispersion = 1.0 if is_first else dispersion_of(frames, times, flow, gain_share)
+    dispersion = 1.0 if is_first else dispersion_of(frames, flow, gain_share)
     level = roots.level_of(frames, bins, dispersion, gain_share)
     most = 1.0 if bins > 1 else math.inf
     photons = frames.sum(axis=0).mean() / bins**2 / dispersion
     weight = bins * smoothness_of(photons, smoothness, most)
     if is_first:
-        flow = _newton(level, times, flow, weight, _FIRST_STEPS)
+        flow = _newton(level, flow, weight, _FIRST_STEPS)
     if bins == 1 and proposal is not None:
         there_and_back = (np.nan_to_num(np.moveaxis(motion, -1, 0)) for motion in proposal)
         flow = search.with_proposal(_middle(level), flow, *there_and_back)
     if bins <= _MOST_BINS:
         flow = search.with_large_motion(_middle(level), len(frames), flow)
-    return _newton(level, times, flow, weight, _NEWTON_STEPS), level
+    return _newton(level, flow, weight, _NEWTON_STEPS), level
 
 
-def dispersion_of(frames: Floats, times: Floats, flow: Floats, gain_share: float) -> float:
+def dispersion_of(frames: Floats, flow: Floats, gain_share: float) -> float:
     """Return the variance of counts (n, H, W) over their mean, 1 or more, given a flow nearby.
 
     That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
     """
     level = roots.level_of(frames, gain_share=gain_share, blur_px=_BLUR_PX)
-    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, times, flow))
+    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, flow))
     squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
-    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(times) - 1) * level.noise)
+    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(frames) - 1) * level.noise)
     if not inside.any():
         return 1.0
     return max(1.0, float(np.percentile(around[inside], _STEADIEST_PERCENT) / _OF_NOISE))
@@ -217,10 +213,10 @@ def _middle(level: Level) -> Level:
     return level._replace(roots=level.roots[pair], splines=level.splines[pair])
 
 
-def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
+def _newton(level: Level, flow: Floats, smoothness: float, steps: int) -> Floats:
     """Return a flow at nodes, (2, n, m), after steps toward the most likely one."""
     for _ in range(steps):
-        aligned = _evidence_of_velocity(level, times, flow)
+        aligned = _evidence_of_velocity(level, flow)
         xx, xy, yy = information = to_nodes(aligned.products[0] * aligned.information)
         x, y = flow
         target = to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
@@ -279,8 +275,9 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     )
 
 
-def _evidence_of_velocity(level: Level, times: Floats, flow: Floats) -> Evidence:
-    return evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
+def _evidence_of_velocity(level: Level, flow: Floats) -> Evidence:
+    times = times_from_reference(len(level.roots))
+    return evidence(level, times[np.newaxis], place_of_pixels(level, flow))
 
 
 # Prior
@@ -322,14 +319,6 @@ def most_likely(
     matrix = np.stack((xx + _LEAST, xy, yy + _LEAST, right, down))
     solver.improve(matrix, slope, velocities, inexact * xx.size)
     return velocities
-
-
-def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return both nodes of all links of a grid, (links,) each: to the right, then downward."""
-    index = np.arange(int(np.prod(shape))).reshape(shape)
-    first = np.concatenate((index[:, :-1].ravel(), index[:-1].ravel()))
-    second = np.concatenate((index[:, 1:].ravel(), index[1:].ravel()))
-    return first, second
 
 
 # Covariance

@@ -36,7 +36,6 @@ AGREES_PX = 1.5
 """Distance from the start after a motion and the motion back below which they agree"""
 _BETTER, _BETTER_NODES = 1.0, 2.0
 """Misfit of a node by which a proposal must be better, and the neighborhood of nodes that tells"""
-_THERE = np.array([0.0, 1.0])
 
 
 def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
@@ -68,7 +67,7 @@ def with_proposal(level: Level, flow: Floats, proposal: Floats, returned: Floats
     proposed = to_nodes(proposal) / seen
     misfits = []
     for motion in (flow, proposed):
-        aligned, inside, _ = aligned_frames(level, place_of_pixels(level, _THERE, motion))
+        aligned, inside, _ = aligned_frames(level, place_of_pixels(level, motion))
         around = gaussian_filter((aligned[1] - aligned[0]) ** 2 / 2, 1.0) / level.noise
         misfit = np.where(inside, roots.misfit(around), roots.MOST_NOISE)
         misfits.append(to_nodes(misfit[np.newaxis]))
@@ -88,16 +87,16 @@ def sharp_flow(level: Level, flow: Floats) -> Floats:
 
 def equal_roots(level: Level, flow: Floats) -> Singles:
     """Return the roots of two frames (2, H, W), equally bright given a flow at nodes nearby."""
-    _, _, gains = aligned_frames(level, place_of_pixels(level, _THERE, flow))
+    _, _, gains = aligned_frames(level, place_of_pixels(level, flow))
     return np.asarray(level.roots * gains, np.float32)
 
 
 def _displaced(level: Level, flow: Floats, reach: int, leaving: float) -> Floats:
     """Return the flow with whole displacements up to a reach."""
-    aligned, inside, gains = aligned_frames(level, place_of_pixels(level, _THERE, flow))
+    aligned, inside, gains = aligned_frames(level, place_of_pixels(level, flow))
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
     # how well the flow so far explains the second frame, 0 to 1
-    *_, from_second = place_of_pixels(level, -_THERE, flow)
+    *_, from_second = place_of_pixels(level, -flow)
     around = gaussian_filter(squares, AGREEMENT_PX) / level.noise
     explained = np.clip(2 - map_coordinates(around, from_second, order=1, mode="nearest"), 0, 1)
     now, seen, explained = to_nodes(np.stack((squares, inside, explained)))
