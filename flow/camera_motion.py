@@ -205,11 +205,8 @@ def camera_motion_with_error(
     variance_deg2 = _MODEL * dispersion * np.degrees(1) ** 2 * vectors**2
     variance_deg2 = (variance_deg2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
     near = _at_pixels(best.motion.inverse_depth, shape)
-    layers = (
-        near > np.quantile(near, 1 - _PART),
-        near > threshold_otsu(near),
-        near < np.quantile(near, _PART),
-    )
+    low, high = np.quantile(near, (_PART, 1 - _PART))
+    layers = near > high, near > threshold_otsu(near), near < low
     is_dim = counts.sum(axis=0).mean() < _ENOUGH_PHOTONS
     changes = [np.zeros(4)]  # of the rotation about each axis, and of the heading
     for part in (*_strips(shape), *layers):
@@ -311,10 +308,8 @@ class _Search:
 
         def flow_of(changes: list[Floats]) -> Floats:
             """Flow of each change of the directions of nodes, (n, m, 2, changes), px."""
-            flows = [
-                camera.displacement(toward + _SMALL * change, nodes) / _SMALL for change in changes
-            ]
-            return np.nan_to_num(np.stack(flows, axis=-1))
+            moved = [camera.displacement(toward + _SMALL * change, nodes) for change in changes]
+            return np.nan_to_num(np.stack(moved, axis=-1) / _SMALL)
 
         dense = dense_flow.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
@@ -367,7 +362,7 @@ class _Search:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
         depth_flow = self.translation_flow @ heading
         power = (depth_flow**2).sum(axis=-1)
-        power = power + _RIDGE * power.mean()
+        power += _RIDGE * power.mean()
         inverse_depth, weight = np.zeros(power.shape), used.astype(np.float64)
         for _ in range(_FITS):
             root = np.sqrt(weight)[..., np.newaxis]
@@ -403,12 +398,8 @@ class _Search:
         slopes = np.moveaxis([alignment.to_nodes(slope) for slope in evidence.slope], 1, -1)
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
-        heading_flow = inverse_depth[..., np.newaxis, np.newaxis] * (
-            self.translation_flow @ sideways
-        )
-        motion_flow = np.concatenate(
-            (self.rotation_flow, heading_flow, self.rotation_flow), axis=-1
-        )
+        turn, near = self.rotation_flow, inverse_depth[..., np.newaxis, np.newaxis]
+        motion_flow = np.concatenate((turn, near * (self.translation_flow @ sideways), turn), -1)
         depth_flow = self.translation_flow @ heading
         scale_px = float(np.sqrt((depth_flow**2).sum(axis=-1).mean()))  # of flow per inverse depth
         prior_cost, prior = self._depth_prior(inverse_depth, scale_px)

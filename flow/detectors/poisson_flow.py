@@ -73,8 +73,8 @@ class PoissonFlow(_FlowOfCounts, frozen=True):
 
 def _proposal(counts: Frames) -> tuple[Floats, Floats]:
     """Return the flow of DIS between the two frames in the middle of counts, and back."""
-    first, second = counts[len(counts) // 2 - 1 : len(counts) // 2 + 1]
-    return _DIS.dense(first, second), _DIS.dense(second, first)
+    pair = counts[len(counts) // 2 - 1 : len(counts) // 2 + 1]
+    return np.moveaxis(_DIS.dense(*pair), -1, 0), np.moveaxis(_DIS.dense(*pair[::-1]), -1, 0)
 
 
 class PooledFlow(PooledFrames, PoissonFlow, frozen=True):

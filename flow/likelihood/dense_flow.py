@@ -81,8 +81,7 @@ Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
 
 Proposal = tuple[Floats, Floats]
-"""Flow (H, W, 2) of another method from the first of the two frames in the middle to the second,
-and back; NaN where unknown"""
+"""Flow (2, H, W) of another method between the two frames in the middle, and back; NaN: unknown"""
 
 
 def likelihood_flow(
@@ -122,7 +121,7 @@ def flow_and_covariance(
     at_nodes = node_covariance(information, weights)
     xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
     pixels = search.sharp_flow(_middle(level), flow)
-    distance = round_trip(pixels, np.moveaxis(proposal[1], -1, 0))
+    distance = round_trip(pixels, proposal[1])
     squares = np.where(np.isfinite(distance), distance, np.hypot(*pixels)) ** 2
     around = gaussian_filter(squares, AGREEMENT_PX)
     added = np.maximum(0, around - _OF_WAY_BACK * np.median(around)) / 2
@@ -186,8 +185,7 @@ def _at_scale(
     if is_first:
         flow = _newton(level, flow, weight, _FIRST_STEPS)
     if bins == 1 and proposal is not None:
-        there_and_back = (np.nan_to_num(np.moveaxis(motion, -1, 0)) for motion in proposal)
-        flow = search.with_proposal(_middle(level), flow, *there_and_back)
+        flow = search.with_proposal(_middle(level), flow, *proposal)
     if bins <= _MOST_BINS:
         flow = search.with_large_motion(_middle(level), len(frames), flow)
     return _newton(level, flow, weight, _NEWTON_STEPS), level
@@ -336,6 +334,7 @@ def node_covariance(information: Floats, weights: Links) -> Floats:
         turned = node_covariance(information.swapaxes(1, 2), (below.T, right.T))
         return turned.swapaxes(1, 2)
     rows, width = information.shape[1:]
+    node = np.arange(2 * width)
     down = np.pad(np.tile(below, 2), ((1, 1), (0, 0)))
     # inverse of each row, given all above
     above: list[Floats] = []
@@ -344,8 +343,8 @@ def node_covariance(information: Floats, weights: Links) -> Floats:
         beside = np.tile(np.pad(right[row], (0, 1)), 2)  # of both components, x before y
         pull = beside + np.roll(beside, 1) + (down[row] + down[row + 1])
         block = np.diag(np.concatenate((xx, yy)) + pull)
-        for values, places in ((-beside[:-1], 1), (xy, width)):
-            block += np.diag(values, places) + np.diag(values, -places)
+        for values, apart in ((-beside[:-1], 1), (xy, width)):
+            block[node[apart:], node[:-apart]] = block[node[:-apart], node[apart:]] = values
         if row:
             block -= down[row][:, np.newaxis] * above[-1] * down[row]
         above.append(np.asarray(np.linalg.inv(block), np.float64))
