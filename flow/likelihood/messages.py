@@ -48,8 +48,13 @@ def fill_costs(
             last = max(first, min(width, width - right))
             squares[:] = 0
             for i in range(max(NODE_PX * y, -down), min(NODE_PX * (y + 1), height, height - down)):
-                second = pair[1, i + down, first + right : last + right]
-                _add_squares(pair[0, i, first:last], second, squares[first:last])
+                here, there = (
+                    pair[0, i, first:last],
+                    pair[1, i + down, first + right : last + right],
+                )
+                total = squares[first:last]
+                for x in range(len(total)):
+                    total[x] += (there[x] - here[x]) ** 2
             tall = _overlap(height, down, y)
             row = min(max(y + (down + NODE_PX // 2) // NODE_PX, 0), rows - 1)
             for x in range(columns):
@@ -67,13 +72,6 @@ def _overlap(length: int, shift: int, node: int) -> int:
     """Return how many of the pixels of a node along an axis are also in the displaced frame."""
     first = max(NODE_PX * node, -shift)
     return max(0, min(NODE_PX * (node + 1), length, length - shift) - first)
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _add_squares(first: Singles, second: Singles, squares: Singles) -> None:
-    for x in range(len(squares)):
-        difference = second[x] - first[x]
-        squares[x] += difference * difference
 
 
 @compiled
