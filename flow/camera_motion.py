@@ -395,7 +395,8 @@ class _Search:
         evidence = self.evidence(motion)
         information = np.moveaxis(alignment.to_nodes(evidence.information), 0, -1)
         information = information[..., [[0, 1], [1, 2]]]
-        slopes = np.moveaxis([alignment.to_nodes(slope) for slope in evidence.slope], 1, -1)
+        at_nodes = np.stack([alignment.to_nodes(slope) for slope in evidence.slope])
+        slopes = np.moveaxis(at_nodes, 1, -1)
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
         turn, near = self.rotation_flow, inverse_depth[..., np.newaxis, np.newaxis]

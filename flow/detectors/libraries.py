@@ -74,10 +74,8 @@ class Farneback(DenseDetector, frozen=True):
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
-        # a neighborhood of 5 px, and the width of its weights recommended by OpenCV
-        how = {"numLevels": 3, "winSize": window, "numIters": 3, "polyN": 5, "polySigma": 1.1}
         # its regularization is an absolute number, for 8-bit pictures
-        estimator = cv2.FarnebackOpticalFlow.create(**how)
+        estimator = cv2.FarnebackOpticalFlow.create(numLevels=3, winSize=window, numIters=3)
         return _calculated(estimator, (255 * pair).astype(np.float32))
 
 

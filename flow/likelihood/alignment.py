@@ -78,4 +78,5 @@ def round_trip(there: Floats, back: Floats) -> Floats:
     ends = np.mgrid[: there.shape[1], : there.shape[2]] + there[::-1]
     places = np.nan_to_num(ends, nan=-1)
     returned = [map_coordinates(part, places, order=1, cval=math.inf) for part in back]
-    return np.nan_to_num(np.hypot(*(there + returned)), nan=math.inf, posinf=math.inf)
+    distance = np.hypot(*(there + returned))
+    return np.where(np.isfinite(distance), distance, math.inf)

@@ -48,13 +48,10 @@ def fill_costs(
             last = max(first, min(width, width - right))
             squares[:] = 0
             for i in range(max(NODE_PX * y, -down), min(NODE_PX * (y + 1), height, height - down)):
-                here, there = (
-                    pair[0, i, first:last],
-                    pair[1, i + down, first + right : last + right],
-                )
-                total = squares[first:last]
-                for x in range(len(total)):
-                    total[x] += (there[x] - here[x]) ** 2
+                second = pair[1, i + down, first + right : last + right]
+                total, here = squares[first:last], pair[0, i, first:last]
+                for x in range(last - first):
+                    total[x] += (second[x] - here[x]) ** 2
             tall = _overlap(height, down, y)
             row = min(max(y + (down + NODE_PX // 2) // NODE_PX, 0), rows - 1)
             for x in range(columns):

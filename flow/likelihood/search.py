@@ -63,7 +63,8 @@ def with_proposal(level: Level, flow: Floats, proposal: Floats, returned: Floats
     (2, H, W).
     """
     seen = to_nodes(np.ones((1, *proposal.shape[1:])))
-    agrees = to_nodes((round_trip(proposal, returned) < AGREES_PX)[np.newaxis] * 1.0) / seen > 0.5
+    agree = (round_trip(proposal, returned) < AGREES_PX).astype(np.float64)
+    agrees = to_nodes(agree[np.newaxis]) / seen > 0.5
     proposed = to_nodes(proposal) / seen
     misfits = []
     for motion in (flow, proposed):
