@@ -32,15 +32,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.likelihood import roots, search, solver
-from megalopta.flow.likelihood.alignment import (
-    aligned_frames,
-    finer,
-    place_of_pixels,
-    round_trip,
-    times_from_reference,
-    to_nodes,
-)
+from megalopta.flow.likelihood import alignment, roots, search, solver
 from megalopta.flow.likelihood.roots import AGREEMENT_PX, MOST_NOISE, NODE_PX, Level
 
 _STEADY, _LARGE = 0.003, 1.0
@@ -117,11 +109,11 @@ def flow_and_covariance(
     photons = counts.sum(axis=0).mean() / level.dispersion
     narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
     weights = _links(flow, narrower * smoothness_of(photons, smoothness))
-    information = to_nodes(aligned.products[0] * aligned.information)
+    information = alignment.to_nodes(aligned.products[0] * aligned.information)
     at_nodes = node_covariance(information, weights)
-    xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
+    xx, xy, yy = alignment.finer(at_nodes, counts.shape[1:], NODE_PX)
     pixels = search.sharp_flow(_middle(level), flow)
-    distance = round_trip(pixels, proposal[1])
+    distance = alignment.round_trip(pixels, proposal[1])
     squares = np.where(np.isfinite(distance), distance, np.hypot(*pixels)) ** 2
     around = gaussian_filter(squares, AGREEMENT_PX)
     added = np.maximum(0, around - _OF_WAY_BACK * np.median(around)) / 2
@@ -139,11 +131,11 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
         return np.full_like(flow, np.nan)
     bins = 2
     level = roots.level_of(roots.halved(counts.astype(np.float64)), bins)
-    sums = to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
-    pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
+    sums = alignment.to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
+    pixels = bins**2 * alignment.to_nodes(np.ones((1, *level.roots.shape[1:])))
     weight = bins * smoothness_of(counts.sum(axis=0).mean(), smoothness)
     better = _newton(level, sums / (bins * pixels), weight, steps=1)
-    return bins * np.moveaxis(finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
+    return bins * np.moveaxis(alignment.finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
 def _most_likely_flow(
@@ -176,7 +168,7 @@ def _at_scale(
 ) -> tuple[Floats, Level]:
     """Return the flow at nodes of a scale, given that of the next coarser one, and its level."""
     nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
-    flow, is_first = 2 * finer(coarser, nodes, 2), coarser.size == 2
+    flow, is_first = 2 * alignment.finer(coarser, nodes, 2), coarser.size == 2
     dispersion = 1.0 if is_first else dispersion_of(frames, flow, gain_share)
     level = roots.level_of(frames, bins, dispersion, gain_share)
     most = 1.0 if bins > 1 else math.inf
@@ -197,7 +189,7 @@ def dispersion_of(frames: Floats, flow: Floats, gain_share: float) -> float:
     That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
     """
     level = roots.level_of(frames, gain_share=gain_share, blur_px=_BLUR_PX)
-    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, flow))
+    aligned, inside, _ = alignment.aligned_frames(level, alignment.place_of_pixels(level, flow))
     squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
     around = gaussian_filter(squares, AGREEMENT_PX) / ((len(frames) - 1) * level.noise)
     if not inside.any():
@@ -215,9 +207,9 @@ def _newton(level: Level, flow: Floats, smoothness: float, steps: int) -> Floats
     """Return a flow at nodes, (2, n, m), after steps toward the most likely one."""
     for _ in range(steps):
         aligned = _evidence_of_velocity(level, flow)
-        xx, xy, yy = information = to_nodes(aligned.products[0] * aligned.information)
+        xx, xy, yy = information = alignment.to_nodes(aligned.products[0] * aligned.information)
         x, y = flow
-        target = to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
+        target = alignment.to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
         best = flow
         for _ in range(_PRIOR_STEPS):
             best = most_likely(information, target, _links(best, smoothness), best)
@@ -255,7 +247,7 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
     content of the reference frame's pixels.
     """
-    aligned, inside, _ = aligned_frames(level, places)
+    aligned, inside, _ = alignment.aligned_frames(level, places)
     mean = aligned.mean(axis=0)
     differences = aligned - mean
     gradient = np.stack(np.gradient(mean)[::-1])
@@ -274,8 +266,8 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
 
 
 def _evidence_of_velocity(level: Level, flow: Floats) -> Evidence:
-    times = times_from_reference(len(level.roots))
-    return evidence(level, times[np.newaxis], place_of_pixels(level, flow))
+    times = alignment.times_from_reference(len(level.roots))
+    return evidence(level, times[np.newaxis], alignment.place_of_pixels(level, flow))
 
 
 # Prior
