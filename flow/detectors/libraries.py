@@ -46,12 +46,9 @@ class LucasKanade(GrayDetector, frozen=True):
 
         side = max(3, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
-        sides, coarsest = (side, side), self.pyramid_levels - 1
-        first, second = eight_bits(pair)
+        tracker: Any = cv2.SparsePyrLKOpticalFlow.create((side, side), self.pyramid_levels - 1)
         with one_thread():
-            tracked, status, _ = cv2.calcOpticalFlowPyrLK(
-                first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
-            )
+            tracked, status, _ = tracker.calc(*eight_bits(pair), centers, np.empty_like(centers))
         moved = np.where(status > 0, tracked - centers, np.nan)
         return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
