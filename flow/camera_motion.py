@@ -205,11 +205,8 @@ def camera_motion_with_error(
     variance_deg2 = _MODEL * dispersion * np.degrees(1) ** 2 * vectors**2
     variance_deg2 = (variance_deg2 / np.maximum(values, 1 / np.pi**2)).sum(axis=1)
     near = _at_pixels(best.motion.inverse_depth, shape)
-    layers = (
-        near > np.quantile(near, 1 - _PART),
-        near > threshold_otsu(near),
-        near < np.quantile(near, _PART),
-    )
+    low, high = np.quantile(near, (_PART, 1 - _PART))
+    layers = near > high, near > threshold_otsu(near), near < low
     is_dim = counts.sum(axis=0).mean() < _ENOUGH_PHOTONS
     changes = [np.zeros(4)]  # of the rotation about each axis, and of the heading
     for part in (*_strips(shape), *layers):
@@ -230,14 +227,10 @@ def camera_motion_with_error(
 
 def _strips(shape: tuple[int, ...]) -> Iterator[Mask]:
     """Yield the pixels (H, W) of each of the strips, which overlap."""
-    height, width = shape
-    for starts, side, axis in ((_ACROSS, width, 1), (_DOWN, height, 0)):
+    y, x = np.indices(shape)
+    for starts, side, place in ((_ACROSS, shape[1], x), (_DOWN, shape[0], y)):
         for start in starts:
-            strip = [slice(None), slice(None)]
-            strip[axis] = slice(round(start * side), round((start + _PART) * side))
-            part = np.zeros(shape, np.bool_)
-            part[tuple(strip)] = True
-            yield part
+            yield (place >= round(start * side)) & (place < round((start + _PART) * side))
 
 
 def _at_pixels(inverse_depth: Floats, shape: tuple[int, ...]) -> Floats:
@@ -305,22 +298,18 @@ class _Search:
             raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
         if not np.ptp(counts) or roots.has_dark_frame(counts):
             raise ValueError("frames, or one of them, have no contrast; give textured frames")
-        y, x = np.meshgrid(
-            *(
-                np.minimum(roots.NODE_PX * (np.arange(-(-side // roots.NODE_PX)) + 0.5), side - 0.5)
-                for side in (height, width)
-            ),
-            indexing="ij",
+        columns, rows = (
+            np.minimum(roots.NODE_PX * (np.arange(-(-side // roots.NODE_PX)) + 0.5), side - 0.5)
+            for side in (width, height)
         )
+        x, y = np.meshgrid(columns, rows)
         nodes = np.stack((x, y), axis=-1)
         toward = camera.toward(nodes)
 
         def flow_of(changes: list[Floats]) -> Floats:
             """Flow of each change of the directions of nodes, (n, m, 2, changes), px."""
-            flows = [
-                camera.displacement(toward + _SMALL * change, nodes) / _SMALL for change in changes
-            ]
-            return np.nan_to_num(np.stack(flows, axis=-1))
+            moved = [camera.displacement(toward + _SMALL * change, nodes) for change in changes]
+            return np.nan_to_num(np.stack(moved, axis=-1) / _SMALL)
 
         dense = dense_flow.likelihood_flow(counts, _SMOOTHNESS)
         flow = [
@@ -361,11 +350,11 @@ class _Search:
 
     def excess(self, motion: _Motion, best: _Motion) -> float:
         """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
-        misfits, at_its_depth = [], self._stepped(motion, _DEPTH_STEPS, held=True).motion
+        misfits, noise = [], 2 * (len(self.times) - 1) * self.level.noise
+        at_its_depth = self._stepped(motion, _DEPTH_STEPS, held=True).motion
         for compared in (at_its_depth, best):
             aligned, inside, _ = alignment.aligned_frames(self.level, self._places(compared))
             squares = 2 * len(aligned) * gaussian_filter(aligned.var(axis=0), _AROUND_PX)
-            noise = 2 * (len(aligned) - 1) * self.level.noise
             misfits.append(np.where(inside, noise * roots.misfit(squares / noise), np.nan))
         return float(np.nansum(misfits[0] - misfits[1]))
 
@@ -373,7 +362,7 @@ class _Search:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
         depth_flow = self.translation_flow @ heading
         power = (depth_flow**2).sum(axis=-1)
-        power = power + _RIDGE * power.mean()
+        power += _RIDGE * power.mean()
         inverse_depth, weight = np.zeros(power.shape), used.astype(np.float64)
         for _ in range(_FITS):
             root = np.sqrt(weight)[..., np.newaxis]
@@ -404,19 +393,14 @@ class _Search:
         """
         heading, inverse_depth = motion.heading, motion.inverse_depth
         evidence = self.evidence(motion)
-        xx, xy, yy = alignment.to_nodes(evidence.information)
-        information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
-        slopes = np.stack(
-            [np.moveaxis(alignment.to_nodes(slope), 0, -1) for slope in evidence.slope]
-        )
+        information = np.moveaxis(alignment.to_nodes(evidence.information), 0, -1)
+        information = information[..., [[0, 1], [1, 2]]]
+        at_nodes = np.stack([alignment.to_nodes(slope) for slope in evidence.slope])
+        slopes = np.moveaxis(at_nodes, 1, -1)
         # derivatives of the flow by the eight parameters, and by the inverse depth
         sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
-        heading_flow = inverse_depth[..., np.newaxis, np.newaxis] * (
-            self.translation_flow @ sideways
-        )
-        motion_flow = np.concatenate(
-            (self.rotation_flow, heading_flow, self.rotation_flow), axis=-1
-        )
+        turn, near = self.rotation_flow, inverse_depth[..., np.newaxis, np.newaxis]
+        motion_flow = np.concatenate((turn, near * (self.translation_flow @ sideways), turn), -1)
         depth_flow = self.translation_flow @ heading
         scale_px = float(np.sqrt((depth_flow**2).sum(axis=-1).mean()))  # of flow per inverse depth
         prior_cost, prior = self._depth_prior(inverse_depth, scale_px)
@@ -471,11 +455,12 @@ class _Search:
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
         """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""
-        first, second = dense_flow.links(inverse_depth.shape)
+        node = np.arange(inverse_depth.size).reshape(inverse_depth.shape)
+        first = np.concatenate((node[:, :-1].ravel(), node[:-1].ravel()))
+        second = np.concatenate((node[:, 1:].ravel(), node[1:].ravel()))
         change = scale_px * (inverse_depth.ravel()[second] - inverse_depth.ravel()[first])
         weights = dense_flow.link_weights(self.smoothness, change**2)
-        rows = np.concatenate((first, second, first, second))
-        columns = np.concatenate((first, second, second, first))
-        values = scale_px**2 * np.concatenate((weights, weights, -weights, -weights))
-        form = coo_array((values, (rows, columns)), shape=(inverse_depth.size,) * 2)
+        places = np.hstack(((first, first), (second, second), (first, second), (second, first)))
+        values = np.outer((1, 1, -1, -1), scale_px**2 * weights).ravel()
+        form = coo_array((values, tuple(places)), shape=(node.size,) * 2)
         return float((weights * change**2).sum()), form

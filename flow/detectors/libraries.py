@@ -18,6 +18,9 @@ from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import DenseDetector, GrayDetector, eight_bits
 
+_lock, _threads = Lock(), list[int]()
+"""OpenCV's number of threads, global in a process, before each caller that is on one thread"""
+
 
 class LucasKanade(GrayDetector, frozen=True):
     """Newton search for the shift of a window around the center of each block, coarse to fine.
@@ -43,12 +46,9 @@ class LucasKanade(GrayDetector, frozen=True):
 
         side = max(3, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
-        sides, coarsest = (side, side), self.pyramid_levels - 1
-        first, second = eight_bits(pair)
+        tracker: Any = cv2.SparsePyrLKOpticalFlow.create((side, side), self.pyramid_levels - 1)
         with one_thread():
-            tracked, status, _ = cv2.calcOpticalFlowPyrLK(
-                first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
-            )
+            tracked, status, _ = tracker.calc(*eight_bits(pair), centers, np.empty_like(centers))
         moved = np.where(status > 0, tracked - centers, np.nan)
         return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
@@ -71,14 +71,9 @@ class Farneback(DenseDetector, frozen=True):
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
-        # a neighborhood of 5 px, and the width of its weights recommended by OpenCV
-        settings: dict[str, Any] = {"levels": 3, "winsize": window, "iterations": 3, "flags": 0}
-        settings |= {"pyr_scale": 0.5, "poly_n": 5, "poly_sigma": 1.1}
         # its regularization is an absolute number, for 8-bit pictures
-        first, second = (255 * pair).astype(np.float32)
-        empty: Any = np.empty((*grid.shape, 2), np.float32)
-        with one_thread():
-            return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
+        estimator = cv2.FarnebackOpticalFlow.create(numLevels=3, winSize=window, numIters=3)
+        return _calculated(estimator, (255 * pair).astype(np.float32))
 
 
 class DenseInverseSearch(DenseDetector, frozen=True):
@@ -104,29 +99,17 @@ class DenseInverseSearch(DenseDetector, frozen=True):
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV on one thread until the last of nested callers leaves."""
+    """Keep OpenCV on one thread until the last of the callers leaves."""
     import cv2
 
-    with _Callers.lock:
-        if _Callers.inside == 0:
-            _Callers.threads_before = cv2.getNumThreads()
-            cv2.setNumThreads(1)
-        _Callers.inside += 1
+    with _lock:
+        _threads.append(cv2.getNumThreads())
+        cv2.setNumThreads(1)
     try:
         yield
     finally:
-        with _Callers.lock:
-            _Callers.inside -= 1
-            if _Callers.inside == 0:
-                cv2.setNumThreads(_Callers.threads_before)
-
-
-class _Callers:
-    """Counts the callers on one thread: OpenCV's number of threads is global in a process."""
-
-    lock = Lock()
-    inside = 0
-    threads_before = 1
+        with _lock:
+            cv2.setNumThreads(_threads.pop())
 
 
 class TotalVariation(DenseDetector, frozen=True):
@@ -146,8 +129,8 @@ class TotalVariation(DenseDetector, frozen=True):
     def _flow(self, grid: BlockGrid, pair: Floats) -> Floats:
         from skimage.registration import optical_flow_tvl1
 
-        down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
-        return np.stack((right, down), axis=-1)
+        down_right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
+        return np.moveaxis(down_right[::-1], 0, -1)
 
 
 class DualTotalVariation(DenseDetector, frozen=True):
@@ -267,8 +250,7 @@ class DenseLucasKanade(DenseDetector, frozen=True):
         from skimage.registration import optical_flow_ilk
 
         radius = max(1, round(self.window_blocks * grid.block_px / 2))
-        down, right = optical_flow_ilk(*pair, radius=radius, dtype=np.float64)
-        return np.stack((right, down), axis=-1)
+        return np.moveaxis(optical_flow_ilk(*pair, radius=radius, dtype=np.float64)[::-1], 0, -1)
 
 
 class PhaseCorrelation(GrayDetector, frozen=True):
@@ -290,9 +272,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
         from skimage.registration import phase_cross_correlation
 
         window = np.outer(*(tukey(side, 0.5) for side in grid.shape))
-        first, second = (window * (frame - frame.mean()) for frame in pair)
+        faded = (window * (frame - frame.mean()) for frame in pair)
         # The returned shift, in steps of 1/20 px, registers the second frame to the first.
-        shift, *_ = phase_cross_correlation(
-            first, second, upsample_factor=20, normalization="phase"
-        )
+        shift, *_ = phase_cross_correlation(*faded, upsample_factor=20, normalization="phase")
         return np.broadcast_to(-shift[::-1], (grid.rows, grid.columns, 2))

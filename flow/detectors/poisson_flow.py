@@ -22,12 +22,19 @@ _OCCLUDED_PX, _OCCLUDED_SHARE = 2.0, 0.2
 """Distance after the way there and back above which a pixel is occluded, and share of its motion"""
 
 
-class PoissonFlow(BlockDetector, frozen=True):
+class _FlowOfCounts(BlockDetector, frozen=True):
+    ignores_offset: ClassVar[bool] = False
+    takes_counts: ClassVar[bool] = True
+
+    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
+        """Return the means of the flow over blocks."""
+        return mean_over_blocks(self.dense(*window), grid)
+
+
+class PoissonFlow(_FlowOfCounts, frozen=True):
     """Dense flow by the likelihood of counts in two frames, averaged over blocks."""
 
     place: ClassVar[float] = 14
-    ignores_offset: ClassVar[bool] = False
-    takes_counts: ClassVar[bool] = True
 
     name: str = "PF"
     label: str = "Poisson flow"
@@ -63,15 +70,11 @@ class PoissonFlow(BlockDetector, frozen=True):
         speed = np.hypot(flow[..., 0], flow[..., 1])
         return flow, distance > _OCCLUDED_PX + _OCCLUDED_SHARE * speed
 
-    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
-        """Return the means of the flow over blocks."""
-        return mean_over_blocks(self.dense(*window), grid)
-
 
 def _proposal(counts: Frames) -> tuple[Floats, Floats]:
     """Return the flow of DIS between the two frames in the middle of counts, and back."""
-    first, second = counts[len(counts) // 2 - 1 : len(counts) // 2 + 1]
-    return _DIS.dense(first, second), _DIS.dense(second, first)
+    pair = counts[len(counts) // 2 - 1 : len(counts) // 2 + 1]
+    return np.moveaxis(_DIS.dense(*pair), -1, 0), np.moveaxis(_DIS.dense(*pair[::-1]), -1, 0)
 
 
 class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
@@ -87,7 +90,7 @@ class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
     label: str = "Pooled Poisson flow"
 
 
-class FastPoissonFlow(BlockDetector, frozen=True):
+class FastPoissonFlow(_FlowOfCounts, frozen=True):
     """Dense flow by DIS and one step of the likelihood of counts, averaged over blocks.
 
     DIS finds the flow on Anscombe's root of the counts, blurred slightly. One Newton step of
@@ -95,8 +98,6 @@ class FastPoissonFlow(BlockDetector, frozen=True):
     """
 
     place: ClassVar[float] = 14.5
-    ignores_offset: ClassVar[bool] = False
-    takes_counts: ClassVar[bool] = True
 
     name: str = "PF-fast"
     label: str = "Fast Poisson flow"
@@ -106,7 +107,3 @@ class FastPoissonFlow(BlockDetector, frozen=True):
         pair = self.checked(frames)
         start = np.nan_to_num(_DIS.dense(*pair))  # NaN without contrast
         return refined_flow(pair, start, PoissonFlow().smoothness)
-
-    def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
-        """Return the means of the flow over blocks."""
-        return mean_over_blocks(self.dense(*window), grid)

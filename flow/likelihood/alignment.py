@@ -26,20 +26,14 @@ def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask
     for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
         roots.interpolate(splines, moved, frame, inside)
     mean = aligned.mean(axis=0) * inside
-    power, shared = mean**2, aligned * mean
+    sums = to_nodes(np.concatenate((mean[np.newaxis], aligned)) * mean)
     if math.isinf(level.gain_px):
-        around = power.sum(), shared.sum(axis=(1, 2), keepdims=True)
-    else:  # on nodes, as fine as the gains need
+        power, *shared = sums.sum(axis=(1, 2), keepdims=True)
+    else:
         near = 0, *(level.gain_px / NODE_PX,) * 2
-        around = [
-            finer(
-                gaussian_filter(to_nodes(values), near, mode="nearest", truncate=3.0),
-                shape,
-                NODE_PX,
-            )
-            for values in (power[np.newaxis], shared)
-        ]
-    gains = np.divide(*around, out=np.ones_like(around[1]), where=around[1] > _DARK)
+        around = gaussian_filter(sums, near, mode="nearest", truncate=3.0)
+        power, *shared = finer(around, shape, NODE_PX)
+    gains = np.divide(power, shared, out=np.ones_like(shared), where=np.array(shared) > _DARK)
     aligned *= gains
     return aligned, inside, gains
 
@@ -49,12 +43,12 @@ def times_from_reference(frames: int) -> Floats:
     return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
 
 
-def place_of_pixels(level: Level, times: Floats, flow: Floats) -> Iterator[Floats]:
-    """Yield the places (2, H, W) at each time of the content of pixels, given a flow at nodes."""
+def place_of_pixels(level: Level, flow: Floats) -> Iterator[Floats]:
+    """Yield the places (2, H, W) in each frame of the content of pixels, given a flow at nodes."""
     shape = level.roots.shape[1:]
     pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
     motion = finer(flow, shape, NODE_PX)[::-1]
-    return (pixels + time * motion for time in times)
+    return (pixels + time * motion for time in times_from_reference(len(level.roots)))
 
 
 def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
@@ -71,22 +65,18 @@ def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
 
 def to_nodes(pixels: Floats) -> Floats:
     """Return sums of (c, H, W) over the squares around nodes."""
-    count, *shape = pixels.shape
-    rows, columns = (-(-side // NODE_PX) for side in shape)
-    missing = [(0, 0), (0, rows * NODE_PX - shape[0]), (0, columns * NODE_PX - shape[1])]
-    squares = np.pad(pixels, missing).reshape(count, rows, NODE_PX, columns, NODE_PX)
-    return np.asarray(squares.sum(axis=(2, 4)))
+    rows, columns = (np.arange(0, side, NODE_PX) for side in pixels.shape[1:])
+    return np.asarray(np.add.reduceat(np.add.reduceat(pixels, rows, 1), columns, 2))
 
 
 def round_trip(there: Floats, back: Floats) -> Floats:
     """Return how far from its start (H, W) a flow leads, and the flow back from where it ends.
 
     `there`, `back` (2, H, W), in the unit of the grid: of the first frame, and of the second back.
-    Infinite where the flow leaves the frame.
+    Infinite where the flow is undefined or leaves the frame.
     """
     ends = np.mgrid[: there.shape[1], : there.shape[2]] + there[::-1]
-    returned = [
-        map_coordinates(part, ends, order=1, mode="constant", cval=math.inf) for part in back
-    ]
+    places = np.nan_to_num(ends, nan=-1)
+    returned = [map_coordinates(part, places, order=1, cval=math.inf) for part in back]
     distance = np.hypot(*(there + returned))
     return np.where(np.isfinite(distance), distance, math.inf)

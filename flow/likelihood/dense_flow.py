@@ -9,22 +9,16 @@ toward 0. Where aligned frames differ by more, evidence has proportionally less 
 when small, to its logarithm when large.
 
 **Noise.** Counts may vary by more than shot noise: mismatch of pixels, noise of rendering. At each
-scale they are divided by their dispersion, the variance over the mean that aligned frames show, so
-that they are as sure as Poisson counts of that number (quasi-likelihood).
+scale they are divided by their dispersion, so that they are as sure as Poisson counts of that
+number (quasi-likelihood).
 
 **Light.** Frames may differ in brightness by one factor, or by one that varies over the frame. What
 aligns coarse scales clearly better is taken.
 
-**Search.** From the coarsest scale to the finest. Newton steps follow the likelihood uphill. What
-moves by more than its texture is wide lies beyond their reach: at all but the coarsest scales, a
-search (`search`) goes first. At the finest, the flow of another method may be proposed.
-
-**Solve.** Each step, with a new warp, solves a sparse symmetric system of two unknowns a node by
-conjugate gradients from the flow so far (`solver`).
-
-**Covariance.** The blocks on the diagonal of the inverse of information plus prior (Laplace's
-approximation). A row of nodes is linked to the rows beside it alone, so these follow exactly from
-two passes, one down and one up (Takahashi's equations).
+**Search.** Newton steps, from the coarsest scale to the finest, follow the likelihood uphill; each
+solves a sparse system (`solver`). What moves by more than its texture is wide lies beyond their
+reach: at all but the coarsest scales, a search (`search`) goes first. At the finest, the flow of
+another method may be proposed.
 
 Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 """
@@ -38,15 +32,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.likelihood import roots, search, solver
-from megalopta.flow.likelihood.alignment import (
-    aligned_frames,
-    finer,
-    place_of_pixels,
-    round_trip,
-    times_from_reference,
-    to_nodes,
-)
+from megalopta.flow.likelihood import alignment, roots, search, solver
 from megalopta.flow.likelihood.roots import AGREEMENT_PX, MOST_NOISE, NODE_PX, Level
 
 _STEADY, _LARGE = 0.003, 1.0
@@ -55,15 +41,12 @@ it grows as a logarithm"""
 _FEW_PHOTONS, _SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
 `PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
-grows on with more, fitted to the tuning scenes of the benchmark: the likelihood is too sure, as
-interpolation and edges leave more error than photons do. Coarser scales keep moving parts apart."""
+grows on with more, as interpolation and edges leave more error than photons do"""
 _MANY_PHOTONS = 20_000.0
-"""Photons per pixel in all frames above which the prior stays as it is: what frames differ by is no
-longer shot noise, so the evidence does not grow"""
+"""Photons per pixel above which it stays: what frames differ by is no longer shot noise"""
 _NARROWER, _DIM_PHOTONS = 12.0, 60.0
 """Factor of the prior in the covariance in bright light, as most motions are smoother than the
-prior allows; and photons per pixel in all frames below which it falls. Between the factors for slow
-and fast tuning scenes of the benchmark; in dim light larger, for smooth motion"""
+prior allows; photons per pixel in all frames below which it falls. Fitted to tuning scenes"""
 
 _MOST_BINS, _LIGHT_BINS = 16, 8
 """Pixels along a side of the coarsest bins that are searched, and of the finest at which it is
@@ -91,8 +74,7 @@ Links = tuple[Floats, Floats]
 """Weights of the links of nodes to the right, (n, m − 1), and downward, (n − 1, m)"""
 
 Proposal = tuple[Floats, Floats]
-"""Flow (H, W, 2) of another method from the first of the two frames in the middle to the second,
-and back; NaN where unknown"""
+"""Flow (2, H, W) of another method between the two frames in the middle, and back; NaN: unknown"""
 
 
 def likelihood_flow(
@@ -124,16 +106,15 @@ def flow_and_covariance(
     if roots.has_dark_frame(counts):
         return likelihood_flow(counts, smoothness), np.full((*counts.shape[1:], 2, 2), np.nan)
     flow, level = _most_likely_flow(counts, smoothness, proposal)
-    times = times_from_reference(len(counts))
-    aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
+    aligned = _evidence_of_velocity(level, flow)
     photons = counts.sum(axis=0).mean() / level.dispersion
     narrower = _NARROWER / (1 + _DIM_PHOTONS / photons)
     weights = _links(flow, narrower * smoothness_of(photons, smoothness))
-    information = to_nodes(aligned.products[0] * aligned.information)
+    information = alignment.to_nodes(aligned.products[0] * aligned.information)
     at_nodes = node_covariance(information, weights)
-    xx, xy, yy = finer(at_nodes, counts.shape[1:], NODE_PX)
+    xx, xy, yy = alignment.finer(at_nodes, counts.shape[1:], NODE_PX)
     pixels = search.sharp_flow(_middle(level), flow)
-    distance = round_trip(pixels, np.moveaxis(proposal[1], -1, 0))
+    distance = alignment.round_trip(pixels, proposal[1])
     farthest = distance[np.isfinite(distance)].max(initial=0.0)
     around = gaussian_filter(np.minimum(distance, farthest) ** 2, AGREEMENT_PX)
     noise = min(_WAY_BACK_MEDIANS * np.median(around), _WAY_BACK_NOISE_PX**2)
@@ -152,41 +133,38 @@ def refined_flow(counts: NDArray[Any], flow: Floats, smoothness: float) -> Float
         return np.full_like(flow, np.nan)
     bins = 2
     level = roots.level_of(roots.halved(counts.astype(np.float64)), bins)
-    sums = to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
-    pixels = bins**2 * to_nodes(np.ones((1, *level.roots.shape[1:])))
-    times = times_from_reference(len(counts))
+    sums = alignment.to_nodes(roots.halved(np.moveaxis(flow, -1, 0)))
+    pixels = bins**2 * alignment.to_nodes(np.ones((1, *level.roots.shape[1:])))
     weight = bins * smoothness_of(counts.sum(axis=0).mean(), smoothness)
-    better = _newton(level, times, sums / (bins * pixels), weight, steps=1)
-    return bins * np.moveaxis(finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
+    better = _newton(level, sums / (bins * pixels), weight, steps=1)
+    return bins * np.moveaxis(alignment.finer(better, counts.shape[1:], bins * NODE_PX), 0, -1)
 
 
 def _most_likely_flow(
     counts: NDArray[Any], smoothness: float, proposal: Proposal | None
 ) -> tuple[Floats, Level]:
     """Return the flow at nodes, (2, n, m), and the finest level."""
-    times = times_from_reference(len(counts))
     scales = roots.pyramid(roots.without_defects(counts))
     coarse = [scale for scale in scales if scale[1] >= _LIGHT_BINS] or scales[:1]
-    misfits, flows, shares = [], [], (math.inf, _GAIN_SHARE)
-    for share in shares:
-        flow = np.zeros((2, 1, 1))
+    least = math.inf
+    for gain_share in (math.inf, _GAIN_SHARE):
+        start = np.zeros((2, 1, 1))
         for frames, bins in coarse:
-            flow, _ = _at_scale(frames, bins, times, flow, smoothness, share)
-        level = roots.level_of(frames, bins, 1.0, share)
-        places = place_of_pixels(level, times, flow)
-        misfits.append(evidence(level, times[np.newaxis], places).misfit)
-        flows.append(flow)
-    is_uneven = misfits[1] < misfits[0] / (1 + _EVEN)
-    flow, share = flows[is_uneven], shares[is_uneven]
+            start, _ = _at_scale(frames, bins, start, smoothness, gain_share)
+        level = roots.level_of(frames, bins, 1.0, gain_share)
+        aligned = _evidence_of_velocity(level, start)
+        # a motion that leads out of the frame explains nothing
+        misfit = aligned.seen * aligned.misfit + (1 - aligned.seen) * MOST_NOISE
+        if misfit < least / (1 + _EVEN) or math.isinf(gain_share):
+            flow, share, least = start, gain_share, misfit
     for frames, bins in scales[len(coarse) :]:
-        flow, level = _at_scale(frames, bins, times, flow, smoothness, share, proposal)
+        flow, level = _at_scale(frames, bins, flow, smoothness, share, proposal)
     return flow, level
 
 
 def _at_scale(
     frames: Floats,
     bins: int,
-    times: Floats,
     coarser: Floats,
     smoothness: float,
     gain_share: float,
@@ -194,31 +172,30 @@ def _at_scale(
 ) -> tuple[Floats, Level]:
     """Return the flow at nodes of a scale, given that of the next coarser one, and its level."""
     nodes = tuple(-(-side // NODE_PX) for side in frames.shape[1:])
-    flow, is_first = 2 * finer(coarser, nodes, 2), coarser.size == 2
-    dispersion = 1.0 if is_first else dispersion_of(frames, times, flow, gain_share)
+    flow, is_first = 2 * alignment.finer(coarser, nodes, 2), coarser.size == 2
+    dispersion = 1.0 if is_first else dispersion_of(frames, flow, gain_share)
     level = roots.level_of(frames, bins, dispersion, gain_share)
     most = 1.0 if bins > 1 else math.inf
     photons = frames.sum(axis=0).mean() / bins**2 / dispersion
     weight = bins * smoothness_of(photons, smoothness, most)
     if is_first:
-        flow = _newton(level, times, flow, weight, _FIRST_STEPS)
+        flow = _newton(level, flow, weight, _FIRST_STEPS)
     if bins == 1 and proposal is not None:
-        there_and_back = (np.nan_to_num(np.moveaxis(motion, -1, 0)) for motion in proposal)
-        flow = search.with_proposal(_middle(level), flow, *there_and_back)
+        flow = search.with_proposal(_middle(level), flow, *proposal)
     if bins <= _MOST_BINS:
         flow = search.with_large_motion(_middle(level), len(frames), flow)
-    return _newton(level, times, flow, weight, _NEWTON_STEPS), level
+    return _newton(level, flow, weight, _NEWTON_STEPS), level
 
 
-def dispersion_of(frames: Floats, times: Floats, flow: Floats, gain_share: float) -> float:
+def dispersion_of(frames: Floats, flow: Floats, gain_share: float) -> float:
     """Return the variance of counts (n, H, W) over their mean, 1 or more, given a flow nearby.
 
     That of the steadiest part of the frame: what is hidden, or moves otherwise, has more.
     """
-    level = roots.blurred(frames, _BLUR_PX, 1, 1.0, gain_share)
-    aligned, inside, _ = aligned_frames(level, place_of_pixels(level, times, flow))
+    level = roots.level_of(frames, gain_share=gain_share, blur_px=_BLUR_PX)
+    aligned, inside, _ = alignment.aligned_frames(level, alignment.place_of_pixels(level, flow))
     squares = ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)
-    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(times) - 1) * level.noise)
+    around = gaussian_filter(squares, AGREEMENT_PX) / ((len(frames) - 1) * level.noise)
     if not inside.any():
         return 1.0
     return max(1.0, float(np.percentile(around[inside], _STEADIEST_PERCENT) / _OF_NOISE))
@@ -230,13 +207,13 @@ def _middle(level: Level) -> Level:
     return level._replace(roots=level.roots[pair], splines=level.splines[pair])
 
 
-def _newton(level: Level, times: Floats, flow: Floats, smoothness: float, steps: int) -> Floats:
+def _newton(level: Level, flow: Floats, smoothness: float, steps: int) -> Floats:
     """Return a flow at nodes, (2, n, m), after steps toward the most likely one."""
     for _ in range(steps):
-        aligned = evidence(level, times[np.newaxis], place_of_pixels(level, times, flow))
-        xx, xy, yy = information = to_nodes(aligned.products[0] * aligned.information)
+        aligned = _evidence_of_velocity(level, flow)
+        xx, xy, yy = information = alignment.to_nodes(aligned.products[0] * aligned.information)
         x, y = flow
-        target = to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
+        target = alignment.to_nodes(aligned.slope[0]) + np.stack((xx * x + xy * y, xy * x + yy * y))
         best = flow
         for _ in range(_PRIOR_STEPS):
             best = most_likely(information, target, _links(best, smoothness), best)
@@ -265,6 +242,8 @@ class Evidence(NamedTuple):
     misfit: float
     """Mean squared difference of a pixel from the mean of its aligned frames, over that of noise;
     if large, its logarithm, as evidence is reduced there"""
+    seen: float
+    """Share of the pixels that all frames see"""
 
 
 def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
@@ -274,7 +253,7 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
     times from the frame of reference; `places` (2, H, W), for each frame: row and column of the
     content of the reference frame's pixels.
     """
-    aligned, inside, _ = aligned_frames(level, places)
+    aligned, inside, _ = alignment.aligned_frames(level, places)
     mean = aligned.mean(axis=0)
     differences = aligned - mean
     gradient = np.stack(np.gradient(mean)[::-1])
@@ -289,7 +268,13 @@ def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Eviden
         spread @ spread.T,
         drift[:, np.newaxis] * gradient,
         float(roots.misfit(around)[inside].mean()) if inside.any() else np.inf,
+        float(inside.mean()),
     )
+
+
+def _evidence_of_velocity(level: Level, flow: Floats) -> Evidence:
+    times = alignment.times_from_reference(len(level.roots))
+    return evidence(level, times[np.newaxis], alignment.place_of_pixels(level, flow))
 
 
 # Prior
@@ -333,41 +318,32 @@ def most_likely(
     return velocities
 
 
-def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return both nodes of all links of a grid, (links,) each: to the right, then downward."""
-    index = np.arange(int(np.prod(shape))).reshape(shape)
-    first = np.concatenate((index[:, :-1].ravel(), index[:-1].ravel()))
-    second = np.concatenate((index[:, 1:].ravel(), index[1:].ravel()))
-    return first, second
-
-
 # Covariance
 
 
 def node_covariance(information: Floats, weights: Links) -> Floats:
     """Return the covariances (3, n, m) of nodes, px²: xx, xy, yy; some node has information.
 
-    `information` (3, n, m) and weights as for `most_likely`.
+    `information` (3, n, m) and weights as for `most_likely`. The blocks on the diagonal of the
+    inverse of information plus prior (Laplace's approximation). A row of nodes is linked to the
+    rows beside it alone, so two passes, down and up, give them exactly (Takahashi's equations).
     """
     right, below = weights
     if information.shape[1] < information.shape[2]:  # blocks of the shorter side
-        return node_covariance(information.transpose(0, 2, 1), (below.T, right.T)).transpose(
-            0, 2, 1
-        )
+        turned = node_covariance(information.swapaxes(1, 2), (below.T, right.T))
+        return turned.swapaxes(1, 2)
     rows, width = information.shape[1:]
-    node = np.arange(width)
-    down = np.pad(np.tile(below, 2), ((1, 1), (0, 0)))  # of both components
+    node = np.arange(2 * width)
+    down = np.pad(np.tile(below, 2), ((1, 1), (0, 0)))
     # inverse of each row, given all above
     above: list[Floats] = []
     for row in range(rows):
         xx, xy, yy = information[:, row]
-        beside, vertical = right[row], down[row] + down[row + 1]
-        pull = np.pad(beside, (1, 0)) + np.pad(beside, (0, 1))
-        # the matrix of a row, x of all nodes before y
-        block = np.diag(np.concatenate((xx + pull, yy + pull)) + vertical)
-        block[node, node + width] = block[node + width, node] = xy
-        for first in (node[:-1], node[:-1] + width):
-            block[first, first + 1] = block[first + 1, first] = -beside
+        beside = np.tile(np.pad(right[row], (0, 1)), 2)  # of both components, x before y
+        pull = beside + np.roll(beside, 1) + (down[row] + down[row + 1])
+        block = np.diag(np.concatenate((xx, yy)) + pull)
+        for values, apart in ((-beside[:-1], 1), (xy, width)):
+            block[node[apart:], node[:-apart]] = block[node[:-apart], node[apart:]] = values
         if row:
             block -= down[row][:, np.newaxis] * above[-1] * down[row]
         above.append(np.asarray(np.linalg.inv(block), np.float64))

@@ -21,55 +21,50 @@ def spread(pair: Singles, noise: float, flow: Floats) -> None:
 
     Sweeps alternate in direction, so that the motion of a part reaches its outline (PatchMatch).
     """
-    rows, columns = flow.shape[1:]
+    _, rows, columns = flow.shape
     costs = np.empty((rows, columns), np.float32)
-    for y in range(rows):
-        for x in range(columns):
-            costs[y, x] = _node_cost(pair, noise, y, x, flow[0, y, x], flow[1, y, x])
+    for y, x in np.ndindex(costs.shape):
+        costs[y, x] = _node_cost(pair, noise, y, x, flow[0, y, x], flow[1, y, x])
     for sweep in range(_SWEEPS):
-        step = 1 if sweep % 2 == 0 else -1
-        for i in range(rows):
-            y = i if step > 0 else rows - 1 - i
-            for j in range(columns):
-                x = j if step > 0 else columns - 1 - j
-                best_x, best_y = flow[0, y, x], flow[1, y, x]
-                cost = costs[y, x]
-                best = cost + _change(flow, y, x, best_x, best_y)
+        step = 1 - 2 * (sweep % 2)
+        for y in np.arange(rows)[::step]:
+            for x in np.arange(columns)[::step]:
+                best_x, best_y = flow[:, y, x]
+                best = costs[y, x] + _change(flow, y, x, best_x, best_y)
                 for down, right in ((0, -step), (-step, 0), (-step, -step), (-step, step)):
                     for far in (1, 2):
-                        b, a = y + far * down, x + far * right
-                        if b < 0 or b >= rows or a < 0 or a >= columns:
+                        i, j = y + far * down, x + far * right
+                        if not (0 <= i < rows and 0 <= j < columns):
                             continue
-                        vx, vy = flow[0, b, a], flow[1, b, a]
+                        vx, vy = flow[:, i, j]
                         if abs(vx - best_x) + abs(vy - best_y) < _SAME_PX:
                             continue
                         change = _change(flow, y, x, vx, vy)
                         if change >= best:
                             continue
-                        other = _node_cost(pair, noise, y, x, vx, vy)
-                        if other + change < best:
-                            best, cost, best_x, best_y = other + change, other, vx, vy
+                        cost = _node_cost(pair, noise, y, x, vx, vy)
+                        if cost + change < best:
+                            best, best_x, best_y = cost + change, vx, vy
+                            costs[y, x] = cost
                 flow[0, y, x], flow[1, y, x] = best_x, best_y
-                costs[y, x] = cost
 
 
 @compiled
 def _change(flow: Floats, y: int, x: int, vx: float, vy: float) -> float:
-    rows, columns = flow.shape[1:]
+    """Return the cost of how a motion of a node differs from those of its neighbors."""
+    _, rows, columns = flow.shape
     total = 0.0
-    for b in range(max(0, y - 1), min(rows, y + 2)):
-        for a in range(max(0, x - 1), min(columns, x + 2)):
-            total += min(JUMP, STEP * (abs(flow[0, b, a] - vx) + abs(flow[1, b, a] - vy)))
+    for i in range(max(0, y - 1), min(rows, y + 2)):
+        for j in range(max(0, x - 1), min(columns, x + 2)):
+            total += min(JUMP, STEP * (abs(flow[0, i, j] - vx) + abs(flow[1, i, j] - vy)))
     return total
 
 
 @compiled
 def _node_cost(pair: Singles, noise: float, y: int, x: int, vx: float, vy: float) -> float:
-    top, left = NODE_PX * y, NODE_PX * x
-    squares, seen = _squares(pair, top, top + NODE_PX, left, left + NODE_PX, vx, vy)
-    if seen < NODE_PX**2 / 4:  # as of what is hidden
-        return 2 * NODE_PX**2 * noise * MOST_NOISE
-    return 2 * NODE_PX**2 * noise * misfit(squares / (seen * noise))
+    square, seen = _square(pair, NODE_PX * y, NODE_PX * x, NODE_PX, vx, vy)
+    is_hidden = seen < NODE_PX**2 / 4
+    return 2 * NODE_PX**2 * noise * (MOST_NOISE if is_hidden else misfit(square / noise))
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -78,50 +73,44 @@ def sharpen(pair: Singles, noise: float, nodes: Floats, flow: Floats) -> None:
 
     `nodes` (2, n, m); `flow` (2, H, W), interpolated between them.
     """
-    _, height, width = pair.shape
-    _, rows, columns = nodes.shape
-    for r in range(height):
-        y = (r + 0.5) / NODE_PX - 0.5
-        top = min(max(math.floor(y), 0), rows - 1)
-        bottom = min(top + 1, rows - 1)
-        for c in range(width):
-            x = (c + 0.5) / NODE_PX - 0.5
-            left = min(max(math.floor(x), 0), columns - 1)
-            right = min(left + 1, columns - 1)
-            least, most = nodes[:, top, left].copy(), nodes[:, top, left].copy()
-            for k in range(2):
-                for i, j in ((top, right), (bottom, left), (bottom, right)):
-                    least[k] = min(least[k], nodes[k, i, j])
-                    most[k] = max(most[k], nodes[k, i, j])
-            if max(most[0] - least[0], most[1] - least[1]) < _EDGE_PX:
+    (_, rows, columns), (_, height, width) = nodes.shape, flow.shape
+    half = NODE_PX // 2
+    for top in range(rows):
+        for left in range(columns):
+            vx, vy = nodes[:, top : top + 2, left : left + 2]
+            if max(vx.max() - vx.min(), vy.max() - vy.min()) < _EDGE_PX:
                 continue
-            best = np.inf
-            for i, j in ((top, left), (top, right), (bottom, left), (bottom, right)):
-                vx, vy = nodes[0, i, j], nodes[1, i, j]
-                squares, seen = _squares(pair, r - 1, r + 2, c - 1, c + 2, vx, vy)
-                cost = 9 * (misfit(squares / (seen * noise)) if seen else 2 * MOST_NOISE)
-                cost += _PULL * ((y - i) ** 2 + (x - j) ** 2)
-                if cost < best:
-                    best = cost
-                    flow[0, r, c], flow[1, r, c] = vx, vy
+            # the pixels between these nodes, and those before the first
+            last_row, last_column = NODE_PX * (top + 1) + half, NODE_PX * (left + 1) + half
+            for r in range(NODE_PX * top + half if top else 0, min(height, last_row)):
+                for c in range(NODE_PX * left + half if left else 0, min(width, last_column)):
+                    best = np.inf
+                    for i, j in np.ndindex(vx.shape):
+                        y, x = NODE_PX * (top + i + 0.5), NODE_PX * (left + j + 0.5)
+                        square, seen = _square(pair, r - 1, c - 1, 3, vx[i, j], vy[i, j])
+                        cost = 9 * (misfit(square / noise) if seen else 2 * MOST_NOISE)
+                        cost += _PULL * ((r + 0.5 - y) ** 2 + (c + 0.5 - x) ** 2) / NODE_PX**2
+                        if cost < best:
+                            best, flow[0, r, c], flow[1, r, c] = cost, vx[i, j], vy[i, j]
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _squares(
-    pair: Singles, top: int, bottom: int, first: int, last: int, vx: float, vy: float
+def _square(
+    pair: Singles, top: int, left: int, side: int, vx: float, vy: float
 ) -> tuple[float, int]:
+    """Return half the mean squared difference of a square from where it moved to, and its pixels.
+
+    Those count that are in both frames.
+    """
     _, height, width = pair.shape
-    left, above = math.floor(vx), math.floor(vy)
-    a, b = vx - left, vy - above
+    right, down = math.floor(vx), math.floor(vy)
+    a, b = vx - right, vy - down
     total, seen = 0.0, 0
-    for r in range(max(0, top, -above), min(height, bottom, height - 1 - above)):
-        v = r + above
-        for c in range(max(0, first, -left), min(width, last, width - 1 - left)):
-            u = c + left
-            value = (1 - b) * ((1 - a) * pair[1, v, u] + a * pair[1, v, u + 1]) + b * (
-                (1 - a) * pair[1, v + 1, u] + a * pair[1, v + 1, u + 1]
-            )
-            difference = value - pair[0, r, c]
-            total += difference * difference / 2
+    for r in range(max(0, top, -down), min(height, top + side, height - 1 - down)):
+        for c in range(max(0, left, -right), min(width, left + side, width - 1 - right)):
+            y, x = r + down, c + right
+            above = (1 - a) * pair[1, y, x] + a * pair[1, y, x + 1]
+            below = (1 - a) * pair[1, y + 1, x] + a * pair[1, y + 1, x + 1]
+            total += ((1 - b) * above + b * below - pair[0, r, c]) ** 2 / 2
             seen += 1
-    return total, seen
+    return total / max(seen, 1), seen

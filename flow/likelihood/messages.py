@@ -39,7 +39,6 @@ def fill_costs(
     _, height, width = pair.shape
     rows, columns, labels = costs.shape
     side, area = int(math.sqrt(labels - 1)), NODE_PX**2
-    middle = np.arange(max(rows, columns)) * NODE_PX + NODE_PX // 2
     squares = np.empty(columns * NODE_PX, np.float32)
     for y in range(rows):
         for label in range(labels - 1):
@@ -50,15 +49,18 @@ def fill_costs(
             squares[:] = 0
             for i in range(max(NODE_PX * y, -down), min(NODE_PX * (y + 1), height, height - down)):
                 second = pair[1, i + down, first + right : last + right]
-                _add_squares(pair[0, i, first:last], second, squares[first:last])
+                total, here = squares[first:last], pair[0, i, first:last]
+                for x in range(last - first):
+                    total[x] += (second[x] - here[x]) ** 2
             tall = _overlap(height, down, y)
-            claimed = claims[min(max((middle[y] + down) // NODE_PX, 0), rows - 1)]
+            row = min(max(y + (down + NODE_PX // 2) // NODE_PX, 0), rows - 1)
             for x in range(columns):
                 seen = tall * _overlap(width, right, x)
                 cost = squares[NODE_PX * x : NODE_PX * (x + 1)].sum() / 2 * area / max(seen, 1)
                 cost = cost if seen >= _LEAST_SEEN * area else max(cost, now[y, x])
-                claim = claimed[min(max((middle[x] + right) // NODE_PX, 0), columns - 1)]
-                costs[y, x, label] = 2 * noise * misfit(cost / noise) + far + claim
+                column = min(max(x + (right + NODE_PX // 2) // NODE_PX, 0), columns - 1)
+                of_squares = 2 * noise * misfit(cost / noise)
+                costs[y, x, label] = of_squares + far + claims[row, column]
     costs[..., -1] = 2 * noise * misfit(now / noise)
 
 
@@ -67,13 +69,6 @@ def _overlap(length: int, shift: int, node: int) -> int:
     """Return how many of the pixels of a node along an axis are also in the displaced frame."""
     first = max(NODE_PX * node, -shift)
     return max(0, min(NODE_PX * (node + 1), length, length - shift) - first)
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _add_squares(first: Singles, second: Singles, squares: Singles) -> None:
-    for x in range(len(squares)):
-        difference = second[x] - first[x]
-        squares[x] += difference * difference
 
 
 @compiled
@@ -92,18 +87,15 @@ def add_messages(costs: Singles, nodes: Floats, total: Singles) -> None:
     known, half_step = bordered[side : side + last], np.float32(STEP / 2)
     for way in (1, -1):
         received = np.zeros((2, columns, 4, labels), np.float32)
-        for i in range(rows):
-            y = i if way > 0 else rows - 1 - i
-            here, below = received[i % 2], received[1 - i % 2]
-            for j in range(columns):
-                x = j if way > 0 else columns - 1 - j
+        for y in np.arange(rows)[::way]:
+            for x in np.arange(columns)[::way]:
                 for k in range(4):  # along the row, and to three nodes of the next one
-                    message = here[x, k]
+                    message = received[y % 2, x, k]
                     least = _gather(costs[y, x], message, total[y, x], known)
                     b, a = (y, x + way) if k == 0 else (y + way, x + k - 2)
                     if not (0 <= b < rows and 0 <= a < columns):
                         continue
-                    sent = here[a, k] if k == 0 else below[a, k]
+                    sent = received[b % 2, a, k]
                     _pass_on(bordered, from_left, from_right, least, sent)
                     # between whole displacements and the flow so far
                     before, after = nodes[:, y, x], nodes[:, b, a]

@@ -129,19 +129,20 @@ def halved(frames: Floats) -> Floats:
 
 
 def level_of(
-    frames: Floats, bins: int = 1, dispersion: float = 1.0, gain_share: float = math.inf
+    frames: Floats,
+    bins: int = 1,
+    dispersion: float = 1.0,
+    gain_share: float = math.inf,
+    blur_px: float | None = None,
 ) -> Level:
-    """Return frames (n, H, W), binned by `bins`, as roots and splines; the rest as in `Level`."""
+    """Return frames (n, H, W), binned by `bins`, as roots and splines; the rest as in `Level`.
+
+    `blur_px`: default: the one suited to their texture and light.
+    """
     frames = frames / dispersion
-    excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
-    blur_px = suited_blur_px(excess, len(frames)).clip(*_BLURS_PX)
-    return blurred(frames, float(blur_px), bins, dispersion, gain_share)
-
-
-def blurred(
-    frames: Floats, blur_px: float, bins: int, dispersion: float, gain_share: float
-) -> Level:
-    """Return frames (n, H, W) as a level, with this blur."""
+    if blur_px is None:
+        excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
+        blur_px = float(suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
     smooth = partial(gaussian_filter, sigma=blur_px)
     roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
     splines = (spline_filter(root, 3, mode="nearest") for root in roots)

@@ -9,14 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.likelihood import edges, messages, roots
-from megalopta.flow.likelihood.alignment import (
-    aligned_frames,
-    finer,
-    place_of_pixels,
-    round_trip,
-    to_nodes,
-)
+from megalopta.flow.likelihood import alignment, edges, messages, roots
 from megalopta.flow.likelihood.messages import Singles
 from megalopta.flow.likelihood.roots import AGREEMENT_PX, NODE_PX, Level
 
@@ -36,7 +29,6 @@ AGREES_PX = 1.5
 """Distance from the start after a motion and the motion back below which they agree"""
 _BETTER, _BETTER_NODES = 1.0, 2.0
 """Misfit of a node by which a proposal must be better, and the neighborhood of nodes that tells"""
-_THERE = np.array([0.0, 1.0])
 
 
 def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
@@ -52,7 +44,7 @@ def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
     back = level._replace(roots=level.roots[::-1], splines=level.splines[::-1])
     displaced = _displaced(level, flow, reach, leaving)
     returned = _displaced(back, -flow, reach, leaving)
-    distance = NODE_PX * round_trip(displaced / NODE_PX, returned / NODE_PX)
+    distance = NODE_PX * alignment.round_trip(displaced / NODE_PX, returned / NODE_PX)
     found = np.where(distance < AGREES_PX, displaced, flow)
     edges.spread(equal_roots(level, found), level.noise, found)
     return found
@@ -64,15 +56,17 @@ def with_proposal(level: Level, flow: Floats, proposal: Floats, returned: Floats
     It counts where it agrees with the flow `returned` from the second frame to the first; both
     (2, H, W).
     """
-    seen = to_nodes(np.ones((1, *proposal.shape[1:])))
-    agrees = to_nodes((round_trip(proposal, returned) < AGREES_PX)[np.newaxis] * 1.0) / seen > 0.5
-    proposed = to_nodes(proposal) / seen
+    seen = alignment.to_nodes(np.ones((1, *proposal.shape[1:])))
+    agree = (alignment.round_trip(proposal, returned) < AGREES_PX).astype(np.float64)
+    agrees = alignment.to_nodes(agree[np.newaxis]) / seen > 0.5
+    proposed = alignment.to_nodes(proposal) / seen
     misfits = []
     for motion in (flow, proposed):
-        aligned, inside, _ = aligned_frames(level, place_of_pixels(level, _THERE, motion))
+        places = alignment.place_of_pixels(level, motion)
+        aligned, inside, _ = alignment.aligned_frames(level, places)
         around = gaussian_filter((aligned[1] - aligned[0]) ** 2 / 2, 1.0) / level.noise
         misfit = np.where(inside, roots.misfit(around), roots.MOST_NOISE)
-        misfits.append(to_nodes(misfit[np.newaxis]))
+        misfits.append(alignment.to_nodes(misfit[np.newaxis]))
     better = gaussian_filter((misfits[0] - misfits[1])[0], _BETTER_NODES) > _BETTER
     return np.where(agrees & better, proposed, flow)
 
@@ -82,33 +76,32 @@ def sharp_flow(level: Level, flow: Floats) -> Floats:
 
     Interpolated; between nodes of different motion each pixel has that of the likeliest.
     """
-    pixels = finer(flow, level.roots.shape[1:], NODE_PX)
+    pixels = alignment.finer(flow, level.roots.shape[1:], NODE_PX)
     edges.sharpen(equal_roots(level, flow), level.noise, flow, pixels)
     return pixels
 
 
 def equal_roots(level: Level, flow: Floats) -> Singles:
     """Return the roots of two frames (2, H, W), equally bright given a flow at nodes nearby."""
-    _, _, gains = aligned_frames(level, place_of_pixels(level, _THERE, flow))
+    _, _, gains = alignment.aligned_frames(level, alignment.place_of_pixels(level, flow))
     return np.asarray(level.roots * gains, np.float32)
 
 
 def _displaced(level: Level, flow: Floats, reach: int, leaving: float) -> Floats:
     """Return the flow with whole displacements up to a reach."""
-    area = NODE_PX**2
-    aligned, inside, gains = aligned_frames(level, place_of_pixels(level, _THERE, flow))
+    aligned, inside, gains = alignment.aligned_frames(level, alignment.place_of_pixels(level, flow))
     squares = inside * (aligned[1] - aligned[0]) ** 2 / 2
-    seen = np.maximum(to_nodes(inside[np.newaxis].astype(np.float64))[0], 1)
-    now = to_nodes(squares[np.newaxis])[0] * area / seen
-    # how well the flow so far explains the second frame around each node, 0 to 1
-    *_, from_second = place_of_pixels(level, -_THERE, flow)
+    # how well the flow so far explains the second frame, 0 to 1
+    *_, from_second = alignment.place_of_pixels(level, -flow)
     around = gaussian_filter(squares, AGREEMENT_PX) / level.noise
-    at_second = map_coordinates(around, from_second, order=1, mode="nearest")
-    explained = to_nodes(np.clip(2 - at_second, 0, 1)[np.newaxis])[0] / area
-    side = 2 * reach + 1
+    explained = np.clip(2 - map_coordinates(around, from_second, order=1, mode="nearest"), 0, 1)
+    now, seen, explained = alignment.to_nodes(np.stack((squares, inside, explained)))
+    area, side = NODE_PX**2, 2 * reach + 1
+    now *= area / np.maximum(seen, 1)
     costs = np.empty((*now.shape, side**2 + 1), np.float32)
     equal = np.asarray(level.roots * gains, np.float32)
-    messages.fill_costs(equal, now, area * level.noise, leaving, _CLAIM * explained, costs)
+    claims = _CLAIM / area * explained
+    messages.fill_costs(equal, now, area * level.noise, leaving, claims, costs)
     total = costs.copy()
     messages.add_messages(costs, flow, total)
     best = total.argmin(axis=-1)

@@ -30,18 +30,18 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
     while grids[-1][1] * grids[-1][2] > 1:
         top, height, width = grids[-1]
         grids.append((top + height + 2, (height + 1) // 2, (width + 1) // 2))
+    grids.append((grids[-1][0] + 3, 1, 1))  # takes what the coarsest passes on
     # xx, xy, yy, and weights to the right and downward; then the inverse of each node's xx, xy, yy
     system = np.zeros((8, grids[-1][0] + 2, columns + 2))
     system[:5, 1 : rows + 1, 1 : columns + 1] = matrix
-    for k in range(len(grids)):
+    for k in range(len(grids) - 1):
         top, height, width = grids[k]
         for y in range(top, top + height):
             for x in range(1, width + 1):
-                if k + 1 < len(grids):
-                    square, column = grids[k + 1][0] + (y - top) // 2, (x + 1) // 2
-                    for part in range(5):  # links within a square do not count
-                        if (part != 3 or x % 2 == 0) and (part != 4 or (y - top) % 2 == 1):
-                            system[part, square, column] += system[part, y, x]
+                square, column = grids[k + 1][0] + (y - top) // 2, (x + 1) // 2
+                for part in range(5):  # links within a square do not count
+                    if (part != 3 or x % 2 == 0) and (part != 4 or (y - top) % 2 == 1):
+                        system[part, square, column] += system[part, y, x]
                 pull = system[3, y, x - 1] + system[3, y, x] + system[4, y - 1, x] + system[4, y, x]
                 xx, xy, yy = system[0, y, x] + pull, system[1, y, x], system[2, y, x] + pull
                 system[0, y, x], system[2, y, x] = xx, yy
@@ -93,19 +93,18 @@ def _pull(system: Floats, component: Floats, y: int, x: int) -> float:
 def _cycle(system: Floats, grids: list[Grid], residual: Floats, change: Floats) -> None:
     """Write the change of velocities by one cycle over all grids, from fine to coarse and back."""
     change[:] = 0
-    for k in range(len(grids)):
+    for k in range(len(grids) - 1):
         top, rows, columns = grids[k]
         for color in range(2):  # of a chessboard
             _relax(system, residual, change, grids[k], color)
-        if k + 1 < len(grids):
-            below = grids[k + 1][0]
-            residual[:, below : below + (rows + 1) // 2] = 0
-            for component in range(2):
-                for y in range(top, top + rows):  # the other color changed last
-                    for x in range(1 + y % 2, columns + 1, 2):
-                        left = _pull(system, change[component], y, x)
-                        residual[component, below + (y - top) // 2, (x + 1) // 2] += left
-    for k in range(len(grids) - 2, -1, -1):
+        below = grids[k + 1][0]
+        residual[:, below : below + (rows + 1) // 2] = 0
+        for component in range(2):
+            for y in range(top, top + rows):  # the other color changed last
+                for x in range(1 + y % 2, columns + 1, 2):
+                    left = _pull(system, change[component], y, x)
+                    residual[component, below + (y - top) // 2, (x + 1) // 2] += left
+    for k in range(len(grids) - 3, -1, -1):
         top, rows, columns = grids[k]
         for component in range(2):
             for i in range(rows):

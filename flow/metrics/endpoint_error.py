@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
@@ -360,16 +359,3 @@ def sparsified(bins: Floats) -> SparsifiedError:
     kept, kept_px = np.cumsum(bins[0], axis=-1)
     half_px = np.interp(pixels / 2, [0, *kept], [0, *kept_px]) / (pixels / 2)
     return SparsifiedError(areas[0] - areas[1], 1 - areas[1], float(half_px))
-
-
-def forward_backward_px(
-    flow: NDArray[np.floating], backward: NDArray[np.floating]
-) -> NDArray[np.floating]:
-    """Return |u + v(x + u)| (H, W), px, of flow u to the next frame and v back, each (H, W, 2).
-
-    v is interpolated linearly; NaN where the flow is undefined or leaves the image.
-    """
-    rows, columns = np.indices(flow.shape[:2])
-    places = np.nan_to_num([rows + flow[..., 1], columns + flow[..., 0]], nan=-9)
-    back = [map_coordinates(backward[..., axis], places, order=1, cval=np.nan) for axis in (0, 1)]
-    return np.asarray(np.hypot(*(flow[..., axis] + back[axis] for axis in (0, 1))))

@@ -28,12 +28,8 @@ from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.formats import KITTI_SCALE, read_flow, read_uncertainty
-from megalopta.flow.metrics.endpoint_error import (
-    GROUPS,
-    DenseErrors,
-    forward_backward_px,
-    sparsified,
-)
+from megalopta.flow.likelihood.alignment import round_trip
+from megalopta.flow.metrics.endpoint_error import GROUPS, DenseErrors, sparsified
 from megalopta.flow.metrics.response_error import for_json
 
 FlowAndUncertainty = tuple[NDArray[Any], NDArray[Any] | None]
@@ -170,8 +166,8 @@ def _flows_of(
         if isinstance(detector, PoissonFlow):
             estimate, covariance = detector.dense_with_covariance(first, second)
             return estimate, np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
-        estimate = detector.dense(first, second)
-        return estimate, forward_backward_px(estimate, detector.dense(second, first))
+        there, back = detector.dense(first, second), detector.dense(second, first)
+        return there, round_trip(np.moveaxis(there, -1, 0), np.moveaxis(back, -1, 0))
 
     return detector.name, {
         name: {frame: (str(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()}

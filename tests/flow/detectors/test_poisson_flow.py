@@ -142,3 +142,19 @@ def test_fast_flow_is_nearer_to_the_truth_in_dim_light_than_its_start(flux):
     start = method("DIS").model_copy(update={"stretch": "anscombe", "blur_px": 0.7})
     counts = draw(light(shape=LARGE), flux)
     assert off(FastPoissonFlow().dense(*counts)) < 0.9 * off(start.dense(*counts))
+
+
+def test_what_a_moving_disk_hides_is_occluded():
+    clean, covered = disc(1, radius_px=20.0, velocity=(8.0, 0.0))
+    _, occluded = PoissonFlow().dense_with_occlusion(*draw(clean, 100))
+    hidden = np.roll(covered, 8, axis=1) & ~covered
+    occluded, hidden = occluded[4:-4, 4:-4], hidden[4:-4, 4:-4]  # noise leads beyond the frame
+    assert (occluded & hidden).sum() > 0.6 * max(occluded.sum(), hidden.sum())
+
+
+def test_more_light_is_never_worse_with_noise_of_other_kinds():
+    """Of every pixel in every frame, 20 % of its light, as of paths of rendering."""
+    clean = light(shape=LARGE)
+    noisy = clean * np.random.default_rng(2).normal(1, 0.2, clean.shape).clip(0)
+    dim, bright = (off(PoissonFlow().dense(*draw(noisy, flux))) for flux in (30, 1000))
+    assert bright < 1.05 * dim

@@ -5,7 +5,12 @@ import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
 from megalopta.flow.likelihood import messages
-from megalopta.flow.likelihood.dense_flow import evidence, most_likely, node_covariance
+from megalopta.flow.likelihood.dense_flow import (
+    dispersion_of,
+    evidence,
+    most_likely,
+    node_covariance,
+)
 from megalopta.flow.likelihood.roots import BORDER_PX, NODE_PX, interpolate, level_of
 from megalopta.flow.likelihood.search import with_large_motion
 
@@ -91,6 +96,18 @@ def test_a_frame_of_twice_the_light_is_equal_evidence():
     # motion is noise, the information is not.
     assert twice.information.sum() == pytest.approx(1.22 * same.information.sum(), rel=0.05)
     assert twice.misfit == pytest.approx(same.misfit, rel=0.3)
+
+
+@pytest.mark.parametrize("dispersion", [1.0001, 3])
+def test_dispersion_is_the_variance_over_the_mean(dispersion):
+    """Of negative binomial counts, nearly Poisson if both are equal."""
+    shape, velocity = (112, 128), (1.2, -0.7)
+    texture = drifting_texture(velocity, 2, shape, blur_px=3.0)
+    light = 100 * (1 + 0.2 * texture / texture.std()).clip(0.2)
+    rng = np.random.default_rng(0)
+    counts = rng.negative_binomial(light / (dispersion - 1), 1 / dispersion)
+    flow = np.broadcast_to(np.reshape(velocity, (2, 1, 1)), (2, 28, 32))
+    assert dispersion_of(counts * 1.0, flow, np.inf) == pytest.approx(dispersion, rel=0.1)
 
 
 EXACT = 1e-20

@@ -10,7 +10,6 @@ from megalopta.flow.metrics.endpoint_error import (
     DenseErrors,
     ause,
     block_flow,
-    forward_backward_px,
     sparsification,
     sparsified,
     truth_error,
@@ -196,17 +195,3 @@ def test_sparsification_is_that_of_an_independent_sort_of_all_images():
     for wrong in (-uncertainty, uncertainty[1:]):
         with pytest.raises(ValueError, match="uncertainty"):
             ause(errors, wrong)
-
-
-def test_flow_there_and_back_leads_home():
-    row, column = np.mgrid[:20, :30].astype(float)
-    there = np.stack([0.1 * column, -0.05 * row], axis=-1)
-    # its exact inverse: x + u = 1.1·x, y + v = 0.95·y
-    back = np.stack([column / 1.1 - column, row / 0.95 - row], axis=-1)
-    inside = 1.1 * column <= 29
-    distance = forward_backward_px(there, back)
-    np.testing.assert_allclose(distance[inside], 0, atol=1e-12)
-    assert np.isnan(distance[~inside]).all()
-    there[3, 4] = np.nan
-    assert np.isnan(forward_backward_px(there, back)[3, 4])
-    np.testing.assert_allclose(forward_backward_px(there, back + 3)[5, 5], 3 * math.sqrt(2))
