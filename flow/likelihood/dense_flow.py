@@ -25,6 +25,7 @@ Equations, sources and limits: `docs/theory/whole-frame-flow.md`.
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,9 +153,7 @@ def _most_likely_flow(
         for frames, bins in coarse:
             start, _ = _at_scale(frames, bins, start, smoothness, gain_share)
         level = roots.level_of(frames, bins, 1.0, gain_share)
-        aligned = _evidence_of_velocity(level, start)
-        # a motion that leads out of the frame explains nothing
-        misfit = aligned.seen * aligned.misfit + (1 - aligned.seen) * MOST_NOISE
+        misfit = _misfit(level, start)
         if misfit < least / (1 + _EVEN) or math.isinf(gain_share):
             flow, share, least = start, gain_share, misfit
     for frames, bins in scales[len(coarse) :]:
@@ -179,7 +178,7 @@ def _at_scale(
     photons = frames.sum(axis=0).mean() / bins**2 / dispersion
     weight = bins * smoothness_of(photons, smoothness, most)
     if is_first:
-        flow = _newton(level, flow, weight, _FIRST_STEPS)
+        flow = min(flow, _newton(level, flow, weight, _FIRST_STEPS), key=partial(_misfit, level))
     if bins == 1 and proposal is not None:
         flow = search.with_proposal(_middle(level), flow, *proposal)
     if bins <= _MOST_BINS:
@@ -205,6 +204,12 @@ def _middle(level: Level) -> Level:
     """Return the two frames in the middle of a level."""
     pair = np.s_[len(level.roots) // 2 - 1 : len(level.roots) // 2 + 1]
     return level._replace(roots=level.roots[pair], splines=level.splines[pair])
+
+
+def _misfit(level: Level, flow: Floats) -> float:
+    """Return the misfit of frames aligned by a flow, which explains nothing where it leaves them."""
+    aligned = _evidence_of_velocity(level, flow)
+    return aligned.misfit / max(aligned.seen, _LEAST)
 
 
 def _newton(level: Level, flow: Floats, smoothness: float, steps: int) -> Floats:
