@@ -207,7 +207,7 @@ def _middle(level: Level) -> Level:
 
 
 def _misfit(level: Level, flow: Floats) -> float:
-    """Return the misfit of frames aligned by a flow, which explains nothing where it leaves them."""
+    """Return the misfit of frames aligned by a flow, which explains nothing where it leaves."""
     aligned = _evidence_of_velocity(level, flow)
     return aligned.misfit / max(aligned.seen, _LEAST)
 
