@@ -83,5 +83,5 @@ except Exception as refusal:
     used, is_listed, refusal = done.stdout.splitlines()
     assert used == "[('theirs', 0.5, 0.1), ('dark', 0.5, 0.02)]"
     assert is_listed == "True"
-    assert refusal.endswith("ctia_ingaas_quiet, theirs")
+    assert refusal.endswith("'their' is unknown; did you mean 'theirs'?")
     assert "twice (whole_frame:NAMESAKE): the name 'ideal' is taken" in done.stderr
