@@ -27,7 +27,7 @@ from megalopta.scenes.spectra.color import LUMINANCE_SHARES, linear_of_srgb
 
 METHODS = ("PF", "PF-fast", "DeepFlow √", "DIS √", "RLOF tuned", "PCAFlow tuned", "zero")
 PHOTONS_PER_PX = (1, 10, 100, 1000)
-SHAPE = (240, 240)
+SHAPE = tune.SHAPE = (240, 240)
 
 
 def clips() -> Iterator[FlowClip]:
@@ -58,7 +58,6 @@ def moving(
     name: str, rng: np.random.Generator, texture: np.ndarray, fastest_px: float, set_name: str
 ) -> FlowClip:
     """Return a texture in affine motion, and three disks of it in others."""
-    tune.SHAPE = SHAPE
     scene = tune.in_layers(name, rng, texture, fastest_px)
     return FlowClip(name, scene.light[3:5], scene.flow, scene.hidden, set_name=set_name)
 
