@@ -6,7 +6,7 @@
 
 Light to volts, 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
 
-    sensor = ctia_preset("ctia_ingaas_quiet")
+    sensor = CTIA_PRESETS["ctia_ingaas_quiet"]
     light = photocurrent(radiance, bands_nm, sensor)
     reading = expose_photocurrent(light, sensor, seed=0, stream="forest")
     reading.volts, reading.saturated

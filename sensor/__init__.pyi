@@ -1,4 +1,5 @@
 from .change import changed as changed
+from .contrast.model import ContrastSensor as ContrastSensor
 from .ctia.bias import (
     DacBias as DacBias,
     FixedBias as FixedBias,
@@ -10,7 +11,6 @@ from .ctia.model import (
     CtiaExposure as CtiaExposure,
     CtiaNoise as CtiaNoise,
     CtiaSensor as CtiaSensor,
-    ctia_preset as ctia_preset,
     expose_photocurrent as expose_photocurrent,
     photocurrent as photocurrent,
     reading_electrons as reading_electrons,
@@ -44,16 +44,18 @@ from .formats.counts_store import (
 )
 from .formats.events import (
     EventOrigin as EventOrigin,
+    read_events as read_events,
     write_events_hdf5 as write_events_hdf5,
-    write_events_npz as write_events_npz,
 )
-from .formats.reading import read_events as read_events, read_frames as read_frames
+from .formats.reading import read_frames as read_frames
+from .frame.model import FRAME_PRESETS as FRAME_PRESETS, FrameSensor as FrameSensor
 from .histograms import expose_histograms as expose_histograms, mean_histograms as mean_histograms
 from .image_sensors import (
     IMAGE_SENSORS as IMAGE_SENSORS,
     ImageSensor as ImageSensor,
     check_sensor as check_sensor,
     detected_photons as detected_photons,
+    load_sensor as load_sensor,
 )
 from .optics import (
     ColorFilters as ColorFilters,
@@ -68,4 +70,4 @@ from .spad.array import detection_rate as detection_rate
 from .spad.counters import AnalogCounter as AnalogCounter, DigitalCounter as DigitalCounter
 from .spad.measured import MapFile as MapFile, MeasuredMaps as MeasuredMaps
 from .spad.model import ORDER_OF_EFFECTS as ORDER_OF_EFFECTS, Sensor as Sensor, without as without
-from .spad.presets import PRESETS as PRESETS, load_sensor as load_sensor, preset as preset
+from .spad.presets import PRESETS as PRESETS, preset as preset

@@ -1,17 +1,23 @@
 """Mean and variance of events and readings, frame by frame, without drawing any."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
+from megalopta.sensor.contrast import model as contrast
 from megalopta.sensor.ctia import model as ctia
+from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.image_sensors import ImageSensor
+from megalopta.sensor.frame import moments as frame
+from megalopta.sensor.frame.model import FrameSensor
+from megalopta.sensor.image_sensors import ImageSensor, detected_hz
 from megalopta.sensor.optics import checked_rate, photon_rate
 from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.sampling.streams import over_frames
-from megalopta.sensor.spad.array import detection_rate
 from megalopta.sensor.spad.counters import AnalogPixels
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
@@ -25,14 +31,10 @@ _PIXELS_AT_ONCE = 2**16
 def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Floats]:
     """Mean and variance of the events of an exposure, dark counts included, each (T, H, W).
 
-    Parameters
-    ----------
-    detections_hz : (T, H, W) or (T, S, H, W) array
-        Detection rate of always-live pixels, Hz (`detection_rate`), constant or in S equal parts of
-        the exposure. In parts, with dead time alone means are off by at most one count a part,
-        times the share of time dead (`count_moments` derives it; 0.4 of it was found); with
-        afterpulsing by as much over one less mean_carriers, and the carriers that wait; variances
-        by 0.1 counts² a part, as simulated at r·τ of 0.1 to 3; exact without either.
+    `detections_hz`: detection rate of always-live pixels, Hz (`detection_rate`), constant (T, H, W)
+    or in S equal parts of the exposure (T, S, H, W). In parts, means are off by at most one count a
+    part times the share of time dead, with afterpulsing over one less mean_carriers; variances by
+    0.1 counts² a part, as simulated at r·τ of 0.1 to 3; exact without either (`count_moments`).
     """
     mean, variance, _, _ = _all_moments(detections_hz, sensor)
     return mean, variance
@@ -51,26 +53,40 @@ def expectation(
     first_frame: int = 0,
     frame_period_s: float | None = None,
     detections_hz: ArrayLike | None = None,
+    state: Any = None,
 ) -> Expectation:
     """Mean and variance of photons, events and readings.
 
-    Parameters are those of `expose`, plus `detections_hz` if light changes within the exposures of
-    a SPAD array: the rates (T, S, H, W) in their parts, of which the radiance is the mean. Effects
-    that change from frame to frame are averaged over time.
+    Parameters are those of `expose`, plus `detections_hz`, the light of `detected_hz`, or that of
+    parts where a kind takes them, of which the radiance is the mean; and `state`, that of a frame
+    or event camera before. Effects that change from frame to frame are averaged over time.
     """
-    if isinstance(sensor, ctia.CtiaSensor):
-        light = ctia.photocurrent(radiance, bands_nm, sensor)
-        mean_v, variance_v2 = ctia.volt_moments(light, sensor, first_frame, frame_period_s)
-        return Expectation(
-            photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s,
-            *ctia.electron_moments(light, sensor, first_frame, frame_period_s),
-            ctia.reading_electrons(mean_v, sensor),
-            variance_v2 * float(ctia.reading_electrons(1.0, sensor)) ** 2,
-        )
     if detections_hz is None:
-        detections_hz = detection_rate(radiance, bands_nm, sensor)
+        detections_hz = detected_hz(radiance, bands_nm, sensor)
     photons = photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
-    return Expectation(photons, *_all_moments(detections_hz, sensor))
+    return Expectation(photons, *moments(detections_hz, sensor, first_frame, frame_period_s, state))
+
+
+def moments(
+    detections_hz: ArrayLike,
+    sensor: ImageSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+    state: Any = None,
+) -> Sequence[Floats]:
+    """Mean and variance of events, and of readings, (T, H, W) each, as `expectation`."""
+    if isinstance(sensor, Sensor):
+        return list(_all_moments(detections_hz, sensor))
+    if isinstance(sensor, contrast.ContrastSensor):
+        return list(contrast.moments(detections_hz, sensor, state))
+    light_hz = np.asarray(detections_hz)
+    if isinstance(sensor, FrameSensor):
+        electrons = frame.electron_moments(light_hz, sensor, state)
+        return [*electrons, *frame.reading_moments(light_hz, sensor, state)]
+    times = ELEMENTARY_CHARGE_C * light_hz, sensor, first_frame, frame_period_s
+    mean_v, variance_v2 = ctia.volt_moments(*times)
+    variance = variance_v2 * float(ctia.reading_electrons(1.0, sensor)) ** 2
+    return [*ctia.electron_moments(*times), ctia.reading_electrons(mean_v, sensor), variance]
 
 
 def settled(sensor: Sensor) -> Sensor:

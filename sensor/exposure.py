@@ -5,16 +5,21 @@ photocurrent, `ctia.model`.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor import expectations
+from megalopta.sensor.contrast import model as contrast
 from megalopta.sensor.ctia import model as ctia
-from megalopta.sensor.image_sensors import ImageSensor, sensor_named
+from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
+from megalopta.sensor.frame import exposure as frame
+from megalopta.sensor.frame.model import FrameSensor
+from megalopta.sensor.image_sensors import ImageSensor, detected_hz, sensor_named
 from megalopta.sensor.quantities import Events, Exposure
 from megalopta.sensor.sampling.streams import Draw
-from megalopta.sensor.spad.array import detection_rate, expose_frames
+from megalopta.sensor.spad.array import Reading, expose_frames
 from megalopta.sensor.spad.model import Sensor
 
 
@@ -29,7 +34,7 @@ def expose(
     frame_period_s: float | None = None,
     expectation: bool = False,
 ) -> Exposure:
-    """Simulate a sensor's readings of a scene: counts, or electrons of a CTIA array.
+    """Simulate a sensor's readings of a scene: counts, electrons, or net contrast events.
 
     Raises ValueError if the radiance is negative, not finite, too bright or of the wrong shape, a
     band reaches outside the efficiency curve, or the sensor's device is impossible; TypeError if
@@ -55,20 +60,41 @@ def expose(
     """
     if isinstance(sensor, str):
         sensor = sensor_named(sensor)
-    draw, rate_hz = Draw(seed, stream, first_frame, frame_period_s), None
-    if isinstance(sensor, ctia.CtiaSensor):
-        light_a = ctia.photocurrent(radiance, bands_nm, sensor)
-        read = ctia.expose_photocurrent(light_a, sensor, **draw._asdict())
-        electrons = ctia.reading_electrons(read.volts, sensor).astype(np.float32)
-        exposure = Exposure(electrons, read.saturated)
-    else:
-        rate_hz = detection_rate(radiance, bands_nm, sensor)
-        exposure, _ = expose_frames(rate_hz, sensor, draw, "counts")
+    rate_hz = detected_hz(radiance, bands_nm, sensor)
+    draw = Draw(seed, stream, first_frame, frame_period_s)
+    exposure: Exposure
+    exposure, _ = draw_frames(rate_hz, sensor, draw)
     if not expectation:
         return exposure
     times = first_frame, frame_period_s
     stated = expectations.expectation(radiance, bands_nm, sensor, *times, detections_hz=rate_hz)
     return replace(exposure, expectation=stated)
+
+
+def draw_frames(
+    rate_hz: ArrayLike,
+    sensor: ImageSensor,
+    draw: Draw,
+    reading: Reading = "counts",
+    state: Any = None,
+    *,
+    is_running: bool = False,
+) -> tuple[Any, Any]:
+    """Draw a reading of any sensor, and the state of its pixels that the next frames start from.
+
+    `rate_hz`: as `detected_hz`, or in parts where a kind takes them; `state`: None at first.
+    Arrays without single events have "counts" only.
+    """
+    if isinstance(sensor, Sensor):
+        return expose_frames(rate_hz, sensor, draw, reading, is_running=is_running, state=state)
+    if isinstance(sensor, contrast.ContrastSensor):
+        return contrast.expose_frames(rate_hz, sensor, draw, reading, state)
+    if isinstance(sensor, FrameSensor):
+        return frame.expose_frames(np.asarray(rate_hz), sensor, draw, state)
+    light_a = ELEMENTARY_CHARGE_C * np.asarray(rate_hz)
+    read = ctia.expose_photocurrent(light_a, sensor, **draw._asdict())
+    electrons = ctia.reading_electrons(read.volts, sensor).astype(np.float32)
+    return Exposure(electrons, read.saturated), None
 
 
 def expose_rate(
@@ -152,7 +178,7 @@ def expose_binary(
 
 def expose_events(
     detections_hz: ArrayLike,
-    sensor: Sensor,
+    sensor: Sensor | contrast.ContrastSensor,
     *,
     seed: int,
     stream: str | int,
@@ -163,11 +189,12 @@ def expose_events(
     """Draw the time and pixel of every avalanche, instead of counts.
 
     An event-based array reports every avalanche and has no counter; its jitter scatters the time
-    stamps. Parameters, and errors, are those of `expose_rate`.
+    stamps. Parameters, and errors, are those of `expose_rate`. A contrast sensor, which always
+    runs, takes light at the ends of parts (`contrast.model.expose_frames`).
     """
     draw = Draw(seed, stream, first_frame, frame_period_s)
     events: Events
-    events, _ = expose_frames(detections_hz, sensor, draw, "events", is_running=free_running)
+    events, _ = draw_frames(detections_hz, sensor, draw, "events", is_running=free_running)
     return events
 
 

@@ -25,32 +25,20 @@ def check_histograms(sensor: Sensor) -> None:
         raise ValueError(
             f"tcspc.bins: 0 in sensor {sensor.name!r}; give the bins of a period for histograms"
         )
-    if tcspc.period_s > sensor.exposure_s:
-        raise ValueError(
-            f"tcspc.period_s: {tcspc.period_s:g} is longer than exposure_s {sensor.exposure_s:g}; "
-            "expose for many periods"
-        )
-    if sensor.exposure_s / tcspc.period_s > _MOST_PERIODS:
-        raise ValueError(
-            f"exposure_s: {sensor.exposure_s:g} is more than {_MOST_PERIODS:g} periods of "
-            f"{tcspc.period_s:g} s (tcspc.period_s); expose for less time"
-        )
-    for field, time_s in (
-        ("tcspc.pulse_sigma_s", tcspc.pulse_sigma_s),
-        ("tcspc.decay_s", tcspc.decay_s),
-        ("jitter.sigma_s", sensor.jitter.sigma_s),
-        ("jitter.tail_s", sensor.jitter.tail_s),
-    ):
-        if time_s > _MOST_WRAPPED * tcspc.period_s:
-            raise ValueError(
-                f"{field}: {time_s:g} is longer than {_MOST_WRAPPED} periods of "
-                f"{tcspc.period_s:g} s (tcspc.period_s); shorten it, or lengthen the period"
-            )
-    if sensor.dead_time.dead_time_s > tcspc.period_s:
-        raise ValueError(
-            f"dead_time.dead_time_s: {sensor.dead_time.dead_time_s:g} is longer than tcspc."
-            f"period_s {tcspc.period_s:g}; histograms need pixels that are ready at every pulse"
-        )
+    period_s = tcspc.period_s
+    wrapped_s, shorter = _MOST_WRAPPED * period_s, f"or give {_MOST_WRAPPED} longer periods"
+    for field, time_s, most_s, remedy in (
+        ("tcspc.period_s", period_s, sensor.exposure_s, "or expose for many periods"),
+        ("exposure_s", sensor.exposure_s, _MOST_PERIODS * period_s, "more periods overflow counts"),
+        ("tcspc.pulse_sigma_s", tcspc.pulse_sigma_s, wrapped_s, shorter),
+        ("tcspc.decay_s", tcspc.decay_s, wrapped_s, shorter),
+        ("jitter.sigma_s", sensor.jitter.sigma_s, wrapped_s, shorter),
+        ("jitter.tail_s", sensor.jitter.tail_s, wrapped_s, shorter),
+        ("dead_time.dead_time_s", sensor.dead_time.dead_time_s, period_s,
+         "histograms need pixels that are ready at every pulse"),
+    ):  # fmt: skip
+        if time_s > most_s:
+            raise ValueError(f"{field}: {time_s:g}; give at most {most_s:g} s: {remedy}")
     for name in ("gate", "afterpulsing", "crosstalk", "telegraph"):
         if getattr(sensor, name).is_on:
             raise ValueError(
@@ -114,17 +102,10 @@ def expose_histograms(
 ) -> NDArray[np.uint32]:
     """Draw histograms of photons by their time after a pulse, (T, H, W, bins).
 
-    Raises ValueError as `expose_rate`, or as `check_histograms`.
-
-    Parameters
-    ----------
-    detections_hz : (T, H, W) array
-        Mean detection rate of always-live pixels, Hz; `tcspc` says how it is pulsed.
-    seed, stream, first_frame
-        As for `expose_rate`.
-    later_s : (T, H, W) array, optional
-        With `tcspc.from_camera`, delay of each pixel's pulse after `tcspc.delay_s`; infinite: no
-        pulse returns, and all light is constant.
+    `detections_hz` (T, H, W): mean detection rate of always-live pixels, Hz; `tcspc` says how it is
+    pulsed. `later_s` (T, H, W), with `tcspc.from_camera`: delay of each pixel's pulse after
+    `tcspc.delay_s`; infinite: no pulse returns, and all light is constant. The others, and what is
+    refused, as for `expose_rate`; also raises ValueError as `check_histograms`.
     """
     check_histograms(sensor)
     rate = checked_rate(detections_hz, sensor)

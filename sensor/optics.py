@@ -4,17 +4,10 @@
 
 is the irradiance on the die, for spectral radiance L, f-number N and transmission T. Radiance is
 given as its mean over each band; the photon rate is exact for a spectrum that is flat inside it.
-The falloff is off unless the lens has the camera's horizontal field of view: a rendered pinhole
-image has no vignetting. Source, check value and limits: `docs/theory/light.md`.
-
-A band's photon detection probability (PDP) is the mean of the tabulated curve over its photons.
-Between points the integrand is a parabola, or a cubic with the transmission T(λ) of the lens.
-Simpson's rule is exact for both: no point is lost however narrow or wide the band. With a color
-filter, too, Gauss and Legendre's rule of three points is exact. The curve holds at one operating
-point; `effects.bias` scales it elsewhere.
-
-**Color filters** are a mosaic in front of the pixels, which repeats: R, G and B are filters with a
-transmission curve, W is clear unless it has one.
+A band's photon detection probability (PDP) is the mean of the tabulated curve over its photons:
+between points a parabola, or a cubic with the transmission T(λ) of the lens, for which Simpson's
+rule is exact, as Gauss and Legendre's of three points is with a color filter, too. Source, check
+value and limits: `docs/theory/light.md`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,11 +22,12 @@ from scipy.ndimage import correlate1d
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import file_content, named_path
-from megalopta.core.compiling import compiled
 from megalopta.core.curve_file import curve_of
 from megalopta.core.record import Record
+from megalopta.core.validation import checked, inner_types
 from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 
@@ -44,9 +38,6 @@ PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 class WavelengthCurve(Record):
     """Fraction of light over wavelength, linear between points."""
 
-    field: ClassVar[str] = "filters"
-    """Field of the sensor that holds the curve, for messages"""
-
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
@@ -56,25 +47,17 @@ class WavelengthCurve(Record):
     def _check_curve(self) -> Self:
         if len(self.wavelengths_nm) != len(self.values):
             raise ValueError(
-                f"{self.field}: {len(self.wavelengths_nm)} wavelengths_nm for {len(self.values)} "
-                "values; give one value per wavelength"
+                f"{len(self.wavelengths_nm)} wavelengths_nm for {len(self.values)} values; give "
+                "one value per wavelength"
             )
         for before, after in pairwise(self.wavelengths_nm):
             if after <= before:
-                raise ValueError(
-                    f"{self.field}.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
-                )
+                raise ValueError(f"wavelengths_nm: {after:g} follows {before:g}; sort the curve")
         return self
 
     def __call__(self, wavelength_nm: Floats) -> Floats:
         """Fraction at each wavelength (nm) inside the curve."""
         return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
-
-
-class Transmission(WavelengthCurve, frozen=True):
-    """Transmission over wavelength."""
-
-    field: ClassVar[str] = "lens.transmission_curve"
 
 
 class Lens(Effect, frozen=True):
@@ -84,7 +67,7 @@ class Lens(Effect, frozen=True):
     """Focal length over aperture diameter."""
     transmission: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Transmitted fraction of the light, the same at every wavelength."""
-    transmission_curve: Transmission | None = None
+    transmission_curve: WavelengthCurve | None = None
     """Transmitted fraction over wavelength, on top of `transmission`; null: 1."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     """Horizontal field of view (degrees) for cosine-fourth falloff; null: no falloff."""
@@ -98,7 +81,7 @@ class Lens(Effect, frozen=True):
         return True
 
     @property
-    def curves(self) -> list[Transmission]:
+    def curves(self) -> list[WavelengthCurve]:
         """The transmission over wavelength, if there is one."""
         return [self.transmission_curve] if self.transmission_curve else []
 
@@ -172,12 +155,7 @@ class ColorFilters(Effect, frozen=True):
 
 
 class Efficiency(WavelengthCurve, Effect, frozen=True):
-    """Photon detection probability over wavelength; a constant is a curve of two points."""
-
-    field: ClassVar[str] = "efficiency"
-
-    values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    """Detected fraction of the photons on the active area (PDP = PDE over fill factor)."""
+    """Photon detection probability, of photons on the active area (PDP), over wavelength."""
 
     @property
     def is_on(self) -> bool:
@@ -203,6 +181,9 @@ class PixelOptics(Record):
     """Name of the sensor in files and reports."""
     source: str = ""
     """Source of its parameters."""
+    assumed: tuple[str, ...] = Field(default=(), exclude_if=lambda paths: not paths)
+    """Fields whose values its source does not give: a path, such as efficiency.values, each, and
+    the reason after a colon."""
     pitch_m: Annotated[float, Field(gt=0)]
     """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
     fill_factor: Annotated[float, Field(gt=0, le=1)]
@@ -215,6 +196,25 @@ class PixelOptics(Record):
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
     filters: ColorFilters = Field(default=ColorFilters(), exclude_if=lambda used: not used.is_on)
     """Color filters in front of the pixels; none by default."""
+
+    @classmethod
+    def presets(cls, path: Path) -> dict[str, Self]:
+        """Return the sensors in a YAML file by name."""
+        fields = strict_yaml.load(path.read_text("utf-8"))
+        return {name: checked(cls, {"name": name, **values}) for name, values in fields.items()}
+
+    @model_validator(mode="after")
+    def _check_assumed(self) -> Self:
+        for path in self.assumed:
+            kinds: list[Any] = [type(self)]
+            for step in path.partition(":")[0].split("."):
+                kinds = [kind for outer in kinds for kind in inner_types(outer, step)]
+            if not kinds:
+                raise ValueError(
+                    f"assumed: {path!r} does not begin with a field of a {self.kind} sensor; give "
+                    "a path such as efficiency.values, and a reason after a colon"
+                )
+        return self
 
     @model_validator(mode="after")
     def _check_blur(self) -> Self:
@@ -289,7 +289,7 @@ def checked_rate(detections_hz: ArrayLike, sensor: PixelOptics) -> Floats:
             "the exposure (frames, parts, rows, columns)"
         )
     most_hz = MOST_ARRIVALS / sensor.exposure_s
-    if not _are_within(rate_hz.ravel(), most_hz):
+    if rate_hz.size and not (rate_hz.min() >= 0 and rate_hz.max() <= most_hz):
         raise ValueError(
             f"detections_hz: from {rate_hz.min():g} to {rate_hz.max():g}; must be finite, not "
             f"negative and at most {most_hz:g} Hz ({MOST_ARRIVALS:g} per exposure)"
@@ -297,21 +297,12 @@ def checked_rate(detections_hz: ArrayLike, sensor: PixelOptics) -> Floats:
     return rate_hz
 
 
-@compiled
-def _are_within(values: Floats, most: float) -> bool:
-    """True if all values are from 0 to `most`, in one pass."""
-    within = np.int64(0)
-    for pixel in range(values.size):  # summed, which vectorizes
-        within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
-    return bool(within == values.size)
-
-
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band, without the lens's curve."""
     if not isinstance(sensor, PixelOptics):
         raise TypeError(f"sensor: {sensor!r} is not a Sensor; give one, such as preset('spadcam')")
     per_radiance = np.pi * sensor.lens.transmission / (4 * sensor.lens.f_number**2 + 1)
-    return photon_flux(np.full(len(check_bands(bands_nm)), per_radiance), bands_nm)
+    return photon_flux(per_radiance, bands_nm)
 
 
 def _on_the_die(radiance: NDArray[np.floating], weights: Floats, sensor: PixelOptics) -> Floats:
@@ -418,10 +409,10 @@ def band_means(curves: Sequence[WavelengthCurve], bands_nm: ArrayLike) -> Floats
     for (lower, upper), curve in product(bands, curves):
         first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
         if lower < first or upper > last:
+            which = "efficiency" if isinstance(curve, Efficiency) else "lens's or a filter's"
             raise ValueError(
-                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the "
-                f"{curve.field.removesuffix('_curve')} curve, {first:g}–{last:g} nm; extend the "
-                "curve or drop the band"
+                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the {which} curve, {first:g}–"
+                f"{last:g} nm; extend the curve or drop the band"
             )
 
     def photons_seen(wavelength_nm: Floats) -> Floats:

@@ -85,6 +85,10 @@ class Events:
     """(frames, rows, columns)"""
     first_frame: int = 0
     """Sequence number of the first frame."""
+    value: Floats | None = None
+    """(N,): of changes, the intensity that an event sends, detections per binary frame."""
+    polarity: Mask | None = None
+    """(N,): of contrast, True for ON; None for avalanches."""
 
     @property
     def frame(self) -> Ints:
@@ -103,26 +107,31 @@ class Events:
         return self.pixel.astype(np.int64) % max(self.shape[2], 1)
 
 
-def histogram(events: Events) -> Ints:
-    """Events per pixel and frame, (frames, rows, columns)."""
-    frames, rows, columns = events.shape
-    counts = np.empty((frames, rows * columns), np.int64)
-    for frame in range(frames):
-        pixels = events.pixel[events.starts[frame] : events.starts[frame + 1]]
-        counts[frame] = np.bincount(pixels, minlength=rows * columns)
-    return counts.reshape(events.shape)
+def histogram(events: Events, frames: slice = slice(None)) -> Ints:
+    """Events per pixel and frame, (frames, rows, columns); of contrast, ON minus OFF ones."""
+    rows, columns = events.shape[1:]
+    size, chosen = rows * columns, range(events.shape[0])[frames]
+    counts = np.empty((len(chosen), size), np.int64)
+    for net, frame in zip(counts, chosen, strict=True):
+        inside = slice(events.starts[frame], events.starts[frame + 1])
+        pixels = events.pixel[inside]
+        net[:] = np.bincount(pixels, minlength=size)
+        if events.polarity is not None:
+            net -= 2 * np.bincount(pixels[~events.polarity[inside]], minlength=size)
+    return counts.reshape(len(chosen), rows, columns)
 
 
 def joined(
     streams: Sequence[tuple[Floats, NDArray[np.uint32]]],
     shape: tuple[int, int, int],
     first_frame: int,
+    value: Floats | None = None,
 ) -> Events:
     """Return the events of frames from their times and pixels, in order."""
     starts = np.cumsum([0, *(times.size for times, _ in streams)], dtype=np.int64)
     times = np.concatenate([np.empty(0), *(times for times, _ in streams)])
     pixels = np.concatenate([np.empty(0, np.uint32), *(pixels for _, pixels in streams)])
-    return Events(times, pixels, starts, shape, first_frame)
+    return Events(times, pixels, starts, shape, first_frame, value)
 
 
 def in_order_of_time(stamps: Floats, pixels: Ints) -> tuple[Floats, NDArray[np.uint32]]:

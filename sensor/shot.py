@@ -2,7 +2,7 @@
 
 The light of a frame is constant during its exposure, unless the following frames are given. Then it
 moves towards them in steps, which affect readings, events, bits and their moments (for an
-integrating sensor, through the mean).
+integrating sensor, through the mean; for contrast, without steps).
 
 **Light between rendered frames** moves along the true flow, for events and bursts of short frames.
 A point at x in frame t and at x + F(x) in frame t + 1 is at x + a·F(x) in between, for a from 0 to
@@ -12,33 +12,35 @@ frame t + 1. Light is interpolated bilinearly, which softens detail finer than t
 motion is straight and uniform between two frames.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor import expectations, histograms, quantities
+from megalopta.sensor import quantities
 from megalopta.sensor.change import changed
-from megalopta.sensor.exposure import expose
+from megalopta.sensor.contrast.model import ContrastSensor
+from megalopta.sensor.expectations import expectation, settled
+from megalopta.sensor.exposure import draw_frames
 from megalopta.sensor.formats.products import Kind
-from megalopta.sensor.image_sensors import ImageSensor
+from megalopta.sensor.histograms import expose_histograms
+from megalopta.sensor.image_sensors import ImageSensor, detected_hz
 from megalopta.sensor.sampling.streams import Draw
-from megalopta.sensor.spad.array import MOST_STORED, detection_rate, expose_frames
+from megalopta.sensor.spad.array import MOST_STORED, detection_rate
 from megalopta.sensor.spad.counts import check_load
 from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.simulation import PixelState
 
 
 class Following(Protocol):
     """Frames towards which the light of some frames moves."""
 
     def between(self, frames: NDArray[Any], frame: int, shares: Floats) -> NDArray[np.floating]:
-        """Return the radiance (S, H, W, B) at fractions of the way from one frame to the next."""
+        """Return the radiance (S, H, W, B) at fractions, (S,) or (S, H, 1), of the way onwards."""
 
     def scaled(self, factor: NDArray[np.floating]) -> "Following":
         """Return the same motion of light scaled by a factor, (B,)."""
@@ -71,8 +73,8 @@ class NextFrames:
         return light
 
 
-def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:
-    """Light at a fraction of the way from one frame to the next."""
+def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float | Floats) -> Floats:
+    """Light at a fraction of the way from one frame to the next, or those of the rows (H, 1)."""
     grid = np.indices(before.shape, dtype=np.float64)
     along = flow[..., ::-1].transpose(2, 0, 1)  # rows, columns
     moved = along
@@ -91,6 +93,8 @@ def _look_up(image: NDArray[Any], places: Floats) -> Floats:
     return np.asarray(values)
 
 
+State: TypeAlias = Any
+"""Of `draw_frames`; None at first."""
 _BITS_AT_ONCE = 16
 """Binary frames of a burst drawn together."""
 
@@ -122,10 +126,12 @@ class Shot:
 
     def __post_init__(self) -> None:
         """Raise ValueError if light would move beyond the next frame."""
-        if self.following and self.sensor.exposure_s > self.period_s * (1 + 1e-9):
+        readout_s = getattr(self.sensor, "readout_s", 0.0)
+        light_s = self.sensor.exposure_s + readout_s
+        if self.following and light_s > self.period_s * (1 + 1e-9):
             raise ValueError(
-                f"exposure_s: {self.sensor.exposure_s:g} is longer than a frame, "
-                f"{self.period_s:g} s, after which the light is not known; shorten it"
+                f"exposure_s{' + readout_s' * bool(readout_s)}: {light_s:g} is longer than a "
+                f"frame, {self.period_s:g} s, after which the light is not known; shorten it"
             )
 
     @property
@@ -135,53 +141,54 @@ class Shot:
 
     @cached_property
     def _light(self) -> tuple[NDArray[Any], Floats]:
-        """Mean radiance (T, H, W, B), and for single photons the rate in every part, Hz."""
-        is_spad = isinstance(self.sensor, Sensor)
+        """Mean radiance (T, H, W, B), and `detected_hz`, of parts where a kind takes them."""
         if self.following is None:
-            if not is_spad:
-                return self.radiance, np.empty(0)
-            return self.radiance, detection_rate(self.radiance, self.bands_nm, self._spad)
-        means, rates_hz = [], []
+            return self.radiance, detected_hz(self.radiance, self.bands_nm, self.sensor)
+        has_parts = isinstance(self.sensor, Sensor | ContrastSensor)
+        means, light = [], []
         for frame in range(len(self.radiance)):
             parts = self._parts(frame, self.sensor.exposure_s / self.period_s)
-            means.append(parts.mean(axis=0))
-            if is_spad:
-                rates_hz.append(detection_rate(parts, self.bands_nm, self._spad))
-        return np.stack(means), np.array(rates_hz)
+            is_contrast = isinstance(self.sensor, ContrastSensor)
+            means.append(((parts[1:] + parts[:-1]) / 2 if is_contrast else parts).mean(axis=0))
+            seen = parts if has_parts else means[-1][np.newaxis]
+            light.append(detected_hz(seen, self.bands_nm, self.sensor))
+        return np.stack(means), np.array(light) if has_parts else np.concatenate(light)
 
     def _parts(self, frame: int, share: float) -> NDArray[np.floating]:
-        """Radiance (S, H, W, B) in the first share of the time to the next frame."""
+        """Radiance (S, H, W, B) in the first share of a frame; of contrast, at ends of parts."""
         if self.following is None:
             return np.repeat(self.radiance[frame : frame + 1], self.sub_frames, axis=0)
-        middles = (np.arange(self.sub_frames) + 0.5) / self.sub_frames
-        return self.following.between(self.radiance, frame, middles * share)
+        shares = share * (np.arange(self.sub_frames) + 0.5) / self.sub_frames
+        if isinstance(self.sensor, ContrastSensor):
+            shares = np.linspace(0, share, self.sub_frames + 1)
+        if readout_s := getattr(self.sensor, "readout_s", 0.0):  # later rows see later light
+            rows = np.linspace(0, readout_s / self.period_s, self.radiance.shape[1])
+            shares = shares[:, np.newaxis, np.newaxis] + rows[:, np.newaxis]
+        return self.following.between(self.radiance, frame, shares)
 
-    def readings(
-        self, state: PixelState | None, is_stated: bool = True
-    ) -> tuple[quantities.Exposure, PixelState | None]:
+    def readings(self, state: State, is_stated: bool = True) -> tuple[quantities.Exposure, State]:
         """Draw readings, with their mean and variance if they are stated."""
-        radiance, rate_hz = self._light
-        if not isinstance(self.sensor, Sensor):
-            named = {**self.draw._asdict(), "expectation": is_stated}
-            return expose(radiance, self.bands_nm, self.sensor, **named), None
-        exposure, state = self._expose(rate_hz, self.sensor, self.draw, "counts", state=state)
+        (radiance, light), sensor = self._light, self.sensor
+        exposure, after = self._expose(light, sensor, self.draw, "counts", state)
         if is_stated:
-            sensor = expectations.settled(self.sensor) if self.is_running else self.sensor
-            stated = expectations.expectation(
-                radiance, self.bands_nm, sensor, detections_hz=rate_hz
-            )
+            if self.is_running and isinstance(sensor, Sensor):
+                sensor = settled(sensor)
+            times = self.draw.first_frame, self.draw.frame_period_s
+            stated = expectation(radiance, self.bands_nm, sensor, *times, light, state)
             exposure = replace(exposure, expectation=stated)
-        return exposure, state
+        return exposure, after
 
     def check_events(self) -> None:
         """Raise ValueError for light with more events per frame than fit into memory."""
+        if isinstance(self.sensor, ContrastSensor):
+            return  # known as they are drawn
         exposure_s, effects = self.sensor.exposure_s, self._spad.avalanche_effects
         for rate_hz in self._light[1]:
             check_load(rate_hz, exposure_s, effects, None, MOST_STORED)
 
     def drawn(
-        self, kind: Kind, state: PixelState | None, is_stated: bool = True
-    ) -> Iterator[tuple[Any, PixelState | None]]:
+        self, kind: Kind, state: State, is_stated: bool = True
+    ) -> Iterator[tuple[Any, State]]:
         """Yield readings of a kind, in pieces, and the state of a running array after each.
 
         Binary frames of a burst fill the time between frames in equal shares, each from a live
@@ -191,31 +198,23 @@ class Shot:
         if kind == "readings":
             yield self.readings(state, is_stated)
         elif kind == "bits":
-            yield self._expose(self._light[1], self._spad, self.draw, "bits", state=state)
+            yield self._expose(self._light[1], self._spad, self.draw, "bits", state)
         elif kind == "burst":
             yield from self._burst(state)
         elif kind == "events":
-            self.check_events()
-            for frame, rate_hz in enumerate(self._light[1]):
+            for frame, light in enumerate(self._light[1]):
                 draw = self.draw._replace(first_frame=self.draw.first_frame + frame)
-                events, state = self._expose(
-                    rate_hz[np.newaxis], self._spad, draw, kind, state=state
-                )
+                events, state = self._expose(light[np.newaxis], self.sensor, draw, kind, state)
                 yield events, state
         else:
-            rate_hz = detection_rate(self._light[0], self.bands_nm, self._spad)
-            for frame in range(len(rate_hz)):
-                counts = histograms.expose_histograms(
-                    rate_hz[frame : frame + 1],
-                    self._spad,
-                    seed=self.draw.seed,
-                    stream=self.draw.stream,
-                    first_frame=self.draw.first_frame + frame,
-                    later_s=None if self.later_s is None else self.later_s[frame : frame + 1],
-                )
-                yield counts, None
+            seen = detection_rate(self._light[0], self.bands_nm, self._spad)
+            for frame, rate_hz in enumerate(seen):
+                later_s = None if self.later_s is None else self.later_s[frame : frame + 1]
+                named: Any = {"seed": self.draw.seed, "stream": self.draw.stream}
+                named |= {"first_frame": self.draw.first_frame + frame, "later_s": later_s}
+                yield expose_histograms(rate_hz[np.newaxis], self._spad, **named), None
 
-    def _burst(self, state: PixelState | None) -> Iterator[tuple[Any, PixelState | None]]:
+    def _burst(self, state: State) -> Iterator[tuple[Any, State]]:
         """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, in pieces."""
         sensor = changed(self._spad, exposure_s=self.period_s / self.burst_frames)
         part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
@@ -225,12 +224,11 @@ class Shot:
             for start in range(0, self.burst_frames, _BITS_AT_ONCE):
                 draw = Draw(self.draw.seed, f"{self.draw.stream}/burst", first + start)
                 piece_hz = rate_hz[part_of[start : start + _BITS_AT_ONCE]]
-                bits, state = self._expose(piece_hz, sensor, draw, "bits", state=state)
+                bits, state = self._expose(piece_hz, sensor, draw, "bits", state)
                 yield bits, state
 
-    @property
-    def _expose(self) -> Callable[..., tuple[Any, PixelState | None]]:
-        return partial(expose_frames, is_running=self.is_running)
+    def _expose(self, *what: Any) -> tuple[Any, State]:
+        return draw_frames(*what, is_running=self.is_running)
 
     @property
     def _spad(self) -> Sensor:

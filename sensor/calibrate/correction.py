@@ -17,12 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask, robust_sigma
 from megalopta.sensor.calibrate.pixels import hot_pixels
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.expectations import reading_moments
 from megalopta.sensor.exposure import expose_rate
+from megalopta.sensor.frame import exposure, moments
+from megalopta.sensor.frame.model import FixedPattern, FrameSensor
+from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MeasuredMaps
 from megalopta.sensor.spad.model import Sensor, without
@@ -73,11 +76,19 @@ class ResponseCurve:
         return np.asarray(np.interp(readings, self.mean, excess))
 
 
-def response_curve(sensor: Sensor) -> ResponseCurve:
+def response_curve(sensor: Sensor | FrameSensor) -> ResponseCurve:
     """Return the response curve of the array's mean pixel, without dark counts.
 
     Raises ValueError if no reading determines the arrivals.
     """
+    if isinstance(sensor, FrameSensor):
+        even = sensor.model_copy(update={"pattern": FixedPattern(), "cic_e": 0.0})
+        even = changed(even, dark={"mean_e_s": 0.0}, lag_share=0.0)
+        arrivals = np.concatenate(([0.0], np.geomspace(1e-3, 4 * even.full_well_e, 400)))
+        # read noise differs between pixels
+        rates_hz = np.broadcast_to(arrivals[:, None, None] / even.exposure_s, (401, 16, 16))
+        mean, variance = np.mean(moments.reading_moments(rates_hz, even), axis=(2, 3))
+        return _rising(sensor.name, arrivals, mean, variance)
     if sensor.counter.capacity == 1:
         raise ValueError(
             f"sensor {sensor.name!r}: one event saturates its counter; nothing can be corrected"
@@ -99,15 +110,6 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
     arrivals = np.concatenate(([0.0], np.geomspace(1e-3, most, 400)))
     rates = np.broadcast_to(arrivals[:, None, None] / plain.exposure_s, (arrivals.size, side, side))
     mean, variance = np.array(reading_moments(rates, plain))[:, :, side // 2, side // 2]
-    slopes = np.diff(mean) / np.diff(arrivals)
-    # where the curve is too flat to invert
-    flat = np.flatnonzero(slopes < 0.05 * slopes[:10].max())
-    end = int(flat[0]) if flat.size else arrivals.size - 1
-    if end < 2:
-        raise ValueError(
-            f"sensor {sensor.name!r}: its readings do not rise with the light; nothing can be "
-            "corrected"
-        )
     # readings that brighter light beyond a peak of the curve may give, too
     ambiguous_from = np.inf
     wraps = getattr(plain.counter, "overflow", "saturate") == "wrap"
@@ -116,6 +118,20 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
         after = (np.arange(arrivals.size) > peak) & (arrivals <= 2.0 * arrivals[peak])
         lowest = mean[after] - 3 * np.sqrt(variance[after])
         ambiguous_from = float(np.min(lowest, initial=np.inf))
+    return _rising(sensor.name, arrivals, mean, variance, ambiguous_from)
+
+
+def _rising(
+    name: str, arrivals: Floats, mean: Floats, variance: Floats, ambiguous_from: float = np.inf
+) -> ResponseCurve:
+    """Curve up to where it is too flat to invert."""
+    slopes = np.diff(mean) / np.diff(arrivals)
+    flat = np.flatnonzero(slopes < 0.05 * slopes[:10].max())
+    end = int(flat[0]) if flat.size else arrivals.size - 1
+    if end < 2:
+        raise ValueError(
+            f"sensor {name!r}: its readings do not rise with the light; nothing can be corrected"
+        )
     rising = slice(0, end + 1)
     return ResponseCurve(arrivals[rising], mean[rising], variance[rising], ambiguous_from)
 
@@ -161,22 +177,15 @@ class Calibration:
 
 
 def calibrate(
-    dark_frames: Any, flat_frames: Any, sensor: Sensor, *, hot_times: float = 10.0
+    dark_frames: Any, flat_frames: Any, sensor: Sensor | FrameSensor, *, hot_times: float = 10.0
 ) -> Calibration:
-    """Estimate a device's calibration from dark and flat frames.
+    """Estimate a device's calibration from dark and flat frames, each (n, rows, columns).
 
-    Raises ValueError if there are fewer than two frames, shapes differ, or the flat frames are too
-    dark or too bright to determine a gain.
-
-    Parameters
-    ----------
-    dark_frames, flat_frames : (n, rows, columns)
-        Readings without light and under uniform light, at the sensor's exposure time; arrays in
-        memory or on disk.
-    sensor : Sensor
-        Dead time, afterpulses, counter and so on.
-    hot_times : float
-        Pixels with surely more dark counts than this many times the median are hot.
+    Readings without light and under uniform light at the sensor's exposure, counts or electrons of
+    a frame camera, in memory or on disk. Pixels with surely more dark counts than `hot_times` the
+    median are hot; of a frame camera those surely above the median by so many standard deviations
+    over pixels. Raises ValueError if there are fewer than two frames, shapes differ, or the flat
+    frames are too dark or too bright to determine a gain.
     """
     shapes = np.shape(dark_frames), np.shape(flat_frames)
     for name, shape in zip(("dark", "flat"), shapes, strict=True):
@@ -196,11 +205,11 @@ def calibrate(
 
     curve = response_curve(sensor)
     dark, flat = (_mean(chunks(frames), curve) for frames in (dark_frames, flat_frames))
-    return _of_means(curve, dark, flat, None, hot_times)
+    return _of_means(sensor, curve, dark, flat, None, hot_times)
 
 
 def simulated_calibration(
-    sensor: Sensor,
+    sensor: Sensor | FrameSensor,
     shape: tuple[int, int],
     *,
     frames: int = 256,
@@ -213,17 +222,23 @@ def simulated_calibration(
     """
     curve = response_curve(sensor)
     detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0])
-    factor = draw_fixed_pattern(sensor, shape).efficiency_factor
+    factor = np.ones(shape)  # the model of a frame camera has its own
+    if isinstance(sensor, Sensor):
+        factor = draw_fixed_pattern(sensor, shape).efficiency_factor
 
     def drawn(name: str, rate_hz: Floats) -> Iterator[NDArray[Any]]:
         for first in range(0, frames, _FRAMES_AT_ONCE):
             rates_hz = np.broadcast_to(rate_hz, (min(_FRAMES_AT_ONCE, frames - first), *shape))
             stream = f"calibration {name}"
+            if isinstance(sensor, FrameSensor):  # lag changes no frame but the first
+                draw, even = Draw(seed, stream, first), changed(sensor, lag_share=0.0)
+                yield exposure.expose_frames(rates_hz, even, draw)[0].counts
+                continue
             yield expose_rate(rates_hz, sensor, seed=seed, stream=stream, first_frame=first).counts
 
     dark = _mean(drawn("dark", np.zeros(shape)), curve)
     flat = _mean(drawn("flat", detections / sensor.exposure_s * factor), curve)
-    return _of_means(curve, dark, flat, detections, hot_times)
+    return _of_means(sensor, curve, dark, flat, detections, hot_times)
 
 
 class _Mean(NamedTuple):
@@ -248,12 +263,21 @@ def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
 
 
 def _of_means(
-    curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
+    sensor: Sensor | FrameSensor,
+    curve: ResponseCurve,
+    dark: _Mean,
+    flat: _Mean,
+    flat_detections: float | None,
+    hot_times: float,
 ) -> Calibration:
     light = flat.arrivals - dark.arrivals
     # three standard errors; of no count, the error is that of one
     error = 3.0 * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))
-    bad = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, hot_times)
+    if isinstance(sensor, FrameSensor):
+        apart = dark.arrivals - np.median(dark.arrivals)
+        bad = apart - error > hot_times * robust_sigma(apart)
+    else:
+        bad = hot_pixels(dark.arrivals - error, dark.arrivals, dark.arrivals + error, hot_times)
     if 2 * int(bad.sum()) >= bad.size:
         raise ValueError(
             f"hot_times: {hot_times:g} times the median of the dark counts marks {bad.mean():.0%} "

@@ -3,23 +3,16 @@
     photocurrent = q · (photons per second on the diode) · quantum efficiency
     reading      = discharge after the exposure + noise, V
 
-The radiance of a frame holds for the whole exposure. Every frame has its own random stream, named
-by seed, stream, sensor, light and frame number. With a leaking floating gate, each frame is one
-frame period older than the one before.
-
-Offset, gain and dark current differ from pixel to pixel and are fixed by the device seed and the
-pixel's row and column: the offset and the gain in decibels are normal (§3.2.4), the factor on the
-dark current is log-normal with mean 1 (an assumption; the dissertation measured single pixels). The
-residual bias depends on how the bias is set (`bias`).
-
-Source: dissertation, Chapter 3, for the pixel; the array is an extension. `presets.yaml` has the
-sources of its sensors.
+With a leaking floating gate, each frame is one frame period older than the one before. Over the
+pixels, offset and gain in decibels are normal (§3.2.4), the factor on the dark current is
+log-normal with mean 1 (an assumption; the dissertation measured single pixels).
 
 **Noise**: dark shot noise is that of two opposite Poisson currents of the junction
-(`junction_currents`), and the thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero
-bias: bias tuning removes the dark current, but not the thermal noise of its conductance.
+(`junction_currents`), and the thermal noise of the shunt, variance 2·k·T·t/R (C²), at the bias in
+the middle of the discharge.
 
-The bias is taken in the middle of the discharge. Sources and approximations: `docs/theory/ctia.md`.
+Source: dissertation, Chapter 3, for the pixel; the array is an extension. Approximations:
+`docs/theory/ctia.md`.
 """
 
 from collections.abc import Iterator
@@ -32,14 +25,12 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy.special import ndtr
 
-from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.record import Record
-from megalopta.core.validation import checked
 from megalopta.sensor.ctia import photodiode
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, discharge, gain_from_db, reverse_bias, start
-from megalopta.sensor.optics import Efficiency, PixelOptics, detected_rate
+from megalopta.sensor.optics import PixelOptics, detected_rate
 from megalopta.sensor.sampling.streams import generator, light_key, pixel_normals, sensor_stream
 
 
@@ -126,10 +117,6 @@ class CtiaSensor(PixelOptics, frozen=True):
     """Kind of image sensor."""
     fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Light-sensitive fraction of the pixel's area (0 to 1)."""
-    exposure_s: Annotated[float, Field(gt=0)]
-    """Time from reset to reading (s)."""
-    efficiency: Efficiency
-    """Quantum efficiency over wavelength: electrons per photon on the light-sensitive area."""
     diode: photodiode.Photodiode
     """Dark current of the photodiode."""
     capacitance_f: Annotated[float, Field(gt=0)] = 10e-12
@@ -174,21 +161,8 @@ def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
     return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
 
 
-_FIELDS = strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))
-CTIA_PRESETS: dict[str, CtiaSensor] = {
-    name: checked(CtiaSensor, {"name": name, **fields}) for name, fields in _FIELDS.items()
-}
+CTIA_PRESETS = CtiaSensor.presets(Path(__file__).with_name("presets.yaml"))
 PHOTODIODES = {name.removeprefix("ctia_"): sensor.diode for name, sensor in CTIA_PRESETS.items()}
-
-
-def ctia_preset(name: str) -> CtiaSensor:
-    """Return a CTIA sensor by name.
-
-    Raises ValueError if there is no preset of this name.
-    """
-    if name not in CTIA_PRESETS:
-        raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(CTIA_PRESETS)}")
-    return CTIA_PRESETS[name]
 
 
 # In swings: electrons of a saturated pixel are tracked up to here.
@@ -248,15 +222,11 @@ def volt_moments(
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
         free = discharge(now, light[index], sensor.exposure_s)
         noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
-        sigma = np.sqrt(noise)
-        below = np.divide(
-            sensor.swing_v - free, sigma, out=np.full_like(free, np.inf), where=sigma > 0
-        )
-        chance = ndtr(below)
-        density = np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
-        lost = sigma * density - np.where(chance < 1, (sensor.swing_v - free) * (1 - chance), 0.0)
-        square = noise * chance - (sensor.swing_v - free) * sigma * density
-        square += np.where(chance < 1, (sensor.swing_v - free) ** 2 * (1 - chance), 0.0)
+        depth, sigma = sensor.swing_v - free, np.sqrt(noise)
+        below = np.divide(depth, sigma, out=np.full_like(free, np.inf), where=sigma > 0)
+        chance, density = ndtr(below), np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
+        lost = sigma * density - depth * (1 - chance)
+        square = noise * chance - depth * sigma * density + depth**2 * (1 - chance)
         is_held = free >= sensor.swing_v
         moments[:, index] = (
             np.where(is_held, sensor.swing_v, free - lost),

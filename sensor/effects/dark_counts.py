@@ -33,7 +33,7 @@ from scipy.special import ndtr, ndtri
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.base import Effect
-from megalopta.sensor.sampling.streams import pixel_uniforms, uniform
+from megalopta.sensor.sampling.streams import mixed, pixel_uniforms, uniform
 
 
 class DarkCounts(Effect, frozen=True):
@@ -174,32 +174,23 @@ def _add_active(
     """Add traps as last redrawn, by a Poisson process in blocks of their correlation time."""
     for at in range(pixels.shape[0]):
         row, column = pixels[at]
-        pixel = _mixed(_mixed(run ^ np.uint64(row)) ^ np.uint64(column))
+        pixel = mixed(mixed(run ^ np.uint64(row)) ^ np.uint64(column))
         for trap in range(times_s.shape[1]):
             now = time_s / times_s[at, trap]
             block = np.int64(np.floor(now))
             latest, is_active = -1.0, False
             while latest < 0:
-                word = _mixed(_mixed(pixel ^ np.uint64(trap)) ^ np.uint64(block))
+                word = mixed(mixed(pixel ^ np.uint64(trap)) ^ np.uint64(block))
                 chance = 1.0
                 while True:
-                    word = _mixed(word)
+                    word = mixed(word)
                     chance *= uniform(word)
                     if chance < _NONE_IN_A_BLOCK:
                         break
-                    word = _mixed(word)
+                    word = mixed(word)
                     moment = uniform(word)
-                    word = _mixed(word)
+                    word = mixed(word)
                     if latest < moment <= now - block:
                         latest, is_active = moment, uniform(word) < active_share
                 block -= 1
             active[row, column] += is_active
-
-
-@compiled
-def _mixed(word: np.uint64) -> np.uint64:
-    """Next word of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
-    word = word + np.uint64(0x9E3779B97F4A7C15)
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))

@@ -3,6 +3,7 @@
 Layouts: `docs/file-formats.md`.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +17,8 @@ from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 _SHAPES = {"spad512": (512, 512), "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
-_PACKED_NAMES = (".binary.npy", ".burst.npy")
-"""Names of the products of packed bits (`products`)."""
+_PACKED_NAMES, _SUM_NAMES = (".binary.npy", ".burst.npy"), (".sums.npy", ".brackets.npy")
+"""Names of the products of packed bits and of their sums (`products`)."""
 _FOOTER = b"DONE"
 """Sent by the SPAD512S after its frames, and kept by programs that store the whole stream."""
 
@@ -68,8 +69,8 @@ def read_binary_npy(
     part = array[wanted(len(array), frames, path, frame_bytes)]
     if array.dtype != np.uint8:
         return _counts(part, path, len(array))
-    if is_packed is None and path.name.endswith(_PACKED_NAMES):
-        is_packed = True
+    if is_packed is None and path.name.endswith(_PACKED_NAMES + _SUM_NAMES):
+        is_packed = path.name.endswith(_PACKED_NAMES)
     if is_packed is None and shape is not None:
         is_packed = tuple(shape) != array.shape[1:3]
     if is_packed is None:
@@ -104,9 +105,42 @@ def read_raw(
 ) -> RecordedFrames:
     """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
     rows, columns = _SHAPES[camera]
-    frame_bytes = rows * columns // 8
+    packed, total = _frames_of(path, raw_files(path), rows * columns // 8, 8, frames)
+    packed = packed.reshape(-1, rows, columns // 8)
+    if camera == "swissspad2_whole":
+        quarters = packed.reshape(-1, rows // 2, 4, 2, columns // 32)
+        halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
+        packed = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
+    bits = np.unpackbits(packed, axis=2, bitorder="big" if camera == "spad512" else "little")
+    return RecordedFrames(counts=bits, bit_depth=1, source=camera, total=total)
+
+
+def read_halves(folder: Path, frames: slice) -> RecordedFrames:
+    """Read `top1.bin`, `btm1.bin`, …, counts of SwissSPAD2's halves; raises as `read_frames`."""
+    rows, columns = _SHAPES["swissspad2"]
+    images, totals = [], set()
+    for half in ("top", "btm"):
+        files = [file for file in raw_files(folder) if re.fullmatch(half + "[0-9]{1,9}", file.stem)]
+        files.sort(key=lambda file: int(file.stem[3:]))
+        counts, total = _frames_of(folder, files, rows * columns, 2, frames)
+        banks = counts.reshape(-1, rows, 4, columns // 4)
+        images.append(banks.swapaxes(2, 3).reshape(-1, rows, columns))
+        totals.add((total, *(file.stem[3:] for file in files)))
+    if len(totals) > 1 or not total:
+        raise ValueError(f"{folder}: top and btm differ in files or frames; copy both again")
+    counts = np.concatenate([images[0], images[1][:, ::-1]], axis=1)
+    return RecordedFrames(counts=counts, bit_depth=8, source="swissspad2_counts", total=total)
+
+
+def _frames_of(
+    path: Path, files: list[Path], frame_bytes: int, decoded: int, frames: slice
+) -> tuple[NDArray[np.uint8], int]:
+    """Return wanted frames (T, frame_bytes) of files in order, and how many there are.
+
+    `decoded`: bytes of memory for each of theirs.
+    """
     parts = []
-    for file in raw_files(path):
+    for file in files:
         body = file_bytes(file)
         if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
             body = body[: -len(_FOOTER)]
@@ -117,18 +151,12 @@ def read_raw(
             )
         parts.append(body.reshape(-1, frame_bytes))
     total = sum(map(len, parts))
-    range_ = wanted(total, frames, path, 8 * frame_bytes)
+    range_ = wanted(total, frames, path, decoded * frame_bytes)
     chosen, start = [], 0
     for part in parts:
         chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
         start += len(part)
-    packed = np.concatenate(chosen).reshape(-1, rows, columns // 8)
-    if camera == "swissspad2_whole":
-        quarters = packed.reshape(-1, rows // 2, 4, 2, columns // 32)
-        halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
-        packed = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
-    bits = np.unpackbits(packed, axis=2, bitorder="big" if camera == "spad512" else "little")
-    return RecordedFrames(counts=bits, bit_depth=1, source=camera, total=total)
+    return np.concatenate([np.empty((0, frame_bytes), np.uint8), *chosen]), total
 
 
 def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:

@@ -7,32 +7,62 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import Field
+
+from megalopta.core.record import Record
 
 if TYPE_CHECKING:
     from megalopta.sensor.formats.counts_store import Origin
     from megalopta.sensor.image_sensors import ImageSensor
 
 ProductName: TypeAlias = Literal[
-    "counts", "events_hdf5", "events_npz", "binary_npy", "burst_npy", "tiff",
-    "histograms_npy", "color_npy",
+    "counts", "events_hdf5", "events_dsec", "binary_npy", "burst_npy", "tiff",
+    "histograms_npy", "color_npy", "sums_npy", "brackets_npy", "changes_hdf5",
 ]  # fmt: skip
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
 Kind: TypeAlias = Literal["readings", "events", "bits", "burst", "histograms"]
 """Input of a product's writer: `Exposure`, `Events`, packed bits of frames or bursts, or arrays."""
 Write: TypeAlias = Callable[[Any], None]
+Number: TypeAlias = Annotated[int, Field(ge=1, le=65535)]
+
+
+class CubeSettings(Record):
+    """What is computed of the binary frames of bursts."""
+
+    sum_frames: Number = 10
+    """Binary frames in a sum of `sums_npy`; sums fill the time between rendered frames."""
+    bracket_frames: Annotated[tuple[Number, ...], Field(min_length=1, max_length=16)] = (1, 4, 16)
+    """Binary frames in each exposure of `brackets_npy`, from a rendered frame on."""
+    change_frames: Number = 32
+    """Binary frames N in a mean of `changes_hdf5`, and at least between two events of a pixel."""
+    change_sigmas: Annotated[float, Field(gt=0, le=1000)] = 4.0
+    """Change that is sent, in standard deviations of a mean over N frames."""
+
+    def check(self, products: tuple[str, ...], burst_frames: int) -> None:
+        """Raise ValueError if this many binary frames per rendered frame do not suit products."""
+        longest = max(self.bracket_frames) if "brackets_npy" in products else 1
+        if longest > burst_frames or ("sums_npy" in products and burst_frames % self.sum_frames):
+            raise ValueError(
+                f"cubes: a burst has {burst_frames} binary frames; give at most that as "
+                f"bracket_frames ({longest}), a divisor of it as sum_frames ({self.sum_frames})"
+            )
 
 
 _PRODUCTS: Mapping[ProductName, tuple[str, Kind]] = {
     "counts": (".zarr", "readings"),
     "events_hdf5": (".events.h5", "events"),
-    "events_npz": (".events.npz", "events"),
+    "events_dsec": (".dsec.h5", "events"),
     "binary_npy": (".binary.npy", "bits"),
     "burst_npy": (".burst.npy", "burst"),
     "tiff": (".tiff", "readings"),
     "histograms_npy": (".histograms.npy", "histograms"),
     "color_npy": (".color.npy", "readings"),
+    "sums_npy": (".sums.npy", "burst"),
+    "brackets_npy": (".brackets.npy", "burst"),
+    "changes_hdf5": (".changes.h5", "burst"),
 }
 
 
@@ -57,8 +87,8 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
 
     Raises ValueError if not, with the reason in one sentence.
     """
+    from megalopta.sensor.contrast.model import ContrastSensor
     from megalopta.sensor.exposure import check_binary
-    from megalopta.sensor.formats.events import MOST_PIXELS_A_SIDE
     from megalopta.sensor.histograms import check_histograms
     from megalopta.sensor.spad.model import Sensor
 
@@ -67,18 +97,14 @@ def check_product(product: ProductName, sensor: "ImageSensor", shape: tuple[int,
         sensor.filters.check_bayer()
     if kind == "readings":
         return
-    if not isinstance(sensor, Sensor):
-        raise ValueError(
-            f"{product}: an integrating sensor has no single events; remove the product or the "
-            "sensor"
-        )
+    if not isinstance(sensor, (Sensor, ContrastSensor) if kind == "events" else Sensor):
+        lacks = f"a sensor of kind {sensor.kind!r} has no single events of photons"
+        raise ValueError(f"{product}: {lacks}; remove the product or the sensor")
     try:
-        if kind == "histograms":
+        if isinstance(sensor, Sensor) and kind == "histograms":
             check_histograms(sensor)
-        elif kind != "events":
+        elif isinstance(sensor, Sensor) and kind != "events":
             check_binary(sensor)
-        elif max(shape) > MOST_PIXELS_A_SIDE:
-            raise ValueError(f"{max(shape)} pixels a side; events have up to {MOST_PIXELS_A_SIDE}")
     except ValueError as problem:
         raise ValueError(f"{product}: {problem}") from None
 
@@ -91,13 +117,15 @@ def product_writer(
     shape: tuple[int, int, int],
     frame_period_s: float,
     burst_frames: int = 1,
+    cubes: CubeSettings = CubeSettings(),  # noqa: B008 (frozen)
 ) -> Iterator[Write]:
     """Yield a function that appends frames to a product, which appears once complete.
 
     `shape`: frames, rows and columns; `frame_period_s`: time between the starts of frames, s;
-    `burst_frames`: binary frames per burst in that time.
+    `burst_frames`: binary frames per burst in that time; `cubes`: what is computed of them.
     """
-    from megalopta.sensor.formats import counts_store, events, packed, recorded_frames
+    from megalopta.sensor.formats import counts_store, cubes as of_bursts, events, packed
+    from megalopta.sensor.formats.recorded_frames import tiff_writer
     from megalopta.sensor.optics import demosaiced
     from megalopta.sensor.spad.model import Sensor
 
@@ -106,7 +134,7 @@ def product_writer(
     if product == "counts":
         writer = counts_store.counts_writer(path, origin, frames)
     elif product == "tiff":
-        writer = recorded_frames.tiff_writer(path, math.prod(shape) * 4, sensor.exposure_s)
+        writer = tiff_writer(path, math.prod(shape) * 4, sensor.exposure_s)
     elif product == "color_npy":
         writer = packed.npy_writer(path, (*shape, 3), "<f4")
     elif product == "histograms_npy":
@@ -115,6 +143,13 @@ def product_writer(
     elif product in ("binary_npy", "burst_npy"):
         frames *= burst_frames if product == "burst_npy" else 1
         writer = packed.npy_writer(path, (frames, rows, -(-columns // 8)))
+    elif product == "sums_npy":
+        every = cubes.sum_frames
+        sums = frames * burst_frames // every, rows, columns
+        writer = of_bursts.sums_writer(path, sums, (every,), every)
+    elif product == "brackets_npy":
+        lengths = cubes.bracket_frames
+        writer = of_bursts.sums_writer(path, (*shape, len(lengths)), lengths, burst_frames)
     else:
         notes = {
             "sensor": sensor.model_dump(mode="json"),
@@ -123,19 +158,22 @@ def product_writer(
             "illuminance_lux": origin.illuminance_lux,
             **origin.extra,
         }
+        parts = burst_frames if product == "changes_hdf5" else 1
         of_events = events.EventOrigin(
-            shape=shape, frame_period_s=frame_period_s, exposure_s=sensor.exposure_s, extra=notes
+            shape=(frames * parts, rows, columns),
+            frame_period_s=frame_period_s / parts,
+            exposure_s=sensor.exposure_s if parts == 1 else frame_period_s / parts,
+            extra=notes,
         )
-        is_hdf5 = product == "events_hdf5"
-        open_writer = events.events_hdf5_writer if is_hdf5 else events.events_npz_writer
-        writer = open_writer(path, of_events)
+        if product == "changes_hdf5":
+            writer = of_bursts.changes_writer(path, of_events, cubes)
+        else:
+            is_dsec = product == "events_dsec"
+            writer = events.events_hdf5_writer(path, of_events, is_dsec=is_dsec)
     with writer as write:
-
-        def write_product(drawn: Any) -> None:
-            if product == "tiff":
-                drawn = drawn.counts
-            elif product == "color_npy":
-                drawn = demosaiced(drawn.counts, sensor.filters)
-            write(drawn)
-
-        yield write_product
+        append: Write = write
+        of_readings: dict[ProductName, Write] = {
+            "tiff": lambda drawn: append(drawn.counts),
+            "color_npy": lambda drawn: append(demosaiced(drawn.counts, sensor.filters)),
+        }
+        yield of_readings.get(product, append)

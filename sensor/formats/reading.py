@@ -1,21 +1,22 @@
-"""Reader of files of frames or events, recognized by content; frames of MPD's SPC3 cameras.
+"""Reader of files of frames, recognized by content; frames of MPD's SPC3 cameras.
 
 Layout: `docs/file-formats.md`, from MPD's SPC3 SDK (header `SPC3_SDK.h`).
 """
 
-from collections.abc import Callable
+import re
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from megalopta.sensor.formats import events
-from megalopta.sensor.formats.packed import raw_files, read_binary_npy, read_raw
+from megalopta.sensor.formats.events import HDF5_SIGNATURE
+from megalopta.sensor.formats.packed import raw_files, read_binary_npy, read_halves, read_raw
 from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, read_tiff, wanted
 
 FrameKind: TypeAlias = Literal[
-    "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"
-]
+    "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "swissspad2_counts", "spc3",
+    "tiff",
+]  # fmt: skip
 
 _SPC3_SIGNATURE = bytes.fromhex("4d5044ff03000001")
 _SIGNATURES: dict[bytes, FrameKind] = {
@@ -25,10 +26,6 @@ _SIGNATURES: dict[bytes, FrameKind] = {
     b"MM\0*": "tiff",
     b"II+\0": "tiff",
     b"MM\0+": "tiff",
-}
-_EVENTS: dict[bytes, Callable[[Path], events.StoredEvents]] = {
-    events.HDF5_SIGNATURE: events.read_events_hdf5,
-    events.NPZ_SIGNATURE: events.read_events_npz,
 }
 
 
@@ -40,25 +37,16 @@ def read_frames(
     counter: int = 1,
     frames: slice = slice(None),
 ) -> RecordedFrames:
-    """Read frames of any known format.
+    """Read frames of any known format from a file, or a folder of `.bin` files.
+
+    `kind`: the format, by default detected from the content, `spad512` for files `RAW….bin`,
+    `swissspad2_counts` for a folder of `topN.bin` and `btmN.bin`; `.npy` of numbers of 8 bits above
+    1 needs `npy`, for counts, or `packed_npy`, for packed bits, unless `shape` or the name of a
+    product says it. `shape`: (rows, columns) that are expected; `counter`: to read from a `.spc3`
+    file; `frames`: consecutive ones to read.
 
     Raises FileNotFoundError if the path does not exist; ValueError if the file is damaged,
     truncated or of an unknown format, or its image is not as expected.
-
-    Parameters
-    ----------
-    path
-        A file, or a folder of `.bin` files.
-    kind : str, optional
-        Format; by default detected from the content, `spad512` for files `RAW….bin`. `.npy` of
-        numbers of 8 bits above 1 needs `npy`, for counts, or `packed_npy`, for packed bits, unless
-        `shape` or the name of a product says it.
-    shape : (rows, columns), optional
-        Expected image size; another one raises an error.
-    counter : int
-        Counter to read from a `.spc3` file.
-    frames : slice
-        Consecutive frames to read; default: all.
     """
     path, stated = Path(path), kind
     kind = kind or _kind(path)
@@ -69,6 +57,8 @@ def read_frames(
         recorded = read_binary_npy(path, frames, shape, is_packed)
     elif kind == "spc3":
         recorded = _spc3(path, frames, counter)
+    elif kind == "swissspad2_counts":
+        recorded = read_halves(path, frames)
     elif kind == "tiff":
         recorded = read_tiff(path, frames)
     else:
@@ -81,20 +71,6 @@ def read_frames(
             f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {remedy}"
         )
     return recorded
-
-
-def read_events(path: str | Path) -> events.StoredEvents:
-    """Read events from HDF5 or `.npz`.
-
-    Raises FileNotFoundError if the path does not exist; ValueError if the file is of another
-    format, damaged or truncated.
-    """
-    path = Path(path)
-    beginning = file_bytes(path)[:8].tobytes()
-    for signature, read in _EVENTS.items():
-        if beginning.startswith(signature):
-            return read(path)
-    raise ValueError(f"{path}: no events; give an HDF5 or .npz file written by megalopta")
 
 
 _LINE = 32
@@ -166,8 +142,10 @@ def _kind(path: Path) -> FrameKind:
     for signature, kind in _SIGNATURES.items():
         if beginning.startswith(signature):
             return kind
-    if beginning.startswith(tuple(_EVENTS)):
+    if beginning.startswith(HDF5_SIGNATURE):
         raise ValueError(f"{path}: holds events, no frames; use read_events")
+    if path.is_dir() and re.fullmatch("btm[0-9]+", first.stem):
+        return "swissspad2_counts"
     if first.name.startswith("RAW") and first.suffix == ".bin":  # as the SPAD512S names them
         return "spad512"
     raise ValueError(

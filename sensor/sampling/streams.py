@@ -39,8 +39,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 
 _TILE = 64
-_AFTER_DRAWING: Any = {"name": True, "source": True, "jitter": True, "measured": {"stuck"},
-                       "counter": {"calibrated"}}  # fmt: skip
+_AFTER_DRAWING: Any = {"name": True, "source": True, "assumed": True, "jitter": True,
+                       "measured": {"stuck"}, "counter": {"calibrated"}}  # fmt: skip
 """Fields of a sensor that change what is made of a draw, not the draw"""
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -176,6 +176,15 @@ def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
 def uniform(word: np.uint64) -> float:
     """Return a number within (0, 1) from a random word."""
     return (float(word >> np.uint64(11)) + 0.5) * 2.0**-53
+
+
+@compiled
+def mixed(word: np.uint64) -> np.uint64:
+    """Next word of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
+    word = word + np.uint64(0x9E3779B97F4A7C15)
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
 
 
 @compiled

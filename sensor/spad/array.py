@@ -17,7 +17,7 @@ from the same streams, and are the same events.
 """
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +35,7 @@ from megalopta.sensor.spad.simulation import PixelState, simulate_frame
 
 MOST_STORED = 5e7
 """Most events of a frame whose times are kept: about 3 GB while drawn and sorted."""
+Reading: TypeAlias = Literal["counts", "codes", "bits", "events"]
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
 
@@ -51,7 +52,7 @@ def expose_frames(
     detections_hz: ArrayLike,
     sensor: Sensor,
     draw: streams.Draw,
-    reading: Literal["counts", "codes", "bits", "events"],
+    reading: Reading,
     *,
     is_running: bool = False,
     state: PixelState | None = None,

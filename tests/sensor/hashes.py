@@ -35,7 +35,7 @@ def readings(sensor):
     light = 200 * LIGHT / sensors.detected_photons(LIGHT, bands_nm, sensor).mean()
     exposure = sensors.expose(light, bands_nm, sensor, **KEY, expectation=True)
     yield "expose", [*vars(exposure).values(), *vars(exposure.expectation).values()]
-    if sensor.kind == "ctia":
+    if sensor.kind != "spad":
         return
     still_hz = sensors.detection_rate(light, bands_nm, sensor)
     for motion, hz in ("still", still_hz), ("moving", sub_frames(still_hz, FLOW, 3)):

@@ -1,4 +1,4 @@
-from megalopta.sensor import DigitalCounter, changed, ctia_preset, preset
+from megalopta.sensor import CTIA_PRESETS, DigitalCounter, changed, preset
 
 
 def test_named_fields_change_and_the_rest_stays():
@@ -14,4 +14,4 @@ def test_another_kind_starts_afresh():
 
 def test_parts_and_sensors_that_integrate_change_alike():
     assert changed(preset("spadcam").bias, excess_v=1.3).excess_v == 1.3
-    assert changed(ctia_preset("ctia_si"), bias={"kind": "fixed"}).bias.kind == "fixed"
+    assert changed(CTIA_PRESETS["ctia_si"], bias={"kind": "fixed"}).bias.kind == "fixed"

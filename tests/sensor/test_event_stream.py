@@ -13,19 +13,6 @@ def draw(rate=RATE, sensor=IDEAL, **place):
     return expose_events(rate, sensor, **({"seed": 0, "stream": "s"} | place))
 
 
-def test_histogram_counts_every_event_once_in_its_pixel():
-    events = draw()
-    counts = histogram(events)
-    assert counts.sum() == events.time_s.size
-    # all pixels together are Poisson: false alarm 6e-7
-    mean = RATE.sum() * IDEAL.exposure_s
-    assert abs(counts.sum() - mean) < 5 * np.sqrt(mean)
-    # pixel by pixel, chi-square with 210 degrees of freedom, z < 5
-    means = RATE * IDEAL.exposure_s
-    chi2 = ((counts - means) ** 2 / means).sum()
-    assert abs(chi2 - 210) < 5 * np.sqrt(2 * 210 + (1 / means).sum())
-
-
 def test_no_two_events_of_a_pixel_are_closer_than_the_dead_time():
     dead_time = DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
     sensor = changed(IDEAL, dead_time=dead_time, crosstalk=Crosstalk(mean_fired_neighbors=0.2))

@@ -5,6 +5,8 @@ import pytest
 
 from megalopta.sensor import DeadTime, changed, expose_events, expose_rate, preset
 from megalopta.sensor.quantities import histogram
+from megalopta.sensor.sampling.streams import Draw
+from megalopta.sensor.shot import NextFrames, Shot
 
 from .plainest import sub_frames
 
@@ -39,6 +41,14 @@ def test_what_is_hidden_in_the_next_frame_is_looked_up_in_the_one_before():
     light = sub_frames(frames, np.zeros((1, 6, 8, 2)), 1, hidden)[0, 0]
     np.testing.assert_array_equal(light[:, :4], 1)
     np.testing.assert_array_equal(light[:, 4:], 5)
+
+
+def test_light_is_not_known_beyond_the_next_frame():
+    light, flow, hidden = np.ones((1, 2, 2, 1)), np.zeros((1, 2, 2, 2)), np.zeros((1, 2, 2), bool)
+    after = NextFrames(radiance=light, flow=flow, hidden=hidden)
+    long = {"sensor": changed(IDEAL, exposure_s=0.02), "draw": Draw(0, "s", 0, 0.01)}
+    with pytest.raises(ValueError, match="exposure_s: 0.02 is longer than a frame, 0.01 s"):
+        Shot(radiance=light, bands_nm=[(450.0, 550.0)], following=after, **long)
 
 
 def test_events_come_when_the_light_does():

@@ -15,6 +15,9 @@ from megalopta.sensor.calibrate.correction import (
     response_curve,
     simulated_calibration,
 )
+from megalopta.sensor.frame.exposure import expose_frames
+from megalopta.sensor.frame.model import FRAME_PRESETS, FrameSensor
+from megalopta.sensor.sampling.streams import Draw
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (8, 16)
@@ -29,6 +32,12 @@ SENSORS = {
     "paralyzable": changed(
         preset("ideal"), dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-3)
     ),
+    "frame": changed(
+        FRAME_PRESETS["imx900-high-gain"],
+        dark={"mean_e_s": 50.0, "log_sigma": 2.0},
+        pattern={"dsnu_row_e": 2.0, "prnu_pixel": 0.05, "prnu_column": 0.03},
+        lag_share=0.02,
+    ),
 }
 
 
@@ -41,8 +50,10 @@ def exposed(sensor, share, curve):
     """Frames of a ramp of which the brightest column reads a share of the largest reading."""
     brightest = float(curve.arrivals_of(np.array([share * curve.largest]))[0])
     scene = np.broadcast_to(brightest * np.linspace(0.2, 1, SHAPE[1]), SHAPE)
-    factor = draw_fixed_pattern(sensor, SHAPE).efficiency_factor
-    rate = np.broadcast_to(scene * factor / sensor.exposure_s, (FRAMES, *SHAPE))
+    rate = np.broadcast_to(scene / sensor.exposure_s, (FRAMES, *SHAPE))
+    if isinstance(sensor, FrameSensor):
+        return scene, expose_frames(rate, sensor, Draw(1, "ramp"))[0]
+    rate = rate * draw_fixed_pattern(sensor, SHAPE).efficiency_factor
     return scene, expose_rate(rate, sensor, seed=1, stream="ramp")
 
 

@@ -21,7 +21,7 @@ IDEAL = model.CtiaSensor(
     diode=Photodiode(),
     noise=SILENT,
 )
-QUIET = model.ctia_preset("ctia_ingaas_quiet")
+QUIET = model.CTIA_PRESETS["ctia_ingaas_quiet"]
 
 
 def night(frames=2, rows=6, columns=8):
@@ -79,8 +79,6 @@ def test_presets_meet_the_currents_they_were_made_from():
 
 
 def test_impossible_requests_are_refused():
-    with pytest.raises(ValueError, match="no such preset"):
-        model.ctia_preset("nothing")
     for light in (np.zeros((2, 2)), np.full((1, 1, 1), -1e-12), np.full((1, 1, 1), np.nan)):
         with pytest.raises(ValueError, match="photocurrent_a"):
             model.expose_photocurrent(light, IDEAL, seed=0, stream="")

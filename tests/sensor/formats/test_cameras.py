@@ -72,6 +72,19 @@ def test_swissspad2_whole_frames_are_put_together(tmp_path):
     np.testing.assert_array_equal(found.counts, bits)
 
 
+def test_swissspad2_counts_of_two_halves_are_put_together(tmp_path):
+    counts = np.random.default_rng(0).integers(0, 256, (3, 512, 512)).astype("u1")
+    raw = np.concatenate([counts[..., bank::4] for bank in range(4)], axis=2)  # four banks of 128
+    for half, part in (("top", raw[:, :256]), ("btm", raw[:, :255:-1])):
+        (tmp_path / f"{half}9.bin").write_bytes(part[:2].tobytes())
+        (tmp_path / f"{half}10.bin").write_bytes(part[2:].tobytes())
+    np.testing.assert_array_equal(read_frames(tmp_path).counts, counts)
+    np.testing.assert_array_equal(read_frames(tmp_path, frames=slice(1, 3)).counts, counts[1:])
+    (tmp_path / "top10.bin").unlink()
+    with pytest.raises(ValueError, match="top and btm differ in files or frames"):
+        read_frames(tmp_path)
+
+
 @pytest.mark.parametrize("dtype", ["u1", "u2", "u4", "f4"])
 def test_tiff_comes_back(tmp_path, dtype):
     frames = np.random.default_rng(0).integers(0, 250, (7, 20, 30)).astype(dtype)

@@ -7,6 +7,7 @@ import zarr
 from megalopta.sensor import Expectation, Exposure, open_counts, preset
 from megalopta.sensor.formats import counts_store
 from megalopta.sensor.formats.counts_store import MOMENTS, READINGS, Origin, counts_writer
+from megalopta.sensor.formats.products import PRODUCTS, product_path, product_stem
 
 COUNTS, VALUES = np.arange(720, dtype="u2").reshape(5, 12, 12), np.random.default_rng(0)
 EXPOSURE = Exposure(COUNTS, COUNTS > 700, Expectation(*VALUES.random((5, *COUNTS.shape))))
@@ -148,6 +149,12 @@ def test_a_damaged_store_is_refused_in_one_sentence(tmp_path, damage):
     with pytest.raises(ValueError, match=sentence) as no:
         open_counts(tmp_path / "s.zarr").exposure()
     assert "\n" not in str(no.value)
+
+
+def test_the_exposure_of_every_product_is_read_back(tmp_path):
+    for product in PRODUCTS:
+        path = product_path(tmp_path / "spad.fast-0.1lux.zarr", product)
+        assert product_stem(path) == "spad.fast-0.1lux"
 
 
 def test_what_is_no_store_or_there_already_is_named(tmp_path):

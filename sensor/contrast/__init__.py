@@ -1,0 +1,1 @@
+"""Event cameras that report changes of contrast: the pixel, and its events."""

@@ -1,0 +1,1 @@
+"""Cameras that read frames of electrons: CMOS, sCMOS, CCD and EMCCD."""
