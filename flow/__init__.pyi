@@ -62,7 +62,7 @@ from .metrics.translation_bound import (
     texture_spectrum as texture_spectrum,
     unknown_texture_photons as unknown_texture_photons,
 )
-from .one_call import optical_flow as optical_flow
+from .one_call import event_flow as event_flow, optical_flow as optical_flow
 from .stimuli.known_flow import Layer as Layer, MovingLayers as MovingLayers
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
 from .stimuli.photons import (

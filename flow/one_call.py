@@ -1,5 +1,7 @@
 """The flow between two images in one call, by any method that gives velocities."""
 
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -9,7 +11,10 @@ from pydantic import ValidationError
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
-from megalopta.flow.detectors.registry import Method, velocity_method
+from megalopta.flow.detectors.registry import Method, for_sensor, velocity_method
+from megalopta.sensor import ImageSensor
+from megalopta.sensor.image_sensors import sensor_named
+from megalopta.sensor.quantities import Events, histogram
 
 
 @overload
@@ -18,6 +23,7 @@ def optical_flow(
     second: ArrayLike,
     method: Method = ...,
     *,
+    sensor: ImageSensor | str | Path | None = ...,
     return_covariance: Literal[False] = ...,
     **settings: Any,
 ) -> Floats: ...
@@ -27,6 +33,7 @@ def optical_flow(
     second: ArrayLike,
     method: Method = ...,
     *,
+    sensor: ImageSensor | str | Path | None = ...,
     return_covariance: Literal[True],
     **settings: Any,
 ) -> tuple[Floats, Floats]: ...
@@ -35,6 +42,7 @@ def optical_flow(
     second: ArrayLike,
     method: Method = "PF",
     *,
+    sensor: ImageSensor | str | Path | None = None,
     return_covariance: bool = False,
     **settings: Any,
 ) -> Floats | tuple[Floats, Floats]:
@@ -48,15 +56,21 @@ def optical_flow(
     Parameters
     ----------
     first, second : (H, W)
-        Photon counts for PM, PPM, PF, PPF and PF-fast; gray levels of any range for the others.
+        Photon counts for PM, PPM, PF, PPF and PF-fast, or readings of a frame camera in electrons;
+        gray levels of any range for the others.
     method
         Name of a method in `METHODS`, a function of two images, `module:function`, the path of an
         ONNX file, or a detector.
+    sensor
+        That of the readings, if its noise is not that of counts: read noise, electron
+        multiplication. `noise=(a, b)` says the same: their variance is a·mean + b.
     return_covariance
         True to get the covariance of the flow at each pixel, too; PF and PPF have one.
     **settings
         Settings of the method, such as `smoothness` of PF; its class lists them.
     """
+    if sensor is not None:
+        method = for_sensor(method, sensor_named(sensor))
     detector = velocity_method(method)
     known = [name for name in type(detector).model_fields if name not in ("name", "label")]
     for name, value in settings.items():
@@ -83,7 +97,7 @@ def optical_flow(
         image.size and image.min() >= 0 and image.max() <= 1 and (image != np.round(image)).any()
         for image in frames
     )
-    if detector.takes_counts and are_gray_levels:
+    if detector.takes_counts and are_gray_levels and detector.noise == (1.0, 0.0):
         raise ValueError(
             f"{detector.name} needs photon counts, but these are gray levels from 0 to 1: multiply"
             " them by the photons of the brightest, or choose another method, such as DIS"
@@ -93,3 +107,15 @@ def optical_flow(
     if not isinstance(detector, PoissonFlow):
         raise ValueError(f"return_covariance: {detector.name} has none; choose PF or PPF")
     return detector.dense_with_covariance(*frames)
+
+
+def event_flow(events: Events, frames: int = 1, method: Method = "DIS", **settings: Any) -> Floats:
+    """Return the flow between pictures of net contrast events, (n − 1, H, W, 2), px per picture.
+
+    A picture holds `frames` consecutive frames; `method` and `settings` as for `optical_flow`. On
+    scenes of `benchmarks/tune.py` at 10⁵ electrons per second, DIS is off by 0.93 px on average,
+    maximal contrast of warped events, in blocks of 48 px, by 2.5, no motion by 3.3.
+    """
+    count = events.shape[0] // frames
+    net = histogram(events)[: count * frames].reshape(count, frames, *events.shape[1:]).sum(axis=1)
+    return np.array([optical_flow(*pair, method, **settings) for pair in pairwise(net)])

@@ -129,6 +129,9 @@ class BlockDetector(Detector, frozen=True):
     """Side of a block (px); default: a tenth of the shorter side of the frame"""
     fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
     """Smaller frames are refused; 1 allows a single block with its margin"""
+    noise: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(ge=0)]] = (1.0, 0.0)
+    """a and b of the variance a·mean + b of pixels (`reading_noise` of a sensor); by default that
+    of counts"""
 
     @property
     def memory_frames(self) -> int:
@@ -171,9 +174,26 @@ class BlockDetector(Detector, frozen=True):
                 f"{len(frames)} frames: {self.name} takes {self.minimum_frames}"
                 + (f" to {self.most_frames}" if self.most_frames > self.minimum_frames else "")
             )
-        if self.takes_counts and sequence.min() < 0:
-            raise ValueError(f"frames hold negative pixels: {self.name} takes counts, 0 or more")
+        if self.takes_counts and not self.noise[1] and sequence.min() < 0:
+            raise ValueError(
+                f"frames hold negative pixels: {self.name} takes counts, 0 or more, or readings"
+                " with the sensor's noise"
+            )
         return sequence
+
+    def as_counts(self, frames: Frames) -> Frames:
+        """Return frames of any shape whose variance is their mean, as that of counts: y/a + b/a².
+
+        Their roots have the same noise in dim and bright light (the generalized transform of
+        Murtagh, Starck and Bijaoui, Astron. Astrophys. Suppl. 112, 179, 1995, without its 3/8).
+        """
+        is_of_counts = self.noise == (1.0, 0.0)
+        return frames if is_of_counts else frames / self.noise[0] + self.dark_counts
+
+    @property
+    def dark_counts(self) -> float:
+        """The part of `as_counts` that stands for noise without light."""
+        return self.noise[1] / self.noise[0] ** 2
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the detector of the newest of frames (H, W); see `Detector.start`."""
@@ -193,7 +213,7 @@ class BlockDetector(Detector, frozen=True):
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
         """Return a frame (H, W) as needed by `velocities`; a copy, as the caller's may change."""
-        return frame.copy()
+        return self.as_counts(frame).copy()
 
     def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
         """Return the velocities of the blocks, (rows × columns, 2) in any shape.
@@ -238,7 +258,7 @@ class SummedFrames(PooledFrames, frozen=True):
     @property
     def _inner(self) -> BlockDetector:
         changes = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
-        return self.method.model_copy(update=changes)
+        return self.method.model_copy(update=changes | {"noise": (1.0, 0.0)})  # of `prepared`
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the velocities between both sums."""
@@ -262,4 +282,5 @@ def summed_frames(method: BlockDetector, frames: int = 8) -> SummedFrames:
         frames=frames,
         block_px=method.block_px,
         fewest_blocks=method.fewest_blocks,
+        noise=method.noise,
     )

@@ -55,7 +55,7 @@ class GrayDetector(BlockDetector, frozen=True):
     def _stretched(self, pair: Frames) -> Frames:
         """Return a pair of frames, transformed before the map to gray levels."""
         if self.stretch != "none":
-            pair = 2 * np.sqrt(pair + 3 / 8)
+            pair = 2 * np.sqrt((pair + 3 / 8).clip(0))
         if self.stretch == "denoised":
             # Buades et al. (2005), with scikit-image's strength; the noise is 1
             from skimage.restoration import denoise_nl_means
@@ -101,7 +101,7 @@ class DenseDetector(GrayDetector, frozen=True):
 
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) from one frame to the next, NaN without contrast."""
-        sequence = self.checked(frames)
+        sequence = self.as_counts(self.checked(frames))
         grid = self.grid((sequence.shape[1], sequence.shape[2]))
         pair = gray_levels(self._stretched(sequence))
         return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)

@@ -65,7 +65,7 @@ class PoissonMatching(BlockDetector, frozen=True):
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> Any:
         """Return a frame, smoothed on demand."""
-        return SmoothedFrame(frame)
+        return SmoothedFrame(self.as_counts(frame))
 
     def velocities(self, grid: BlockGrid, window: list[Any]) -> Floats:
         """Return the most likely shifts between two frames, NaN if all are equally likely.
@@ -98,7 +98,7 @@ class SmoothedFrame:
         self._counts = counts.astype(np.float32)
         self.moments = cache(partial(block_moments, self._counts))
         """`block_moments` of the counts by grid and margin"""
-        self.roots = cache(lambda level: np.sqrt(_smooth(self._counts, level)))
+        self.roots = cache(lambda level: np.sqrt(_smooth(self._counts, level).clip(0)))
         """Roots of the smoothed counts, (H, W), by level"""
         self.splines = cache(lambda level: spline_filter(self.roots(level), 3, output=np.float32))
         """Coefficients of cubic splines through `roots`, (H, W), by level"""
@@ -243,7 +243,8 @@ class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
 
     def prepared(self, grid: BlockGrid, frame: Frames) -> "tuple[SmoothedFrame, Patches]":
         """Return a frame, smoothed on demand, and the spectra around its blocks."""
-        return SmoothedFrame(frame), Patches(frame, grid, self._radius(grid))
+        counts = self.as_counts(frame)
+        return SmoothedFrame(counts), Patches(counts, grid, self._radius(grid))
 
     def velocities(self, grid: BlockGrid, window: "list[tuple[SmoothedFrame, Patches]]") -> Floats:
         """Return the velocities of best alignment of all frames, near those common to all pairs."""

@@ -18,6 +18,8 @@ from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
 from megalopta.flow.detectors.onnx_detector import onnx_detector
+from megalopta.sensor import ImageSensor
+from megalopta.sensor.information import reading_noise
 
 Method: TypeAlias = str | Detector | DenseFlow
 """A detector: by name, itself, or made of a function."""
@@ -91,6 +93,13 @@ def velocity_method(chosen: Method) -> BlockDetector:
         able = ", ".join(VELOCITY_METHODS)
         raise ValueError(f"{detector.name} measures no velocity: choose from {able}")
     return detector
+
+
+def for_sensor(chosen: Method, sensor: ImageSensor) -> Detector:
+    """Return a detector, found as by `method`, with the noise of a sensor's readings."""
+    detector = method(chosen)
+    update = {"noise": reading_noise(sensor)} if isinstance(detector, BlockDetector) else {}
+    return detector.model_copy(update=update)
 
 
 def detector_at(reference: str) -> Detector | None:

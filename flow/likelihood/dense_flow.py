@@ -39,7 +39,7 @@ from megalopta.flow.likelihood.roots import AGREEMENT_PX, MOST_NOISE, NODE_PX, L
 _STEADY, _LARGE = 0.003, 1.0
 """Changes of velocity per pixel, 1/frame: below the first the prior is quadratic, above the second
 it grows as a logarithm"""
-_FEW_PHOTONS, _SMOOTHNESS_POWER = 20.0, 0.3
+_FEW_PHOTONS, SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
 `PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
 grows on with more, as interpolation and edges leave more error than photons do"""
@@ -291,7 +291,7 @@ def smoothness_of(photons: float, smoothness: float, most: float = 1.0) -> float
     It grows with the photons, to `most` times the smoothness.
     """
     photons = min(photons, _MANY_PHOTONS)
-    return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** _SMOOTHNESS_POWER))
+    return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** SMOOTHNESS_POWER))
 
 
 def link_weights(smoothness: float, squared_change: Floats) -> Floats:

@@ -97,7 +97,7 @@ def without_defects(counts: NDArray[Any]) -> Floats:
     """
     frames = counts.astype(np.float64)
     bordered = np.pad(frames, ((0, 0), (1, 1), (1, 1)), "edge")
-    roots = np.sqrt(bordered)
+    roots = np.sqrt(bordered.clip(0))
     down, right = (np.abs(np.diff(roots, axis=axis)) > _STANDS_OUT for axis in (1, 2))
     differs = down[:, 1:, 1:-1] | down[:, :-1, 1:-1]  # from a neighbor below or above
     differs &= right[:, 1:-1, 1:] | right[:, 1:-1, :-1]
@@ -144,7 +144,7 @@ def level_of(
         excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
         blur_px = float(suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
     smooth = partial(gaussian_filter, sigma=blur_px)
-    roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
+    roots = np.sqrt(np.stack([smooth(frame) for frame in frames]).clip(0))
     splines = (spline_filter(root, 3, mode="nearest") for root in roots)
     bordered = np.stack([np.pad(spline, BORDER_PX, "edge") for spline in splines])
     gain_px = max(gain_share * max(frames.shape[1:]), _LEAST_GAIN_PX)

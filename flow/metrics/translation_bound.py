@@ -10,14 +10,8 @@ for unbiased estimates from the pixels of the block, and a known texture; below 
 per block the bound is optimistic. For an unknown texture only the power spectrum is known. Both
 bounds: `docs/explanation/poisson-bound.md`.
 
-**Readings of a sensor** of mean m and variance v, whose dependence on the light is known
-(quasi-likelihood), have the information J = Σ ∇m·∇mᵀ/v. With photons and dark counts alone v = m;
-otherwise the Fisher information is at least J (Cauchy and Schwarz).
-
-Crosstalk correlates neighbors. Where each avalanche fires p others, the total of the avalanches
-that one photon causes has the mean 1/(1 − p) and, with photons of Poisson number, the variance
-1/(1 − p)³ per photon: that of a sum over many pixels is 1/(1 − p)² times the sum of the variances
-(Borel's distribution). Variances are taken times this, for textures coarser than its reach.
+**Readings of a sensor** have in place of 1/λ the information of a reading about the mean number of
+photoelectrons (`sensor.information`).
 """
 
 import math
@@ -30,8 +24,8 @@ from scipy.optimize import brentq
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid, block_sums
-from megalopta.sensor import Sensor, reading_moments
-from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor import ImageSensor
+from megalopta.sensor.information import information
 
 _ANGLES = (np.arange(64) + 0.5) * (np.pi / 64)
 _SINGULAR = 1e-9
@@ -48,7 +42,9 @@ def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """
     if not (np.isfinite(means).all() and means.min() >= 0):
         raise ValueError("means hold negative or non-finite values: give mean counts, 0 or more")
-    return information_of(spline_gradient(means), means, grid)
+    # a mean of 0 is a minimum: no photons, no information
+    weight = np.divide(1, means, out=np.zeros_like(means, np.float64), where=means > 0)
+    return ReadingSlopes(spline_gradient(means), weight).of_blocks(grid)
 
 
 def spline_gradient(image: Floats) -> Floats:
@@ -56,20 +52,6 @@ def spline_gradient(image: Floats) -> Floats:
     places = [np.arange(size) for size in image.shape]
     slopes = [CubicSpline(places[axis], image, axis=axis)(places[axis], 1) for axis in (1, 0)]
     return np.stack(slopes)
-
-
-def information_of(gradient: Floats, variance: Floats, grid: BlockGrid) -> Floats:
-    """Return J of each block, as `fisher_information`.
-
-    `gradient` (2, H, W): of the mean readings along x and y; `variance` (H, W): of the readings; a
-    pixel without any tells nothing.
-    """
-    # a mean of 0 is a minimum: no photons, no information
-    weight = np.divide(1, variance, out=np.zeros_like(variance, np.float64), where=variance > 0)
-    xx, xy, yy = (
-        block_sums(gradient[i] * gradient[j] * weight, grid) for i, j in ((0, 0), (0, 1), (1, 1))
-    )
-    return np.stack((xx, xy, xy, yy), axis=-1).reshape(*xx.shape, 2, 2)
 
 
 def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
@@ -162,47 +144,37 @@ def unknown_texture_photons(
     return math.exp(brentq(excess, *_LOG_FLUXES))
 
 
-_STEP = 0.01
-"""Share of the light by which slopes are found"""
-_CONSTANT = 1e-10
-"""Variance over squared mean below which a reading is constant, and its slope rounding"""
 _PARTS_PER_PX = 2
 
 
 class ReadingSlopes(NamedTuple):
-    """Change of the readings with the displacement of the light, and their noise."""
+    """Change of the light of pixels with its displacement, and what readings tell of the light."""
 
     gradient: Floats
-    """Gradient (2, H, W) of the mean readings along x and y, per px"""
-    variance: Floats
-    """Variance (H, W) of the readings; 0 where they are constant"""
+    """Gradient (2, H, W) of the mean photoelectrons along x and y, per px"""
+    information: Floats
+    """Information (H, W) of a reading on these, electrons⁻²"""
 
     def of_blocks(self, grid: BlockGrid) -> Floats:
         """Return J of each block, (rows, columns, 2, 2), px⁻²."""
-        return information_of(self.gradient, self.variance, grid)
+        x, y = self.gradient
+        xx, xy, yy = (block_sums(part * self.information, grid) for part in (x * x, x * y, y * y))
+        return np.stack((xx, xy, xy, yy), axis=-1).reshape(*xx.shape, 2, 2)
 
     def of_turn(self, flow: Floats) -> float:
         """Return the information on one number that moves pixels by a flow (H, W, 2) per unit."""
         along = np.einsum("ayx,yxa->yx", self.gradient, flow)
-        known = self.variance > 0
-        return float(np.sum(along[known] ** 2 / self.variance[known]))
+        return float(np.sum(along**2 * self.information))
 
 
-def reading_slopes(light_hz: Floats, sensor: Sensor) -> ReadingSlopes:
-    """Return how a sensor's readings change with the displacement of the light.
+def reading_slopes(light_hz: Floats, sensor: ImageSensor) -> ReadingSlopes:
+    """Return how the light of pixels changes with its displacement, and what a sensor tells of it.
 
     `light_hz` (H, W): photons per second that identical pixels detect (`detected_rate`); the
     differences of the sensor's pixels are added.
     """
-    rows, columns = light_hz.shape
-    rates = light_hz * draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
-    mean, variance = reading_moments(np.stack(((1 - _STEP) * rates, (1 + _STEP) * rates)), sensor)
-    steepness = np.zeros((2, rows, columns))
-    np.divide(spline_gradient(light_hz), light_hz, out=steepness, where=light_hz > 0)
-    noise = variance.mean(axis=0) / (1 - sensor.crosstalk.mean_fired_neighbors) ** 2
-    varies = noise > _CONSTANT * mean.mean(axis=0) ** 2
-    gradient = steepness * (mean[1] - mean[0]) / (2 * _STEP)
-    return ReadingSlopes(gradient, np.where(varies, noise, 0.0))
+    electrons = light_hz * sensor.exposure_s
+    return ReadingSlopes(spline_gradient(electrons), information(electrons, sensor))
 
 
 def blurred_by_motion(light: Floats, way: Floats) -> Floats:

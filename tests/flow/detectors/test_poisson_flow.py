@@ -9,6 +9,7 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.poisson_flow import FastPoissonFlow, PoissonFlow, PooledFlow
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.metrics.translation_bound import fisher_information
+from megalopta.flow.one_call import optical_flow
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 
 from ..textures import drifting_texture
@@ -134,6 +135,26 @@ def test_a_dark_frame_next_to_a_bright_one_has_no_flow(dark):
     assert np.isnan(flow).all()
     assert np.isnan(covariance).all()
     assert np.isnan(FastPoissonFlow().dense(*counts)).all()
+
+
+def test_readings_with_noise_of_their_own_are_told_apart_from_counts():
+    """3 electrons, read noise 4, three draws. Of six draws the ratio of errors is 0.3 to 0.8."""
+    told, plain = [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        readings = rng.poisson(3 * light(shape=LARGE)) + rng.normal(0, 4, (2, *LARGE))
+        told.append(off(PoissonFlow(noise=(1.0, 16.0)).dense(*readings)))
+        plain.append(off(PoissonFlow(noise=(1.0, 1e-9)).dense(*readings)))
+    assert np.mean(told) < 0.8 * np.mean(plain)  # 0.57
+    with pytest.raises(ValueError, match="negative"):
+        PoissonFlow().dense(*readings)
+
+
+def test_noise_of_counts_changes_no_bit():
+    counts = draw(light(), 3)
+    plain = PoissonFlow().dense(*counts)
+    assert np.array_equal(PoissonFlow(noise=(1.0, 0.0)).dense(*counts), plain)
+    assert np.array_equal(optical_flow(*counts, sensor="ideal"), plain)
 
 
 @pytest.mark.parametrize("flux", [1, 3])

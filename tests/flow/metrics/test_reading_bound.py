@@ -12,6 +12,7 @@ from megalopta.flow.metrics.translation_bound import (
     reading_slopes,
 )
 from megalopta.sensor import changed, expose_rate, preset, reading_moments
+from megalopta.sensor.frame.model import FRAME_PRESETS
 
 SIDE, PAIRS = 32, 1000
 GRID = BlockGrid((SIDE, SIDE), SIDE)
@@ -106,6 +107,16 @@ def test_photons_alone_have_the_fisher_information_of_poisson():
     found = reading_slopes(light, SENSOR).of_blocks(GRID)
     # slopes are exact for a mean that is linear in light; only rounding differs
     assert np.allclose(found, fisher_information(light * SENSOR.exposure_s, GRID), rtol=1e-9)
+
+
+def test_a_camera_without_noise_is_ideal_and_one_of_large_noise_has_that_variance():
+    light, quiet = 2e3 * texture(), FRAME_PRESETS["orca-quest-2"]
+    for noise_e, electrons in ((0.0, light * 0.01), (300.0, np.full_like(light, 300.0**2))):
+        dark, adc = {"mean_e_s": 0.0}, {"black_dn": 30000}
+        sensor = changed(quiet, dark=dark, adc=adc, read={"median_e": noise_e})
+        found = reading_slopes(light, sensor)
+        # 0.5 % of the large variance is that of the light
+        assert found.information == pytest.approx(1 / electrons, rel=0.01)
 
 
 def test_crosstalk_divides_information_by_the_excess_noise_of_borel():
