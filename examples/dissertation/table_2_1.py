@@ -14,14 +14,14 @@ from megalopta.sensor.spad.presets import TABLE_2_1
 
 PHOTONS_HZ, EXPOSURE_S = 1e5, 4.0
 print("preset                 V_ex   dark Hz/µm²: printed, ours   peak %: printed, ours   at nm")
-for name, device in TABLE_2_1.items():
+for name, row in TABLE_2_1.items():
     sensor = changed(preset(name), exposure_s=EXPOSURE_S)
     rates_hz = np.zeros((2, 40, 40))
     rates_hz[1] = PHOTONS_HZ * sensor.efficiency.values[0]
     counts = expose_rate(rates_hz, sensor, seed=0, stream=f"table {name}").counts
     dark_hz, bright_hz = counts.mean((1, 2), dtype=np.float64) / EXPOSURE_S
     print(
-        f"{name:22s} {device.excess_bias_v:4g} {device.density_hz_um2:18g}, "
-        f"{dark_hz / device.active_area_um2:<9.3g} {100 * device.peak_efficiency:16.0f}, "
-        f"{100 * (bright_hz - dark_hz) / PHOTONS_HZ:<4.1f} {device.peak_nm:12g}"
+        f"{name:22s} {row['excess_v']:4g} {row['density_hz_um2']:18g}, "
+        f"{dark_hz / row['area_um2']:<9.3g} {100 * row['peak']:16.0f}, "
+        f"{100 * (bright_hz - dark_hz) / PHOTONS_HZ:<4.1f} {row['peak_nm']:12g}"
     )

@@ -1,15 +1,22 @@
 """Data sheet of an image sensor: what a typical pixel reads over light, without drawing photons.
 
 A typical pixel has the median moments (`expectation`) of the middle 16 × 16 pixels at most, on the
-lens's axis and without color filters. SNR is referred to the exposure (EMVA 1288).
+lens's axis and without color filters. SNR is referred to the exposure (EMVA 1288). Of a frame
+camera, the sheet has its exact figures of EMVA 1288.
+
+That of a contrast sensor has bandwidth, noise and noise events over light. These are drawn: of
+16 × 16 pixels, with their own thresholds, in constant light.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,27 +24,46 @@ from markupsafe import Markup
 from pydantic_core import to_json
 
 from megalopta.core import strict_yaml
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, first_reached
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
 from megalopta.core.quantities import number, percent, with_error
 from megalopta.report import style
-from megalopta.report.sections import Section, block, table, write_sections
+from megalopta.report.sections import Section, write_sections
 from megalopta.scenes.levels import LEVELS
 from megalopta.scenes.spectra.color import band_means
-from megalopta.sensor import ImageSensor, Sensor, changed, detected_photons, expectation
-from megalopta.sensor.image_sensors import sensor_named
+from megalopta.sensor import (
+    ContrastSensor,
+    ImageSensor,
+    Sensor,
+    changed,
+    detected_photons,
+    expectation,
+    expose_events,
+)
+from megalopta.sensor.calibrate import emva as standard
+from megalopta.sensor.frame.model import FrameSensor
+from megalopta.sensor.image_sensors import IMAGE_SENSORS, sensor_named
 from megalopta.sensor.optics import photon_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 _REFLECTANCE, _BRIGHTER, _AT_REST_S = 0.18, 0.01, 1e-9
 _QUANTILES = 0.05, 0.5, 0.95
+_SIDE, _WATCHED_S = 16, 2.0
 _HEAD = "photons", "lux", "reading", "SNR", "ideal SNR"
+_EMVA = (
+    "Release 4, Linear: exact figures of 64 × 64 pixels at {:g} nm. K, η, σ_d and µ_e.sat are "
+    "without the excess noise F² of a register, with which photon transfer gives K·F²."
+)
 _NOTE = (
     "Photons of {sheet.wavelength_nm:g} nm on a whole pixel in an exposure; lux of daylight on a "
     "surface of 18 % reflectance, through f/{lens.f_number:g} and a transmission of "
     "{lens.transmission:g}. The ideal detector counts every photon."
+)
+_NOISE_EVENTS = (
+    "Lux of daylight on a surface of 18 % reflectance. ON and OFF events per second and pixel in "
+    "constant light, in 2 s after as many, and the standard error over pixels."
 )
 
 
@@ -50,6 +76,7 @@ class DataSheet:
     `lux_per_photon` is detected as often. The SNR is 1 at `threshold_photons`, the mean reading at
     90 % of its range at `saturation_photons`. `dark_hz` (rows, columns): dark counts or electrons;
     `hot_share` of pixels have over ten times their median. `origins`: where fields are from.
+    `emva`: figures of EMVA 1288, of frame cameras.
     """
 
     sensor: ImageSensor
@@ -63,12 +90,27 @@ class DataSheet:
     dynamic_range_db: float
     dark_hz: Floats
     hot_share: float
+    emva: standard.Emva | None
 
     def to_json(self) -> str:
         """Return all figures; NaN is null. Of `dark_hz` the quantiles 5, 50 and 95 %."""
         quantiles = {"dark_hz": np.quantile(self.dark_hz, _QUANTILES).tolist()}
         plain = vars(self) | quantiles | {"curve": self.curve.to_dict("list")}
+        plain["emva"] = self.emva and {
+            name: attrgetter(name)(self.emva) for _, _, name, _ in standard.FIGURES
+        }
         return to_json(plain, indent=1, inf_nan_mode="null").decode()
+
+
+class ContrastSheet(NamedTuple):
+    """A contrast sensor, and its figures over light: a row per half decade."""
+
+    sensor: ContrastSensor
+    curve: pd.DataFrame
+
+    def to_json(self) -> str:
+        """Return all figures."""
+        return to_json({"sensor": self.sensor, "curve": self.curve.to_dict("list")}).decode()
 
 
 @step("reading over light")
@@ -82,9 +124,20 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         named, stated = sensor_named(sensor), {"preset": sensor if isinstance(sensor, str) else ""}
         if str(sensor).endswith((".yaml", ".yml")):
             stated = strict_yaml.load(read_text(Path(str(sensor))))
+        if isinstance(named, ContrastSensor):
+            raise ValueError(f"{named.name}: events of contrast have no wavelength; omit it")
         base = stated.get("preset")
+        of_preset = IMAGE_SENSORS.get(base or "", named)
+        known = f"preset {base}" if base else "not stated"
+        if of_preset.assumed:  # then what it states besides is as its source has it
+            base, known = "", "published"
         origins = {
-            **dict.fromkeys(type(named).model_fields, f"preset {base}" if base else "not stated"),
+            **dict.fromkeys(type(named).model_fields, known if base else "not stated"),
+            **dict.fromkeys(of_preset.model_fields_set, known),
+            **{
+                path.split(".")[0]: "partly assumed" if "." in path else "assumed"
+                for path in (text.partition(":")[0] for text in named.assumed)
+            },
             **dict.fromkeys(stated, "device file"),
             **dict.fromkeys(stated.get("measured", ()), "measured map"),
         }
@@ -124,19 +177,16 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
                 break
             columns, decade = np.hstack((columns, read[:, 1:])), 10 * decade
             signal, dark = read[1] - read[1, 0], read[1, 0]
-            if columns[3].max() > 1 and signal[-1] < 1.02 * signal[1]:
+            if columns[3].max() > 0.5 and signal[-1] < 1.02 * signal[1]:
                 full = dark + 0.9 * (columns[1].max() - dark)
         if not columns.size:
             raise ValueError(f"{named.name}: its readings take too long; leave out afterpulsing")
         photons, mean, _, snr = columns
-        threshold, saturation = _reached(photons, snr, 1.0), _reached(photons, mean, full)
+        threshold, saturation = (
+            first_reached(photons, 1 / np.maximum(values, 1e-9), 1 / level) or math.nan
+            for values, level in ((snr, 1.0), (mean, full))
+        )
 
-        daylight = LEVELS["daylight"]
-        known_nm = daylight.spectrum().range_nm
-        ends_nm = max(low_nm, known_nm[0]), min(high_nm, known_nm[1])
-        bands = list(pairwise(np.linspace(*ends_nm, 60)))
-        radiance = _REFLECTANCE / math.pi * band_means([daylight.spectrum()], bands)[0]
-        by_day = detected_photons(np.ones((1, *shape, 1)) * radiance, bands, pixel)
         if isinstance(pixel, Sensor):
             states = draw_fixed_pattern(pixel, whole).dark_levels()
             dark_hz = np.asarray(sum(chance * state_hz for chance, state_hz in states))
@@ -149,20 +199,41 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             wavelength_nm=nm,
             pde=pde,
             curve=pd.DataFrame(columns.T, columns=["photons", "mean", "sigma", "snr"]),
-            lux_per_photon=pde / float(np.median(by_day)) * daylight.illuminance_lux,
+            lux_per_photon=pde / (daylight_hz(pixel, shape) * pixel.exposure_s),
             threshold_photons=threshold,
             saturation_photons=saturation,
             dynamic_range_db=20 * math.log10(saturation / threshold),
             dark_hz=dark_hz,
             hot_share=float(np.mean(dark_hz > 10 * np.median(dark_hz))),
+            emva=standard.device_emva(pixel, whole, nm) if isinstance(pixel, FrameSensor) else None,
         )
 
 
-def _reached(photons: Floats, values: Floats, level: float) -> float:
-    """Least light at which values are at a level, between the points of a curve; NaN if never."""
-    rising = slice(int(np.argmax(values)) + 1)
-    logs = np.log(np.maximum(values[rising], 1e-9)), np.log(photons[rising])
-    return math.exp(np.interp(math.log(level), *logs, left=math.nan, right=math.nan))
+@step("noise events over light")
+def contrast_sheet(sensor: ContrastSensor) -> ContrastSheet:
+    """Return the data sheet of a contrast sensor."""
+    watched, rows = changed(sensor, exposure_s=_WATCHED_S), []
+    for lux in 10.0 ** np.arange(-3, 4.1, 0.5):
+        hz = daylight_hz(sensor) * lux
+        noisy = expose_events(np.full((2, _SIDE, _SIDE), hz), watched, seed=0, stream="sheet")
+        of_pixels = np.bincount(noisy.pixel[noisy.frame == 1], minlength=_SIDE**2) / _WATCHED_S
+        rate_hz = np.array(hz + sensor.dark_e_s)
+        bandwidth_hz = 1 / (2 * np.pi * sensor.time_constant_s(rate_hz))
+        sigma, error = sensor.noise_variance(rate_hz) ** 0.5, of_pixels.std() / _SIDE
+        rows.append((lux, float(rate_hz), bandwidth_hz, sigma, of_pixels.mean(), error))
+    head = ["lux", "electrons/s", "bandwidth (Hz)", "noise of ln λ", "events/s", "error"]
+    return ContrastSheet(sensor, pd.DataFrame(rows, columns=head))
+
+
+def daylight_hz(sensor: ImageSensor, shape: tuple[int, int] = (1, 1)) -> float:
+    """Photons per second that a typical pixel detects in daylight of 1 lux on gray surfaces."""
+    daylight, curves = LEVELS["daylight"], [sensor.efficiency, *sensor.lens.curves]
+    ranges_nm = [(curve.wavelengths_nm[0], curve.wavelengths_nm[-1]) for curve in curves]
+    lows_nm, highs_nm = zip(*ranges_nm, daylight.spectrum().range_nm, strict=True)
+    bands = list(pairwise(np.linspace(max(lows_nm), min(highs_nm), 60)))
+    radiance = _REFLECTANCE / math.pi * band_means([daylight.spectrum()], bands)[0]
+    photons = detected_photons(np.ones((1, *shape, 1)) * radiance, bands, sensor)
+    return float(np.median(photons)) / sensor.exposure_s / daylight.illuminance_lux
 
 
 def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
@@ -170,21 +241,31 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
     sensor = sheet.sensor
     low, median, high = map(number, np.quantile(sheet.dark_hz, _QUANTILES))
     hot = f"{percent(sheet.hot_share)} over 10 times that"
-    pixel = f"{with_error(sensor.pitch_m, 0, 'm')} pitch, {percent(sensor.fill_factor)} fill factor"
     pde = f"{percent(sheet.pde)} at {sheet.wavelength_nm:g} nm, of a whole pixel (PDE)"
     rows = [
-        ("pixel", pixel, "pitch_m"),
+        ("pixel pitch", with_error(sensor.pitch_m, 0, "m"), "pitch_m"),
+        ("fill factor", percent(sensor.fill_factor), "fill_factor"),
         ("exposure", with_error(sensor.exposure_s, 0, "s"), "exposure_s"),
         ("detection efficiency", pde, "efficiency"),
         ("dark counts", f"{median} per second (90 %: {low} to {high}; {hot})", "dark_counts"),
     ]
+    if isinstance(sensor, FrameSensor):
+        register, read, adc = sensor.em, sensor.read, sensor.adc
+        rows[-1] = ("dark electrons", rows[-1][1], "dark")
+        if register.gain > 1:
+            rows.append(("multiplication", f"{number(register.gain)} times", "em"))
+        rows += [
+            ("full well", f"{number(sensor.full_well_e)} electrons", "full_well_e"),
+            ("read noise", f"{number(read.median_e / register.gain)} electrons (median)", "read"),
+            ("gain", f"{number(1 / adc.e_per_dn)} DN per electron, {adc.bits} bits", "adc"),
+        ]
     if isinstance(sensor, Sensor):
         dead, counter = sensor.dead_time, sensor.counter
         for field, text in (
             ("dead_time", f"{with_error(dead.dead_time_s, 0, 's')}, {dead.kind}"),
             ("crosstalk", f"{percent(sensor.crosstalk.mean_fired_neighbors)} per avalanche"),
             ("afterpulsing", percent(sensor.afterpulsing.mean_carriers)),
-            ("counter", f"{counter.kind}, up to {number(counter.capacity)} counts"),
+            ("counter", f"{counter.kind}, up to {counter.capacity} counts"),
         ):
             shown = text if getattr(sensor, field).is_on else "none"
             rows.append((field.replace("_", " "), shown, field))
@@ -196,27 +277,58 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
     return [(name, text, sheet.origins.get(field, "computed")) for name, text, field in rows]
 
 
-def over_light(sheet: DataSheet) -> list[tuple[str, ...]]:
-    """Return two rows per decade of light, as `_HEAD`."""
-    rows: list[tuple[str, ...]] = []
-    for photons, mean, sigma, snr in sheet.curve[::5].itertuples(index=False):
+def sections(sheet: DataSheet | ContrastSheet) -> list[Section]:
+    """Return the parts of a data sheet but its charts."""
+    if isinstance(sheet, ContrastSheet):
+        rows = [tuple(map(number, row)) for row in sheet.curve.itertuples(index=False)]
+        fields = type(sheet.sensor).model_fields
+        values = tuple(
+            (name, number(value), str(fields[name].description).partition(". ")[0])
+            for name, value in sheet.sensor
+            if isinstance(value, float)
+        )
+        return [
+            Section("Figures", "", ("field", "value", ""), values, True),
+            Section("Over light", _NOISE_EVENTS, tuple(map(str, sheet.curve)), tuple(rows)),
+        ]
+    note = _NOTE.format(sheet=sheet, lens=sheet.sensor.lens)
+    parts = [Section("Figures", note, ("", "value", "from"), tuple(figures(sheet)), True)]
+    reasons = tuple(
+        path.partition(": ")[::2]
+        for path in sheet.sensor.assumed  # except of what a device file states
+        if "assumed" in sheet.origins[re.split("[.:]", path)[0]]
+    )
+    if reasons:
+        parts.append(Section("Assumed", "", ("field", "reason"), reasons, True))
+    rows = []
+    for photons, mean, sigma, snr in sheet.curve[::5].itertuples(index=False):  # two a decade
         lux, reading = photons * sheet.lux_per_photon, f"{number(mean)} ± {number(sigma)}"
         rows.append((number(photons), number(lux), reading, number(snr), number(photons**0.5)))
-    return rows
-
-
-def text_of(sheet: DataSheet) -> str:
-    """Return the data sheet as lines of text."""
-    lines = [f"{sheet.sensor.name}: {sheet.sensor.source or 'source not stated'}", ""]
-    lines += [f"{name:<22}{origin:<22}{text}" for name, text, origin in figures(sheet)]
-    form = "{:>9}{:>12}{:>18}{:>12}{:>12}"
-    rows = [form.format(*row) for row in (_HEAD, *over_light(sheet))]
-    return "\n".join([*lines, "", *rows, "", _NOTE.format(sheet=sheet, lens=sheet.sensor.lens)])
+    parts.append(Section("Over light", "", _HEAD, tuple(rows)))
+    if sheet.emva:
+        text, head = _EMVA.format(sheet.wavelength_nm), ("symbol", "quantity", "value")
+        parts.append(Section("EMVA 1288", text, head, standard.rows(sheet.emva)))
+    return parts
 
 
 @style.in_style
-def write_page(path: Path, sheet: DataSheet) -> Path:
+def write_page(path: Path, sheet: DataSheet | ContrastSheet) -> Path:
     """Write the data sheet as a page; return its path."""
+    if isinstance(sheet, DataSheet):
+        charts = _charts(sheet)
+    else:
+        figure, axes = style.new_axes(*style.CHART_PT)
+        shown = sheet.curve[sheet.curve["events/s"] > 0]
+        axes.errorbar(shown["lux"], shown["events/s"], shown["error"], color=style.BLACK)
+        style.logarithmic(axes, "x", style.NUMBERS)
+        style.logarithmic(axes, "y", style.NUMBERS)
+        axes.set(xlabel="lux (daylight)", ylabel="noise events per second and pixel")
+        charts = [style.to_svg(figure, "noise", "Noise events over light")]
+    parts = [*sections(sheet), Section("Curves", charts=tuple(charts))]
+    return write_sections(path, f"Data sheet of {sheet.sensor.name}", sheet.sensor.source, parts)
+
+
+def _charts(sheet: DataSheet) -> list[Markup]:
     sensor, curve, lux, charts = sheet.sensor, sheet.curve, sheet.lux_per_photon, list[Markup]()
     figure, axes = style.new_axes(*style.CHART_PT)
     nm = np.array(sensor.efficiency.wavelengths_nm)
@@ -248,10 +360,4 @@ def write_page(path: Path, sheet: DataSheet) -> Path:
         charts.append(style.with_legend(figure, label, about))
     if np.ptp(sheet.dark_hz) > 0:
         charts.append(style.map_chart(sheet.dark_hz, "dark", "dark counts (per second)"))
-    body = block("words", table("Figures", ("", "value", "from"), figures(sheet)))
-    sections = (
-        Section("Figures", _NOTE.format(sheet=sheet, lens=sensor.lens), body=body),
-        Section("Curves", charts=tuple(charts)),
-        Section("Over light", "", _HEAD, tuple(over_light(sheet))),
-    )
-    return write_sections(path, f"Data sheet of {sensor.name}", sensor.source, sections)
+    return charts

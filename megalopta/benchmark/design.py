@@ -1,16 +1,16 @@
 """Design by bound: the exposure at which a sensor can measure flow or yaw rate to a stated error.
 
 Light of a scene at an illuminance passes the lens and moves during the exposure, and the sensor
-reads it. Means and variances of the readings give the least error of any unbiased method
+reads it. The information of the readings gives the least error of any unbiased method
 (`flow.metrics.translation_bound`). With another pitch, the lens grows with the pixels, so that the
 camera has the same view and f-number, and a pixel gathers light as its area.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
+from functools import lru_cache, reduce
+from itertools import combinations, product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
@@ -23,7 +23,7 @@ from megalopta.config.light_scale import light_scale
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import validated
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, first_reached
 from megalopta.core.errors import refused_as
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
@@ -34,11 +34,14 @@ from megalopta.flow.metrics import translation_bound
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.levels import LEVELS, illuminance_of
-from megalopta.sensor import Sensor, changed, load_sensor, preset, without
+from megalopta.sensor import Sensor, changed, without
+from megalopta.sensor.frame.model import FrameSensor
+from megalopta.sensor.image_sensors import sensor_named
 from megalopta.sensor.optics import detected_rate
 
 Positive = Annotated[float, Field(gt=0)]
 Positives = Annotated[tuple[Positive, ...], ONCE]
+Detecting = Sensor | FrameSensor
 
 MEASURES = "error_px", "error_deg_s"
 _REFLECTANCE = 0.2
@@ -46,7 +49,7 @@ _BANDS_NM = [(float(low), float(low + 25)) for low in range(400, 1000, 25)]
 _RADII_PX = (1.5, 20.0)
 _TURN_RAD, _LARGEST_TURN_DEG = 1e-4, 45
 _MORE_BITS = 7
-"""Bits of swing and ADC that keep an analog counter from saturating, with the same noise"""
+"""Bits of well, swing and ADC that keep readings from saturating, with the same noise"""
 
 
 class DesignSettings(Record, frozen=True):
@@ -169,7 +172,7 @@ class DesignRow(NamedTuple):
 class Design:
     """Errors over exposures, and the least exposure of every case."""
 
-    sensor: Sensor
+    sensor: Detecting
     settings: DesignSettings
     scene: str
     """Light that was used"""
@@ -178,29 +181,29 @@ class Design:
 
 
 def design(
-    sensor: Sensor | str | Path, dataset: str | Path | None = None, **settings: Any
+    sensor: Detecting | str | Path, dataset: str | Path | None = None, **settings: Any
 ) -> Design:
     """Return the exposures at which a sensor can measure motion to a stated error.
 
-    `sensor`: a counting sensor, the name of a preset, or a YAML file; `dataset`: of one rendered
+    `sensor`: a SPAD array or frame camera, its name, or a YAML file; `dataset`: of one rendered
     sequence, whose first frame is the scene, by default dead leaves; `settings`: fields of
     `DesignSettings`, such as error and light_levels. Raises UserError if one cannot be used.
     """
     chosen = validated(DesignSettings, settings, "design")
     with refused_as("design"):
-        if not isinstance(sensor, Sensor):
-            is_file = str(sensor).endswith((".yaml", ".yml"))
-            sensor = load_sensor(sensor) if is_file else preset(str(sensor))
-        if sensor.filters.is_on:  # whose mosaic would count as texture that moves
-            raise ValueError(f"sensor {sensor.name!r} has color filters; give one without a mosaic")
+        named = sensor_named(sensor)
+        if not isinstance(named, Detecting):
+            raise ValueError(f"sensor {named.name!r} is of kind {named.kind}; give spad or frame")
+        if named.filters.is_on:  # whose mosaic would count as texture that moves
+            raise ValueError(f"sensor {named.name!r} has color filters; give one without a mosaic")
         if dataset is None:
-            scene = leaves_scene(chosen, sensor)
+            scene = leaves_scene(chosen, named)
         else:
             scene = _of_dataset(open_sequence(Path(dataset)))
         work = _Work(scene, chosen)
         names, values = tuple(chosen.varied), tuple(chosen.varied.values())
         cases = [dict(zip(names, case, strict=True)) for case in product(*values)]
-        varied = [(case, varied_sensor(sensor, case)) for case in cases]  # refused before the work
+        varied = [(case, varied_sensor(named, case)) for case in cases]  # refused before the work
         points: list[DesignPoint] = []
         rows = []
         with progress("Designing", len(cases) * len(chosen.light_levels), "case") as advance:
@@ -217,10 +220,10 @@ def design(
                 rows.append(DesignRow(case, level, exposure_s, *least, limit))
                 advance(1)
     described = f"first frame of {dataset}" if dataset else "dead leaves"
-    return Design(sensor, chosen, described, tuple(points), tuple(rows))
+    return Design(named, chosen, described, tuple(points), tuple(rows))
 
 
-def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
+def varied_sensor(sensor: Detecting, case: Mapping[str, float]) -> Detecting:
     """Return the sensor with other values of pitch_m, f_number, pde and dark_counts_hz."""
     changes: dict[str, Any] = {name: case[name] for name in ("pitch_m",) if name in case}
     if "f_number" in case:
@@ -233,7 +236,13 @@ def varied_sensor(sensor: Sensor, case: Mapping[str, float]) -> Sensor:
             )
         share = case["pde"] / sensor.fill_factor / max(sensor.efficiency.values)
         changes["efficiency"] = {"values": [min(1, share * p) for p in sensor.efficiency.values]}
-    if "dark_counts_hz" in case:
+    if isinstance(sensor, FrameSensor):  # dark current of an area, unless it is given
+        area = (case.get("pitch_m", sensor.pitch_m) / sensor.pitch_m) ** 2
+        changes["dark"] = {"mean_e_s": sensor.dark.mean_e_s * area}
+        if "dark_counts_hz" in case:
+            warm = {"log_sigma": 0.0, "reference_celsius": sensor.dark.celsius}
+            changes["dark"] = {"mean_e_s": case["dark_counts_hz"], **warm}
+    elif "dark_counts_hz" in case:
         sensor = without(sensor, "dark_counts")
         area_um2 = case.get("pitch_m", sensor.pitch_m) ** 2 * sensor.fill_factor * 1e12
         changes["dark_counts"] = {"bulk_mean_hz_um2": case["dark_counts_hz"] / area_um2}
@@ -251,7 +260,7 @@ class _Work:
         )
 
     def errors(
-        self, sensor: Sensor, level: LightLevel, exposure_s: float, blurs: bool = True
+        self, sensor: Detecting, level: LightLevel, exposure_s: float, blurs: bool = True
     ) -> tuple[float, float]:
         """Return the standard errors of flow (px per frame) and yaw rate (degrees per second)."""
         light, settings = self._light(sensor, level), self._settings
@@ -267,48 +276,46 @@ class _Work:
         yaw = settings.frame_rate_hz / math.sqrt(turn) if turn > 0 else math.inf
         return float(flow), yaw
 
-    def limit(self, sensor: Sensor, level: LightLevel) -> str:
-        """Return the causes without which the error would be reached, the largest first."""
-        measure = MEASURES.index(self._settings.measure)
-        removed: tuple[str, ...] = ()
-        error = math.inf
-        while left := [cause for cause in _CAUSES if cause not in removed]:
-            least = []
-            for cause in left:
-                better = sensor
-                for name in (*removed, cause):
-                    better = _without_cause(better, name)
-                blurs = _BLUR not in (*removed, cause)
-                errors = (self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
-                least.append((min(errors), cause))
-            error, cause = min(least)
-            removed = (*removed, cause)
-            if error <= self._settings.target:
+    def limit(self, sensor: Detecting, level: LightLevel) -> str:
+        """Return the fewest causes without which the error would be reached."""
+        measure, target = MEASURES.index(self._settings.measure), self._settings.target
+        dark = "dark current" if isinstance(sensor, FrameSensor) else "dark counts"
+        causes = "saturation", _BLUR, dark, "read noise"
+
+        def least(*removed: str) -> float:
+            better = reduce(_without_cause, removed, sensor)
+            blurs = _BLUR not in removed
+            return min(self.errors(better, level, t, blurs)[measure] for t in self.times[::-2])
+
+        if (error := least(*causes)) > target:
+            few = "too few photons in a frame"
+            return few if math.isfinite(error) else "saturation, or a texture of one direction"
+        for number in range(1, len(causes)):
+            error, removed = min((least(*some), some) for some in combinations(causes, number))
+            if error <= target:
                 return " and ".join(removed)
-        if math.isfinite(error):
-            return "too few photons in a frame"
-        return "saturation, or a texture of one direction"
-
-
-def first_reached(times: Sequence[float], errors: Floats, target: float) -> float | None:
-    """Return the least exposure that reaches an error, between those tried; None if none does."""
-    reached = np.flatnonzero(errors <= target)
-    if not reached.size:
-        return None
-    place = int(reached[0])
-    if place == 0 or not np.isfinite(errors[place - 1]):
-        return float(times[place])
-    around = slice(place - 1, place + 1)
-    return math.exp(np.interp(-math.log(target), -np.log(errors[around]), np.log(times[around])))
+        return " and ".join(causes)
 
 
 _BLUR = "motion blur"
-_CAUSES = "saturation", _BLUR, "dark counts", "read noise"
 
 
-def _without_cause(sensor: Sensor, cause: str) -> Sensor:
+def _without_cause(sensor: Detecting, cause: str) -> Detecting:
     """Return the sensor without what keeps an error from being reached."""
-    counter, wider = sensor.counter, 2**_MORE_BITS
+    wider = 2**_MORE_BITS
+    if isinstance(sensor, FrameSensor):
+        silent = dict.fromkeys(("median_e", "row_e", "column_e", "telegraph_e"), 0.0)
+        changes: dict[str, dict[str, Any]] = {
+            "dark current": {"dark": {"mean_e_s": 0.0}, "cic_e": 0.0},
+            "read noise": {"read": silent},
+            "saturation": {
+                "full_well_e": min(1e7, sensor.full_well_e * wider),
+                "em": {"well_e": sensor.em.well_e * wider},
+                "adc": {"bits": min(24, sensor.adc.bits + _MORE_BITS)},
+            },
+        }
+        return changed(sensor, **changes.get(cause, {}))
+    counter = sensor.counter
     if cause == "dark counts":
         return without(sensor, "dark_counts")
     if cause == "read noise" and counter.kind != "digital":
@@ -322,7 +329,7 @@ def _without_cause(sensor: Sensor, cause: str) -> Sensor:
     return without(changed(sensor, counter={**volts, "adc_bits": bits}), "dead_time")
 
 
-def leaves_scene(settings: DesignSettings, sensor: Sensor) -> DesignScene:
+def leaves_scene(settings: DesignSettings, sensor: Detecting) -> DesignScene:
     """Return dead leaves, as large as the view, in the bands that the sensor's curves cover."""
     curves = sensor.efficiency, sensor.lens.transmission_curve
     ends = [(curve.wavelengths_nm[0], curve.wavelengths_nm[-1]) for curve in curves if curve]

@@ -45,7 +45,7 @@ class TunedMethod(BlockDetector, frozen=True):
 
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow as the method does, with the settings for the light."""
-        return self._at(float(self.checked(frames).mean())).dense(*frames)
+        return self._at(float(self.as_counts(self.checked(frames)).mean())).dense(*frames)
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the velocities of the method, with the settings for the light."""
@@ -55,8 +55,8 @@ class TunedMethod(BlockDetector, frozen=True):
         rows = TUNED[self.method.name]
         nearest = min(rows, key=lambda tried: abs(np.log(max(photons, 1e-9) / tried)))
         settings = {name: value for name, value in rows[nearest].items() if name != "error_px"}
-        blocks = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
-        return self.method.model_copy(update={**settings, **blocks})
+        same = {name: getattr(self, name) for name in ("block_px", "fewest_blocks", "noise")}
+        return self.method.model_copy(update=settings | same)
 
 
 def tuned(name: str) -> TunedMethod:

@@ -12,7 +12,7 @@ from megalopta.core.quantities import UNDEFINED, number, percent, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned, folded, paragraph, table, write_sections
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
-from megalopta.sensor import Crosstalk, changed, load_sensor
+from megalopta.sensor import Crosstalk, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
 from megalopta.sensor.calibrate.counts import CountingDevice
 from megalopta.sensor.calibrate.device import Device, Estimate
@@ -49,24 +49,9 @@ _TITLE = "EMVA 1288"
 _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
     "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
-    "where the temporal variance is largest. R and K are corrected for the calibrated dead time "
-    "(the device's by factors of {:.3g} and {:.3g}); the linearity error is not."
+    "where the temporal variance is largest. R and K are corrected for the calibrated dead time, "
+    "the linearity error is not. Dark current includes crosstalk and afterpulses."
 )
-_ROWS = (
-    ("η", "quantum efficiency (%)", "efficiency", 100),
-    ("R", "responsivity (counts per photon)", "responsivity", 1),
-    ("K", "system gain (counts per electron)", "gain", 1),
-    ("σ_d", "temporal dark noise (electrons)", "dark_noise", 1),
-    ("DSNU₁₂₈₈", "dark signal nonuniformity (electrons)", "dsnu", 1),
-    ("PRNU₁₂₈₈", "photoresponse nonuniformity (%)", "prnu", 100),
-    ("LE", "linearity error (%)", "linearity_error", 100),
-    ("µ_p.min", "absolute sensitivity threshold (photons)", "threshold_photons", 1),
-    ("µ_p.sat", "saturation (photons)", "saturation_photons", 1),
-    ("µ_e.sat", "saturation capacity (electrons)", "saturation_electrons", 1),
-    ("SNR_max", "largest signal-to-noise ratio (dB)", "snr_db", 1),
-    ("DR", "dynamic range (dB)", "dynamic_range_db", 1),
-)
-"""Symbol, quantity, its name in `Emva`, and factor to its unit"""
 
 
 class Quantity(NamedTuple):
@@ -258,24 +243,19 @@ def emva_section(
     if wavelength_nm is None or not exposures:
         return Section(_TITLE, "Needs recordings of light and --wavelength-nm.")
     exposure_s = max(set(exposures), key=exposures.count)
-    sensor = changed(load_sensor(device), exposure_s=exposure_s)
+    sensor = changed(load_sensor(device, Sensor), exposure_s=exposure_s)
     if sensor.counter.capacity == 1:
         return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
     at = (shape[0], shape[1]), wavelength_nm
     try:
-        dark, steps = standard.device_steps(sensor, *at)
-        factors = standard.without_dead_time(sensor, *at, steps)
-        figures = [standard.emva(dark, steps, factors=factors)]
+        figures = [standard.device_emva(sensor, *at)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
     seen = [step for time_s, step in recorded if time_s == exposure_s]
     darkest, lit = min(seen, key=lambda step: step.photons), [s for s in seen if s.photons]
     if not darkest.photons and len(lit) >= standard.FEWEST_STEPS:
-        seen_factors = standard.without_dead_time(sensor, *at, lit)
-        figures.append(standard.emva(darkest, lit, factors=seen_factors))
-    rows = tuple(
-        (symbol, title, *(number(scale * getattr(figure, name)) for figure in figures))
-        for symbol, title, name, scale in _ROWS
-    )
+        factors = standard.without_dead_time(sensor, *at, lit)
+        figures.append(standard.emva(darkest, lit, factors=factors))
     head = ("symbol", "quantity", "device", "recordings")[: 2 + len(figures)]
-    return Section(_TITLE, _TEXT.format(with_error(exposure_s, 0, "s"), *factors), head, rows)
+    text = _TEXT.format(with_error(exposure_s, 0, "s"))
+    return Section(_TITLE, text, head, standard.rows(*figures))

@@ -28,7 +28,8 @@ PATIENCE_S = 8.0
 def named_sensor(name: str) -> Sensor:
     """Return a preset, or the sensor of a YAML file. Raises UserError."""
     with refused_as("--sensor"):
-        return load_sensor(name) if name.endswith((".yaml", ".yml")) else preset(name)
+        is_file = name.endswith((".yaml", ".yml"))
+        return load_sensor(name, Sensor) if is_file else preset(name)
 
 
 def sensor_as_set(

@@ -19,7 +19,7 @@ from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
 from megalopta.report.sections import write_sections
-from megalopta.sensor import PRESETS, AnalogCounter, Sensor, changed, load_sensor
+from megalopta.sensor import IMAGE_SENSORS, AnalogCounter, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
 from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
@@ -55,7 +55,9 @@ def compare_captured(
     read, or do not match.
     """
     with refused_as("compare"):
-        sensor = PRESETS.get(str(device)) or load_sensor(device)
+        sensor = IMAGE_SENSORS.get(str(device)) or load_sensor(device)
+        if not isinstance(sensor, Sensor):
+            raise UserError(f"--device {device}: compare takes counts of SPAD arrays, no electrons")
         if any(source.sums for source in sources):
             raise UserError("compare: sums of binary frames; give frames as they were recorded")
         captured: list[Level] = []

@@ -291,7 +291,7 @@ def _seal(options: Namespace) -> Path:
     "design",
     "find the exposure at which a sensor can measure flow or yaw rate to a stated error, over "
     "pitch, aperture, efficiency and dark counts, without drawing photons",
-    option("sensor", "preset of a counting sensor, or its YAML file"),
+    option("sensor", "preset of a SPAD array or frame camera, or its YAML file"),
     option(
         "--dataset",
         "rendered dataset of one sequence, whose first frame is the scene (default: dead leaves)",
@@ -321,3 +321,28 @@ def _design(options: Namespace) -> Path:
         table.add_row(*table_cells(found, row))
     Console(width=120, markup=False).print(table)
     return write_design(options.out, found)
+
+
+@verb(
+    "benchmark cameras",
+    "compare cameras behind one lens on the same flights, from daylight to starlight: flow error, "
+    "bound, information and data rate",
+    option(
+        "scenes SCENE",
+        "rendered datasets, or configurations to render (default: three flights in forests)",
+        nargs="*",
+    ),
+    out("out/cameras"),
+    settings=VerbSettings(("CamerasSettings",)),
+    often=("sensors", "light_levels", "pitch_um", "f_number", "methods"),
+    example="megalopta benchmark cameras flight-yaw --sensors spadcam.yaml orca-quest-2 "
+    "--light-levels 0.001 0.1",
+)
+def _cameras(options: Namespace) -> Path:
+    from megalopta.benchmark.cameras import CamerasSettings, compare_cameras
+    from megalopta.benchmark.cameras_page import write_cameras
+    from megalopta.config.yaml_model import validated
+
+    settings = validated(CamerasSettings, {}, "settings", options.overrides)
+    found = compare_cameras(options.scenes, options.out, **dict(settings))
+    return write_cameras(options.out, found)

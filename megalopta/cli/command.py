@@ -214,7 +214,10 @@ def numbers(text: str) -> tuple[float, ...]:
 
 
 DATASET = option("dataset", "dataset folder", Path)
-FRAME_KINDS = ("npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff")
+FRAME_KINDS = (
+    *("npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "swissspad2_counts"),
+    *("spc3", "tiff"),
+)
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 SCHEDULER = option(
     "--scheduler ADDRESS",

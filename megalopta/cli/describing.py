@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined, to_jsonable_python
 
+from megalopta.benchmark.cameras import CamerasSettings
 from megalopta.benchmark.design import DesignSettings
 from megalopta.benchmark.ranking import RankingSettings
 from megalopta.benchmark.trial import Sweep
@@ -26,7 +27,10 @@ from megalopta.stages.importing import DEFAULTS
 from megalopta.stages.make import Exposing
 from megalopta.stages.registry import STAGES
 
-_MODELS = Configuration, Sweep, RankingSettings, DesignSettings, Plan, Exposing
+_MODELS = (
+    *(Configuration, Sweep, RankingSettings, CamerasSettings, DesignSettings),
+    *(Plan, Exposing),
+)
 _REGISTRIES = {
     **dict.fromkeys(("light_levels", "lights"), LEVELS),
     "methods": METHODS,

@@ -4,6 +4,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from megalopta.cli.command import (
     DATASET,
@@ -63,11 +64,21 @@ def _report(options: Namespace) -> Iterator[Path]:
     example="megalopta sensor spadcam --out spadcam.html",
 )
 def _sensor(options: Namespace) -> list[str | Path]:
-    from megalopta.benchmark import data_sheet as sheets
+    from megalopta.benchmark.data_sheet import contrast_sheet, data_sheet, sections, write_page
+    from megalopta.core.errors import refused_as
+    from megalopta.report.sections import as_text
+    from megalopta.sensor import ContrastSensor
+    from megalopta.sensor.image_sensors import sensor_named
 
-    sheet = sheets.data_sheet(options.sensor, options.wavelength_nm)
-    written = [sheets.write_page(options.out, sheet)] if options.out else []
-    return [sheet.to_json()] if options.json else [sheets.text_of(sheet), *written]
+    with refused_as("sensor"):
+        sensor = sensor_named(options.sensor)
+    if isinstance(sensor, ContrastSensor) and not options.wavelength_nm:
+        sheet: Any = contrast_sheet(sensor)
+    else:
+        sheet = data_sheet(options.sensor, options.wavelength_nm)
+    written = [write_page(options.out, sheet)] if options.out else []
+    title = f"{sensor.name}: {sensor.source or 'source not stated'}"
+    return [sheet.to_json()] if options.json else [as_text(title, sections(sheet)), *written]
 
 
 @verb(
@@ -77,7 +88,7 @@ def _sensor(options: Namespace) -> list[str | Path]:
     option(
         "thing",
         "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
-        "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5 or .npz",
+        "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5",
         Path,
     ),
     option("--out", "folder (default: out/view/NAME)", Path),

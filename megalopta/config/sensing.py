@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
@@ -16,15 +15,13 @@ from pydantic import (
 
 from megalopta.config.rendering import RenderingSettings
 from megalopta.config.scene import ONCE, folder_name
-from megalopta.core.bounded import folder_of, named_path
-from megalopta.core.errors import nearest
+from megalopta.core.bounded import folder_of
 from megalopta.core.record import Record
-from megalopta.core.validation import merged
 from megalopta.scenes.imu import Imu
 from megalopta.scenes.levels import illuminance_of
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
-from megalopta.sensor.formats.products import ProductName
-from megalopta.sensor.spad.presets import load_sensor, with_files
+from megalopta.sensor.formats.products import CubeSettings, ProductName
+from megalopta.sensor.image_sensors import sensor_fields
 
 LightLevel = float | str
 
@@ -68,7 +65,8 @@ class CalibrationFrames(Record, frozen=True):
     """Number of dark frames, and of flat frames, which fill the pixel to half of its capacity"""
 
     hot_times: Annotated[float, Field(gt=1)] = 10.0
-    """Dark counts of a hot pixel, in multiples of the median; its neighbors replace it"""
+    """Dark counts of a hot pixel, in multiples of the median, or of a frame camera in standard
+    deviations from it; its neighbors replace it"""
 
 
 class SensingSettings(RenderingSettings, frozen=True):
@@ -87,16 +85,17 @@ class SensingSettings(RenderingSettings, frozen=True):
         Field(
             min_length=1,
             description=f"Sensors to expose, from {', '.join(IMAGE_SENSORS)}. In YAML: a preset's "
-            "name, a mapping with `preset` and changes to it, one of `kind` spad or ctia with all "
-            "fields, or the path of a measured device's YAML file; `efficiency: {path: FILE.csv}` "
-            "is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative to the file "
-            "that contains them and stay in its folder; on the command line, any.",
+            "name, a mapping with `preset` and changes to it, one of `kind` spad, ctia, frame or "
+            "contrast with all fields, or the path of a device's YAML file; `efficiency: {path: "
+            "FILE.csv}` is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative "
+            "to the file that contains them and stay in its folder; on the command line, any.",
         ),
     ] = (IMAGE_SENSORS["spadcam"], IMAGE_SENSORS["ideal"])
 
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
-    `events_npz`, `binary_npy`, `burst_npy`, `tiff` (docs/file-formats.md)."""
+    `events_dsec`, `binary_npy`, `burst_npy`, `sums_npy`, `brackets_npy`, `changes_hdf5`, `tiff`
+    (docs/file-formats.md)."""
 
     imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
     """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""
@@ -107,8 +106,14 @@ class SensingSettings(RenderingSettings, frozen=True):
     one continues as before. With 1, light is constant during a frame."""
 
     burst_hz: Annotated[float, Field(gt=0, le=1e9)] = 100_000.0
-    """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate. They
-    fill the time between rendered frames, which has `sub_frames` steps of light."""
+    """Binary frames per second of the product `burst_npy`, and of `sums_npy`, `brackets_npy` and
+    `changes_hdf5`, computed of the same; a whole multiple of the frame rate. They fill the time
+    between rendered frames, which has `sub_frames` steps of light."""
+
+    cubes: CubeSettings = Field(
+        default=CubeSettings(), exclude_if=lambda cubes: cubes == CubeSettings()
+    )
+    """Sums, brackets and changes that are computed of bursts."""
 
     free_running: bool = False
     """Expose SPAD arrays continuously: dead times and trapped carriers reach into the next frame,
@@ -118,7 +123,8 @@ class SensingSettings(RenderingSettings, frozen=True):
 
     correct: bool = False
     """Also correct readings of SPAD arrays for dark counts, dead time and counter, flat field and
-    hot pixels. Detectors then run on both."""
+    hot pixels, those of frame cameras for offsets, flat field and hot pixels. Detectors then run on
+    both."""
 
     calibration: CalibrationFrames = CalibrationFrames()
     """Calibration frames of the correction."""
@@ -133,7 +139,10 @@ class SensingSettings(RenderingSettings, frozen=True):
         if isinstance(sensors, str) or not isinstance(sensors, Sequence):
             return sensors
         folder = folder_of(validation)
-        return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
+        return tuple(
+            sensor_fields(sensor, folder) if isinstance(sensor, str | Mapping) else sensor
+            for sensor in sensors
+        )
 
     @field_validator("products")
     @classmethod
@@ -168,27 +177,16 @@ class SensingSettings(RenderingSettings, frozen=True):
         """Refuse sensors that expose for longer than a frame. Raises ValueError."""
         rate_hz = self.trajectory.frame_rate_hz
         for sensor in self.sensors:
-            if sensor.exposure_s * rate_hz > 1 + 1e-9:
+            readout_s = getattr(sensor, "readout_s", 0.0)
+            if readout_s and self.shutter.readout_s:
                 raise ValueError(
-                    f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
+                    f"sensor {sensor.name!r}: readout_s {readout_s:g} and shutter.readout_s "
+                    f"{self.shutter.readout_s:g} would delay rows twice; leave one of them at 0"
+                )
+            seen_s = sensor.exposure_s + (readout_s if self.sub_frames > 1 else 0.0)
+            if seen_s * rate_hz > 1 + 1e-9:
+                fields = "exposure_s + readout_s" if seen_s > sensor.exposure_s else "exposure_s"
+                raise ValueError(
+                    f"sensor {sensor.name!r}: {fields} {seen_s:g} is longer than a "
                     f"frame at trajectory.frame_rate_hz {rate_hz:g}; use at most {1 / rate_hz:g}"
                 )
-
-
-def _resolve_sensor(sensor: Any, folder: Path | None) -> Any:
-    """Return the fields of a sensor given by a preset's name or a device's file, with changes."""
-    if isinstance(sensor, str):
-        sensor = {"preset": sensor}
-    if not isinstance(sensor, Mapping):
-        return sensor
-    changes = with_files(sensor, folder)
-    if "preset" not in changes:
-        return {"kind": "spad", **changes}
-    name = changes.pop("preset")
-    if isinstance(name, str) and name.endswith((".yaml", ".yml")):
-        base: ImageSensor = load_sensor(named_path(name, folder))
-    elif isinstance(name, str) and name in IMAGE_SENSORS:
-        base = IMAGE_SENSORS[name]
-    else:
-        raise ValueError(f"preset {name!r} is unknown; {nearest(str(name), IMAGE_SENSORS)}")
-    return merged(base.model_dump(mode="json"), changes) if changes else base

@@ -1,5 +1,7 @@
-"""Types of arrays, spread, look-up. Every folder may import this module."""
+"""Types of arrays, spread, look-up, levels. Every folder may import this module."""
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,3 +41,15 @@ def bilinear(picture: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray
         for row in (top % rows, (top + 1) % rows)
     )
     return np.asarray((1 - down) * upper + down * lower)
+
+
+def first_reached(places: Sequence[float] | Floats, errors: Floats, target: float) -> float | None:
+    """Return the first place where errors are at a target, between the places; None if never."""
+    reached = np.flatnonzero(errors <= target)
+    if not reached.size:
+        return None
+    place = int(reached[0])
+    if place == 0 or not np.isfinite(errors[place - 1]):
+        return float(places[place])
+    around = slice(place - 1, place + 1)
+    return math.exp(np.interp(-math.log(target), -np.log(errors[around]), np.log(places[around])))

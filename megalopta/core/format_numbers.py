@@ -17,7 +17,7 @@ FORMATS: Mapping[str, Format] = {
     "dataset": Format(2, 2),  # dataset.yaml of one sequence or of many, and its results
     "sequence": Format(3, 3),  # sequences/SEQ.json
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
-    "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
+    "events": Format(1, 0),  # SENSOR-LEVEL.events.h5
     "recording": Format(2, 2),  # recording.yaml
     "ranking": Format(4, 4),  # ranking.json
     "scores": Format(3, 0),  # scores.json

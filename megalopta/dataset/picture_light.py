@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 from weakref import finalize
 
 import numpy as np
@@ -56,22 +56,34 @@ class PictureFrames:
             lambda before: clean_flow(self._picture(before), self._picture(before + 1))
         )
 
-    def at(self, place: float) -> Float32:
-        """Return the light at a place of the sequence."""
-        before, share = self._neighbors(place)
+    def at(self, place: float | Floats) -> Float32:
+        """Return the light at a place of the sequence, or that of every row at its own, (H, 1)."""
+        if not isinstance(place, np.ndarray) or place.ndim == 0:
+            return self._mixed(*self._neighbors(float(place)))
+        neighbors = np.array([self._neighbors(row) for row in place.ravel().tolist()])
+        starts, shares = np.hsplit(neighbors, 2)
+        light: Any = 0.0
+        for before in np.unique(starts):
+            rows = starts == before
+            light = np.where(rows[..., np.newaxis], self._mixed(int(before), rows * shares), light)
+        return np.asarray(light)
+
+    def _mixed(self, before: int, share: float | Floats) -> Float32:
+        """Return the light at a share of the way from one picture to the next."""
         first = self._picture(before)
-        if not share:
+        if not np.any(share):
             return first
         second = self._picture(before + 1)
         if self._between == "blend":
-            return np.asarray(first + np.float32(share) * (second - first))
+            weight = np.asarray(share, np.float32)[..., np.newaxis]
+            return np.asarray(first + weight * (second - first))
         from megalopta.sensor.shot import NextFrames
 
         flow = self._flow(before)[np.newaxis]
         following = NextFrames(
             radiance=second[np.newaxis], flow=flow, hidden=np.zeros(flow.shape[:3], np.bool_)
         )
-        moved = following.between(first[np.newaxis], 0, np.array([share]))
+        moved = following.between(first[np.newaxis], 0, np.asarray(share)[np.newaxis])
         return np.asarray(moved[0], np.float32)
 
     def _neighbors(self, place: float) -> tuple[int, float]:
@@ -167,8 +179,11 @@ class PictureLight:
     radiance_of_unit: Floats
     """(channels, B): of each channel, such as red, with the value 1"""
 
-    def at(self, place: float) -> Float32:
-        """Return the radiance at a place of the sequence, whose frames count from 0."""
+    def at(self, place: float | Floats) -> Float32:
+        """Return the radiance at a place of the sequence, whose frames count from 0.
+
+        Of every row at its own, with places (H, 1).
+        """
         return np.asarray(self.frames.at(place) @ self.radiance_of_unit.astype(np.float32))
 
 

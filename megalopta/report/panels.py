@@ -374,9 +374,11 @@ class SequencePanels:
 def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> Panel:
     """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
     sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
-    bright = np.percentile(np.stack([values for values, _ in sampled]), 95)
+    shown = np.stack([values for values, _ in sampled])
+    is_net = readings.unit == "events" and bool((shown < 0).any())  # of ON and OFF
+    bright = np.percentile(abs(shown), 95)
     white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
-    scale = images.gray_scale(white)
+    scale = images.map_scale("RdBu", -white, white) if is_net else images.gray_scale(white)
 
     @lru_cache(MOST_FRAMES)
     def picture(frame: int) -> Image.Image:
@@ -389,9 +391,12 @@ def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> P
 
     is_full = any(full.any() for _, full in sampled)
     unit = "detections" if readings.treatment.is_inverted else readings.unit
-    legend = scale.legend("0", f"≥ {short(white)} {unit}", "saturated" if is_full else "")
+    low, high, caption = "0", f"≥ {short(white)} {unit}", f"black 0, white {number(white)} {unit}"
     note = "orange: saturated pixels" if is_full else ""
-    caption = f"black 0, white {number(white)} {unit}"
+    if is_net:
+        low, high, note = f"≥ {short(white)} OFF", f"≥ {short(white)} ON", "blue: ON, red: OFF"
+        caption = f"{note}; full color: {number(white)} events"
+    legend = scale.legend(low, high, "saturated" if is_full else "")
     return Panel("readings", unit, caption, picture, legend, note)
 
 

@@ -18,7 +18,7 @@ from megalopta.dataset.opened import open_dataset
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
-from megalopta.sensor.formats.events import HDF5_SIGNATURE, NPZ_SIGNATURE
+from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
 from megalopta.sensor.formats.recorded_frames import file_bytes
 from megalopta.sensor.quantities import histogram
@@ -147,9 +147,7 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
                 sensor=recording.settings.sensor,
                 times_s=recording.times_s - recording.exposure_s,
             )
-        if path.is_file() and file_bytes(path)[:8].tobytes().startswith(
-            (HDF5_SIGNATURE, NPZ_SIGNATURE)
-        ):
+        if path.is_file() and file_bytes(path)[:8].tobytes() == HDF5_SIGNATURE:
             return _of_events(path)
         root = path.absolute().parent.parent.parent
         of_dataset = path.name.endswith((".burst.npy", ".binary.npy"))
@@ -206,11 +204,8 @@ def _of_events(path: Path) -> ShownReadings:
     events, origin = stored.events, stored.origin
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        starts = events.starts[part.start : part.stop + 1]
-        inside, shape = slice(starts[0], starts[-1]), (len(starts) - 1, *events.shape[1:])
-        chosen: dict[str, Any] = {"time_s": events.time_s[inside], "pixel": events.pixel[inside]}
-        counts = histogram(replace(events, **chosen, starts=starts - starts[0], shape=shape))
-        return counts, np.zeros(shape, np.bool_)
+        counts = histogram(events, part)
+        return counts, np.zeros(counts.shape, np.bool_)
 
     frames = origin.first_frame + np.arange(origin.shape[0], dtype=np.float64)
     return ShownReadings(origin.shape, read, "events", times_s=frames * origin.frame_period_s)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import wrap
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -18,6 +19,8 @@ class Section:
     text: str = ""
     head: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
+    are_words: bool = False
+    """True for cells of text, from the left"""
     charts: tuple[Markup, ...] = ()
     body: Markup = field(default=Markup(""))
     name: str = ""
@@ -92,6 +95,17 @@ def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Mar
         '<div class="scroll" role="region" aria-label="{}" tabindex="0"><table>\n'
         "<thead><tr>{}</tr></thead>\n<tbody>\n{}\n</tbody></table></div>"
     ).format(label, top, lines)
+
+
+def as_text(title: str, sections: Iterable[Section]) -> str:
+    """Return titles, texts and tables as lines, columns aligned."""
+    lines = [title]
+    for section in sections:
+        lines += ["", section.title, *wrap(section.text, 100)]
+        rows = [row for row in (section.head, *section.rows) if any(row)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return "\n".join(lines)
 
 
 def write_sections(

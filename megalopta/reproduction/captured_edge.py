@@ -178,7 +178,7 @@ def reproduce_captured(
             )
     if device is not None:
         with refused_as("--device", OSError):
-            sensor = changed(load_sensor(device), exposure_s=first.exposure_s)
+            sensor = changed(load_sensor(device, Sensor), exposure_s=first.exposure_s)
     else:
         assert first.sensor is not None
         sensor = changed(first.sensor, counter={"calibrated": False})

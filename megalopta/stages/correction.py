@@ -17,6 +17,7 @@ from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.calibrate.correction import correct, simulated_calibration
 from megalopta.sensor.expectations import settled
 from megalopta.sensor.formats.counts_store import format_attribute
+from megalopta.sensor.frame.model import FrameSensor
 
 _UNITS = {
     "detections": "photons detected per exposure by pixels of nominal efficiency",
@@ -38,7 +39,7 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     Raises UserError if they cannot be read.
     """
     path = corrected_path(dataset, sensor, level)
-    if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
+    if not (dataset.configuration.correct and isinstance(sensor, Sensor | FrameSensor)):
         return None
     with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
         detections = StoredFrames.open(path, "detections")
@@ -56,12 +57,14 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
         for level, counts in zip(levels, opened, strict=True)
         if not (path := corrected_path(dataset, sensor, level)).exists()
     }
-    if not missing or not isinstance(sensor, Sensor):
+    if not missing or not isinstance(sensor, Sensor | FrameSensor):
         return
     frames, at_once = len(opened[0]["counts"]), frames_at_once(dataset.configuration)
     with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
         settings = dataset.configuration
-        device = settled(sensor) if settings.free_running else sensor
+        device = sensor
+        if settings.free_running and isinstance(sensor, Sensor):
+            device = settled(sensor)
         shape, flats = settings.camera.shape, settings.calibration
         with refused_as(f"sense: {sensor.name} cannot be calibrated"):
             calibration = simulated_calibration(

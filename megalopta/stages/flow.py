@@ -20,7 +20,7 @@ from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
-from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
+from megalopta.sensor import ContrastSensor, ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
@@ -82,6 +82,7 @@ def _measure_exposure(
             truths.get(name),
             default_warm_up(shape[0], [METHODS[name]]),
             settings.flow.saturated == "leave_out",
+            opened.sensor,
         )
         for name in settings.methods
     }
@@ -107,7 +108,9 @@ def _seen_frames(
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield chunks of frames, each with the number of its first frame."""
     photons = opened["photons"] if "perfect" in settings.flow.references else None
-    means = (seen.mean() if seen else 0.0 for seen in (opened["mean_reading"], photons, corrected))
+    # net events have no mean
+    readings = None if isinstance(opened.sensor, ContrastSensor) else opened["mean_reading"]
+    means = (seen.mean() if seen else 0.0 for seen in (readings, photons, corrected))
     to_one, photons_to_one, corrected_to_one = (1 / mean if mean else 1.0 for mean in means)
 
     def scaled(frames: StoredFrames | None, chunk: slice, scale: float) -> Scaled | None:
@@ -162,12 +165,20 @@ def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
 
 @cache
 def _model() -> str:
-    return code_digest("megalopta.flow", __name__, "megalopta.stages.measurement")
+    return code_digest(
+        "megalopta.flow", __name__, "megalopta.stages.measurement", "megalopta.sensor.information"
+    )
 
 
 def _check(settings: Configuration) -> None:
     frames = settings.trajectory.frames
+    contrast = [sensor.name for sensor in settings.sensors if isinstance(sensor, ContrastSensor)]
     for name in settings.methods:
+        if contrast and METHODS[name].takes_counts:
+            raise ValueError(
+                f"methods: {name} takes counts of photons, but sensor {contrast[0]!r} gives net "
+                "events; use a method of pictures, such as DIS, or remove the sensor"
+            )
         METHODS[name].start((settings.camera.height, settings.camera.width))
         warm_up = default_warm_up(frames, [METHODS[name]])
         if frames - warm_up < 2:

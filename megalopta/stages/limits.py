@@ -65,6 +65,8 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
         disk = exposures * ((22 if settings.expectation else 3) + 7 * settings.correct)
         if "burst_npy" in settings.products:
             disk += exposures * burst_frames(settings) / 8
+        if "sums_npy" in settings.products:
+            disk += exposures * 2 * burst_frames(settings) / settings.cubes.sum_frames
         if "color_npy" in settings.products:
             disk += exposures * 12
         if "histograms_npy" in settings.products:

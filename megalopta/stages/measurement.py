@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import for_sensor
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
 from megalopta.flow.metrics.response_error import METRICS, error_of, error_sums, for_json
+from megalopta.sensor import ImageSensor
 
 Record = dict[str, Any]
 Scaled = tuple[NDArray[Any], float]
@@ -57,6 +59,8 @@ class SequenceMeasurement:
         Frames in which the detector settles.
     leaves_out_saturated : bool
         True excludes saturated pixels, or blocks with many of them.
+    sensor : ImageSensor
+        That of the readings, whose noise the detector is told.
     """
 
     def __init__(
@@ -66,11 +70,13 @@ class SequenceMeasurement:
         truth: BlockTruth | None,
         warm_up: int,
         leaves_out_saturated: bool,
+        sensor: ImageSensor,
     ) -> None:
         self._detector, self._truth, self._warm_up = detector, truth, warm_up
         self._leaves_out = leaves_out_saturated
+        of_readings = for_sensor(detector, sensor)
         self._to_counts, self._to_mean, self._to_photons, self._to_corrected = (
-            detector.start(shape) for _ in range(4)
+            each.start(shape) for each in (of_readings, of_readings, detector, detector)
         )
         self._sums: dict[str, list[Floats]] = {}
         self._velocities: dict[str, list[Floats]] = {}

@@ -28,12 +28,18 @@ from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
-from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, check_sensor, open_counts
+from megalopta.sensor import (
+    ContrastSensor,
+    ImageSensor,
+    OpenedCounts,
+    Sensor,
+    check_sensor,
+    open_counts,
+)
 from megalopta.sensor.formats import products
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.sampling.streams import Draw
-from megalopta.sensor.shot import Following, NextFrames, Shot
-from megalopta.sensor.spad.simulation import PixelState
+from megalopta.sensor.shot import Following, NextFrames, Shot, State
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_warning, variances
@@ -102,7 +108,7 @@ class _Exposer:
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(settings, level).astype(np.float32)
-        self._states: dict[str, PixelState | None] = {}
+        self._states: dict[str, State] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
         if settings.sub_frames > 1:
@@ -121,7 +127,7 @@ class _Exposer:
         """Writers of the missing products, by the kind of their readings, which are drawn once"""
         for name in settings.products:
             if not (path := products.product_path(self._counts, name)).exists():
-                timing = self._period_s, burst_frames(settings)
+                timing = self._period_s, burst_frames(settings), settings.cubes
                 writer = products.product_writer(name, path, origin, shape, *timing)
                 write = stores.enter_context(writer)
                 self.products.setdefault(products.kind_of(name), []).append(write)
@@ -141,7 +147,7 @@ class _Exposer:
             shot = replace(shot, later_s=later_s)
         with refused_as(self._what):
             for kind, writers in self.products.items():
-                state = self._states.get(kind)  # of a running array, after the last frame
+                state = self._states.get(kind)  # after the last frame
                 for reading, after in shot.drawn(kind, state, self._settings.expectation):
                     self._states[kind] = after
                     for write in writers:
@@ -230,7 +236,7 @@ def _check(settings: Configuration) -> None:
     """Refuse what does not fit frames, and measured devices with unusable maps, as ValueError."""
     parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
     usual_hz = Configuration.model_fields["burst_hz"].default
-    has_burst = "burst_npy" in settings.products
+    has_burst = "burst" in map(products.kind_of, settings.products)
     in_burst = burst_frames(settings) if has_burst else 1
     if parts > 1 and not settings.shutter.is_instant:
         raise ValueError(
@@ -249,9 +255,14 @@ def _check(settings: Configuration) -> None:
             f"burst_hz {settings.burst_hz:g}: not a whole multiple of trajectory.frame_rate_hz "
             f"{rate_hz:g}; use {in_burst * rate_hz:.12g}"
         )
-    for sensor in settings.sensors if settings.free_running else ():
-        setting = f"free_running: sensor {sensor.name!r}"
-        if not isinstance(sensor, Sensor):
+    for sensor in settings.sensors:
+        is_contrast = isinstance(sensor, ContrastSensor)
+        if not (settings.free_running or is_contrast):
+            continue
+        setting = f"{'contrast' if is_contrast else 'free_running'}: sensor {sensor.name!r}"
+        if is_contrast and not settings.shutter.is_instant:
+            raise ValueError(f"{setting} has no shutter; use sub_frames, and a shutter of 0 s")
+        if not isinstance(sensor, Sensor | ContrastSensor):
             raise ValueError(
                 f"{setting} integrates and is reset in every frame; remove the setting or the "
                 "sensor"
@@ -260,8 +271,9 @@ def _check(settings: Configuration) -> None:
             raise ValueError(
                 f"{setting} with exposure_s {sensor.exposure_s:g} does not fill frames at "
                 f"trajectory.frame_rate_hz {rate_hz:g}; use exposure_s {1 / rate_hz:.12g}, or "
-                "remove the setting"
+                f"remove the {'sensor' if is_contrast else 'setting'}"
             )
+    settings.cubes.check(settings.products, in_burst)
     settings.check_exposures()
     shape = settings.camera.height, settings.camera.width
     for sensor in settings.sensors:

@@ -30,7 +30,7 @@ from megalopta.config.recipe import Plan
 from megalopta.config.yaml_model import to_yaml
 from megalopta.flow.formats import write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import expose_events, preset
-from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5, write_events_npz
+from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5
 from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 
 from ..scenes.meshes.files import Gltf, png
@@ -88,7 +88,7 @@ READ: dict[str, tuple[str, ...]] = {
     "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
     **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply")},
     **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE)),
-    **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5", "r.npz"), (VIEW,)),
+    **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5"), (VIEW,)),
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
     "path.csv": (PATH,),
@@ -244,7 +244,6 @@ def write_readings(here):
     origin = EventOrigin(shape=rate.shape, frame_period_s=0.125, exposure_s=sensor.exposure_s)
     events = expose_events(rate, sensor, seed=0, stream="s")
     write_events_hdf5(here / "r.h5", events, origin)
-    write_events_npz(here / "r.npz", events, origin)
     photon_hdf5(here / "tags.hdf5", [("photon_data", TICKS, CHANNELS)])
     ptu_of_mode_t2(here / "tags.ptu", TICKS, CHANNELS, inputs=2, stopped_ms=1500)
     (here / "tags.dat").write_bytes(RNG.bytes(4 * 2048))

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from megalopta import data_sheet
+from megalopta.benchmark.data_sheet import contrast_sheet
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.dataset.picture_light import photons_per_lux
 from megalopta.scenes import Light
 from megalopta.scenes.stimuli.pictures import ColorsAsLight
-from megalopta.sensor import changed, ctia_preset, expose_rate, preset
+from megalopta.sensor import CTIA_PRESETS, IMAGE_SENSORS, changed, expose_rate, preset
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 PDE, DARK, CAPACITY = 0.25, 9.0, 1023
@@ -63,7 +64,7 @@ def test_readings_are_those_of_drawn_frames():
 
 
 def test_a_ctia_pixel_ends_at_its_swing():
-    sensor = ctia_preset("ctia_ingaas_quiet")
+    sensor = CTIA_PRESETS["ctia_ingaas_quiet"]
     sheet = data_sheet(sensor)
     electrons = sensor.swing_v * sensor.capacitance_f / 1.602176634e-19
     assert sheet.curve["mean"].max() == pytest.approx(electrons, rel=1e-6)
@@ -78,9 +79,20 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     page = tmp_path / "mine.html"
     cli.main(["sensor", str(tmp_path / "mine.yaml"), "--out", str(page)])
     told = capsys.readouterr().out
-    assert re.search("exposure +device file", told) and re.search("dark counts +measured map", told)
-    assert re.search("dead time +preset webster-130nm", told)
+    assert re.search("exposure .* device file", told)
+    assert re.search("dark counts .* measured map", told)
+    assert re.search("dead time .* preset webster-130nm", told)
     assert "160 per second" in page.read_text("utf-8")
+    (tmp_path / "array.yaml").write_text("preset: spcimager\nname: array\nexposure_s: 0.01\n")
+    cli.main(["sensor", str(tmp_path / "array.yaml")])
+    told = capsys.readouterr().out
+    words = "factor .* published", "cy .* partly assumed", "talk .* not stated", "swing_v +1 V"
+    assert all(re.search(word, told) for word in words) and "\nexposure_s " not in told
+
+
+def test_the_sheet_of_a_frame_camera_has_its_figures_of_emva_1288(capsys):
+    cli.main(["sensor", "imx174"])
+    assert re.search("F² +excess noise factor; photon tr.* K·F² +1.00", capsys.readouterr().out)
 
 
 def test_what_cannot_be_computed_is_refused():
@@ -88,7 +100,14 @@ def test_what_cannot_be_computed_is_refused():
         ("nothing", None, "is unknown; use one of"),
         ("missing.yaml", None, "give the path of a device's YAML file"),
         ("spadcam", 1500.0, "outside the efficiency curve"),
+        ("davis346", 550.0, "have no wavelength"),
         (changed(COUNTER, efficiency={"values": (0, 0)}), 500.0, "detects nothing"),
     ):
         with pytest.raises(UserError, match=problem):
             data_sheet(sensor, wavelength_nm)
+
+
+def test_noise_events_of_contrast_grow_with_bandwidth_and_end_in_bright_light():
+    events_hz = contrast_sheet(IMAGE_SENSORS["davis346"]).curve["events/s"].to_numpy()
+    assert 20 < events_hz.max() < 120
+    assert events_hz[-1] == pytest.approx(0.01, abs=0.015)  # leak

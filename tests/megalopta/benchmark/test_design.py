@@ -8,20 +8,15 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta import design
-from megalopta.benchmark.design import (
-    DesignScene,
-    DesignSettings,
-    first_reached,
-    leaves_scene,
-    varied_sensor,
-)
+from megalopta.benchmark.design import DesignScene, DesignSettings, leaves_scene, varied_sensor
 from megalopta.cli import main as cli
+from megalopta.core.arrays import first_reached
 from megalopta.core.errors import UserError
 from megalopta.flow.metrics.translation_bound import reading_slopes
 from megalopta.scenes import PerspectiveCamera
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, luminous
-from megalopta.sensor import changed, expose_rate, preset, reading_moments
+from megalopta.sensor import IMAGE_SENSORS, changed, expose_rate, preset, reading_moments
 
 SMALL = {"camera": {"width": 48, "height": 36, "fov_deg": 60}, "block_px": 12}
 STEADY = {**SMALL, "yaw_deg_s": 0}
@@ -109,26 +104,32 @@ def test_yaw_estimated_from_drawn_counts_scatters_as_predicted():
     assert np.var(-linear / (2 * square)) == pytest.approx(predicted, rel=0.13)
 
 
-LIMITS = {
-    "saturation": ({"counter": {"capacity": 1}}, {"light_levels": ("daylight",)}),
-    "dark counts": ({"dark_counts": {"bulk_mean_hz_um2": 3e4}}, {"light_levels": (0.02,)}),
-    "motion blur": ({}, {"light_levels": (0.002,), "yaw_deg_s": 2000, "error": "0.2px"}),
-    "read noise": (
+LIMITS = (
+    ("saturation", {"counter": {"capacity": 1}}, {"light_levels": ("daylight",)}),
+    ("dark counts", {"dark_counts": {"bulk_mean_hz_um2": 3e4}}, {"light_levels": (0.02,)}),
+    ("motion blur", {}, {"light_levels": (0.002,), "yaw_deg_s": 2000, "error": "0.2px"}),
+    (
+        "read noise",
         {"counter": {"kind": "analog", "step_v": 0.01, "read_noise_v": 0.1, "adc_bits": 12}},
         {"light_levels": (0.01,), "exposure_s": (1e-4, 1e-3)},
     ),
-    "saturation, or a texture of one direction": (
+    (
+        "saturation, or a texture of one direction",
         {"counter": {"kind": "analog", "step_v": 0.01}},
         {"light_levels": (1e9,)},
     ),
-    "too few photons in a frame": ({}, {"light_levels": (1e-6,)}),
-}
+    ("too few photons in a frame", {}, {"light_levels": (1e-6,)}),
+    # of a frame camera
+    ("read noise", {"read": {"median_e": 30.0}}, {"light_levels": (0.3,)}),
+    ("dark current", {"dark": {"mean_e_s": 1e6}}, {"light_levels": (0.3,)}),
+    ("saturation", {"full_well_e": 1}, {"light_levels": (100.0,)}),
+)
 
 
-@pytest.mark.parametrize("cause", LIMITS)
-def test_the_cause_that_keeps_an_error_from_being_reached_is_named(cause):
-    changes, settings = LIMITS[cause]
-    sensor = changed(preset("ideal"), **changes)
+@pytest.mark.parametrize(("cause", "changes", "settings"), LIMITS)
+def test_the_cause_that_keeps_an_error_from_being_reached_is_named(cause, changes, settings):
+    is_frame = bool(changes.keys() & {"read", "dark", "full_well_e"})
+    sensor = changed(IMAGE_SENSORS["orca-quest-2" if is_frame else "ideal"], **changes)
     (row,) = design(sensor, **{**STEADY, **TIMES, **settings}).rows
     assert row.exposure_s is None
     assert row.limit == cause
@@ -143,7 +144,7 @@ def test_the_least_exposure_is_found_between_those_tried():
 @pytest.mark.parametrize(
     ("sensor", "settings", "words"),
     [
-        ("nothing", {}, "no such preset"),
+        ("nothing", {}, "unknown"),
         ("ideal", {"error": "0.1"}, "error"),
         ("ideal", {"error": "0px"}, "not positive"),
         ("ideal", {"error": "1e-e5px"}, "error"),

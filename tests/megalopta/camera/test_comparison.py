@@ -1,5 +1,7 @@
 """`megalopta spadcam compare`: a scene beside its simulation, and passages of the plate."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from megalopta.camera.emulator import rendered
 from megalopta.camera.motion_bench import FRAMES, cut_passages, record
 from megalopta.camera.sources import Source
 from megalopta.config.model import load
+from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor, preset
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.formats.recorded_frames import tiff_writer
@@ -98,6 +101,8 @@ def test_what_shows_no_passages_is_refused():
         cut_passages(recorded(130, [30, 70], 5.0))
     with pytest.raises(ValueError, match="an edge passes 20 frames after another"):
         cut_passages(recorded(200, [30, 70, 90, 130], 5.0))
+    with pytest.raises(UserError, match="compare takes counts of SPAD arrays"):
+        compare_captured([], Path("ixon-888"), Path("unwritten.html"), CompareSettings())
 
 
 SENSOR = preset("spadcam")

@@ -87,7 +87,7 @@ def test_new_light_has_independent_noise_and_the_same_mean(opened):
         sequence.expose("ideal", 5.0, gain=4.0)[:].sum() / sequence.expose("ideal", 5.0)[:].sum()
     )
     assert brighter == pytest.approx(4, rel=0.05)
-    with pytest.raises(UserError, match="preset 'eye' is unknown"):
+    with pytest.raises(UserError, match="sensor 'eye' is unknown"):
         sequence.expose("eye")
     with pytest.raises(UserError, match="exposure_s 9 is longer than a frame"):
         sequence.expose("ideal", exposure_s=9)

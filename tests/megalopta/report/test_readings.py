@@ -15,7 +15,6 @@ from megalopta.sensor import (
     preset,
     without,
     write_events_hdf5,
-    write_events_npz,
 )
 from megalopta.sensor.quantities import histogram
 
@@ -104,14 +103,11 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     assert full[15].all() and not full[:15].any()
 
 
-@pytest.mark.parametrize(
-    ("write", "name"), [(write_events_hdf5, "e.h5"), (write_events_npz, "e.npz")]
-)
-def test_events_are_counted_in_every_frame(tmp_path, write, name):
+def test_events_are_counted_in_every_frame(tmp_path):
     events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, stream="e")
     origin = EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
-    write(tmp_path / name, events, origin)
-    readings = readings_of(tmp_path / name)
+    write_events_hdf5(tmp_path / "e.h5", events, origin)
+    readings = readings_of(tmp_path / "e.h5")
     whole = histogram(events)
     assert whole.sum() > 500
     np.testing.assert_array_equal(readings.frame(3)[0], whole[3])

@@ -10,7 +10,8 @@ from megalopta.config.model import load
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
 from megalopta.render import read_truth
-from megalopta.sensor.formats.reading import read_events, read_frames
+from megalopta.sensor.formats.events import read_events
+from megalopta.sensor.formats.reading import read_frames
 from megalopta.sensor.quantities import histogram
 from megalopta.stages.sense import open_exposure, sense
 
@@ -26,11 +27,13 @@ DEVICE = (
 )
 SMALL = small(*SHAPE[::-1], FRAMES, samples=4, sensors=DEVICE, levels=LEVEL) | {
     "render.bands_nm": "[[450, 550], [550, 650]]",
-    "products": "[counts, events_npz]",
+    "products": "[counts, events_hdf5]",
 }
 OPTIONS = (
     "--free-running", "--sub-frames", "2", "--burst-hz", str(BITS / PERIOD_S), "--redo",
-    "--products", "counts", "events_npz", "events_hdf5", "binary_npy", "burst_npy",
+    "--products", "counts", "events_hdf5", "binary_npy", "burst_npy", "sums_npy",
+    "brackets_npy", "changes_hdf5", "--cubes.sum-frames", "5", "--cubes.bracket-frames", "1", "10",
+    "--cubes.change-frames", "7", "--cubes.change-sigmas", "1.5",
 )  # fmt: skip
 
 
@@ -59,7 +62,7 @@ def stored(root):
 
 def shortest_gap(root):
     """Between two events of a pixel, s."""
-    events = read_events(beside(root, ".events.npz")).events
+    events = read_events(beside(root, ".events.h5")).events
     times = events.frame * PERIOD_S + events.time_s
     order = np.lexsort((times, events.pixel))
     same = np.diff(events.pixel[order].astype(int)) == 0
@@ -74,9 +77,8 @@ def test_dead_times_reach_into_the_next_frame(reset, running):
 
 def test_counts_events_and_bits_are_the_same_avalanches(running):
     counts = stored(running)["counts"][:]
-    for suffix in (".events.npz", ".events.h5"):
-        numbered = histogram(read_events(beside(running, suffix)).events)
-        np.testing.assert_array_equal(numbered, counts)
+    numbered = histogram(read_events(beside(running, ".events.h5")).events)
+    np.testing.assert_array_equal(numbered, counts)
     bits = read_frames(beside(running, ".binary.npy"), shape=SHAPE).counts
     np.testing.assert_array_equal(bits, counts > 0)
 
@@ -88,6 +90,29 @@ def test_a_dead_time_spans_frames_of_a_burst(running):
     for later in (1, 2):
         assert not (bits[later:] & bits[:-later]).any()
     assert (bits[3:] & bits[:-3]).any()
+
+
+def test_sums_and_changes_are_those_of_the_bits(running):
+    bits = read_frames(beside(running, ".burst.npy"), shape=SHAPE).counts
+    sums = read_frames(beside(running, ".sums.npy"), shape=SHAPE).counts
+    np.testing.assert_array_equal(sums, bits.reshape(-1, 5, *SHAPE).sum(axis=1))
+    of_frame = bits.reshape(FRAMES, BITS, *SHAPE)
+    brackets = np.stack([of_frame[:, 0], of_frame.sum(axis=1)], axis=-1)
+    np.testing.assert_array_equal(read_frames(beside(running, ".brackets.npy")).counts, brackets)
+    told = []
+    for row, column in np.ndindex(SHAPE):
+        mean, sent, k = 0.0, np.inf, 0
+        for at, bit in enumerate(bits[:, row, column]):
+            k += 1
+            mean += (bit - mean) / min(k, 7)
+            chance = (mean + min(sent, 1.0)) / 2
+            if k >= 7 and abs(mean - sent) > 1.5 * np.sqrt(chance * (1 - chance) / 7):
+                told.append((at, row, column, mean))
+                sent, k = mean, 0
+    events = read_events(beside(running, ".changes.h5")).events
+    found = np.stack([events.frame, events.row, events.column, events.value], axis=1)
+    assert len(told) > 3 * bits[0].size  # more than the first of each pixel
+    np.testing.assert_allclose(found, sorted(told), rtol=1e-6)
 
 
 def test_stated_means_are_those_of_settled_pixels(running):
@@ -113,7 +138,10 @@ def test_light_in_an_exposure_moves_with_the_true_flow(reset, running):
 
 
 def test_what_a_kill_left_out_is_made_again_alike(running):
-    products = [beside(running, end) for end in (".burst.npy", ".events.npz", ".binary.npy")]
+    products = [
+        beside(running, end)
+        for end in (".burst.npy", ".events.h5", ".binary.npy", ".sums.npy", ".changes.h5")
+    ]
     before = [path.read_bytes() for path in products]
     for path in products:
         path.unlink()

@@ -138,7 +138,7 @@ def test_a_refused_redo_leaves_everything_as_it_was(copy, command, refused):
 def test_light_that_is_too_bright_for_events_leaves_no_trace(tiny, tmp_path):
     dataset = run_stage(tmp_path / "data", tiny, "render")
     before = content(dataset.root)
-    bright = {"products": ("counts", "events_npz"), "light_levels": (1e6,)}
+    bright = {"products": ("counts", "events_hdf5"), "light_levels": (1e6,)}
     with pytest.raises(UserError, match="events in a frame"):
         run_stage(dataset.root, tiny.model_copy(update=bright), "sense")
     assert content(dataset.root) == before
