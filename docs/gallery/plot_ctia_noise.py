@@ -11,13 +11,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.constants import e, k
 
-from megalopta.sensor import changed, ctia_preset, expose_photocurrent
+from megalopta.sensor import CTIA_PRESETS, changed, expose_photocurrent
 
 EXPOSURE_S, SATURATION_A = 0.01, 100e-12
 biases_v = np.linspace(0.002, 0.1, 12)
 dark = np.zeros((40, 32, 32))
 base = changed(
-    ctia_preset("ctia_ingaas_quiet"),
+    CTIA_PRESETS["ctia_ingaas_quiet"],
     exposure_s=EXPOSURE_S,
     noise={"reset": False, "read_noise_v": 0.0},
     **dict.fromkeys(("offset_v", "offset_sigma_v", "gain_sigma_db", "dark_sigma"), 0.0),
