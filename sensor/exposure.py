@@ -92,9 +92,10 @@ def draw_frames(
     if isinstance(sensor, FrameSensor):
         return frame.expose_frames(np.asarray(rate_hz), sensor, draw, state)
     light_a = ELEMENTARY_CHARGE_C * np.asarray(rate_hz)
-    read = ctia.expose_photocurrent(light_a, sensor, **draw._asdict())
+    former_v = 0.0 if state is None else state
+    read = ctia.expose_photocurrent(light_a, sensor, **draw._asdict(), former_v=former_v)
     electrons = ctia.reading_electrons(read.volts, sensor).astype(np.float32)
-    return Exposure(electrons, read.saturated), None
+    return Exposure(electrons, read.saturated), read.volts[-1] if len(read.volts) else state
 
 
 def expose_rate(
@@ -163,11 +164,11 @@ def expose_binary(
     """Draw binary frames, packed (T, H, ceil(W/8)) uint8; as `expose_rate`.
 
     The bit is 1 with probability p = 1 − exp(−r·T) from a live start; mean p, variance p·(1−p).
-    Dead time and afterpulses act only after the first event. With a gate, T is the open time; if
-    light changes within the exposure, r is its mean over that time. Bits are packed as visionsim
-    does: `np.packbits` along the width, the last byte of a row padded with zeros.
-
-    Raises ValueError as `expose_rate`, or as `check_binary`.
+    Dead time and afterpulses act only after the first event; crosstalk adds arrivals to r·T
+    (`effects.crosstalk`). With a gate, T is the open time; if light changes within the
+    exposure, r is its mean over that time. Bits are packed as visionsim does: `np.packbits` along
+    the width, the last byte of a row padded with zeros. Raises ValueError as `expose_rate`, or as
+    `check_binary`.
     """
     check_binary(sensor)
     draw = Draw(seed, stream, first_frame, frame_period_s)
@@ -199,17 +200,6 @@ def expose_events(
 
 
 def check_binary(sensor: Sensor) -> None:
-    """Check that a sensor has binary frames: the first event depends only on the rate.
-
-    Raises ValueError with crosstalk, or with dead time or afterpulses and a stationary start.
-    """
-    if sensor.crosstalk.is_on:
-        raise ValueError(
-            f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
-            "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
-        )
-    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.has_memory:
-        raise ValueError(
-            "dead_time.start: 'stationary'; binary frames start live: choose 'live', or use a "
-            "counter of capacity 1 with expose_rate"
-        )
+    """Raise ValueError if a sensor has no binary frames, as its chip adds them."""
+    if sensor.counter.sums > 1:
+        raise ValueError(f"counter.sums: {sensor.counter.sums}; give 1 for the binary frames")

@@ -219,7 +219,7 @@ def _many_electrons(
 def _beyond_mean(light: Floats, sensor: Sensor) -> Floats | float:
     """Information of nominal readings over that in their mean, 1 or more, for light (T, H, W)."""
     counter = sensor.counter
-    is_plain = not (counter.is_on or sensor.dead_time.is_on)
+    is_plain = not (counter.is_on or sensor.dead_time.is_on) or counter.sums > 1
     if is_plain or not isinstance(counter, DigitalCounter) or counter.overflow == "wrap":
         return 1.0
     dark_hz = draw_fixed_pattern(sensor, (light.shape[1], light.shape[2])).dark_counts_hz

@@ -8,6 +8,11 @@ A band's photon detection probability (PDP) is the mean of the tabulated curve o
 between points a parabola, or a cubic with the transmission T(λ) of the lens, for which Simpson's
 rule is exact, as Gauss and Legendre's of three points is with a color filter, too. Source, check
 value and limits: `docs/theory/light.md`.
+
+**Image lag**: a share of the charge that light frees stays behind for the next frame, there again.
+Both parts of a Poisson number are independent Poisson numbers, so the mean is filtered over the
+frames: exact below a full well. In a SPAD, carriers diffuse or are held where no avalanche frees
+them; those in traps of the junction are `afterpulsing`, of an array that is not reset.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,6 +36,7 @@ from megalopta.core.validation import checked, inner_types
 from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 
+LagShare = Annotated[float, Field(ge=0, le=0.5)]
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 """h·c in J·m."""
 
@@ -295,6 +301,23 @@ def checked_rate(detections_hz: ArrayLike, sensor: PixelOptics) -> Floats:
             f"negative and at most {most_hz:g} Hz ({MOST_ARRIVALS:g} per exposure)"
         )
     return rate_hz
+
+
+def with_lag(rate_hz: Floats, sensor: Any, behind: Floats | None) -> tuple[Floats, Floats | None]:
+    """Return rates (T, H, W) or (T, S, H, W), Hz, with lag, and mean electrons that stay behind.
+
+    `behind` (H, W): those before the first frame; None: light was as in it.
+    """
+    share, exposure_s = sensor.lag_share, sensor.exposure_s
+    if share == 0 or not len(rate_hz):
+        return rate_hz, behind
+    lagged_hz = np.empty_like(rate_hz)
+    for frame, light_hz in enumerate(rate_hz):
+        light_e = (light_hz if rate_hz.ndim == 3 else light_hz.mean(axis=0)) * exposure_s
+        behind = light_e * share / (1 - share) if behind is None else behind
+        lagged_hz[frame] = (1 - share) * (light_hz * exposure_s + behind) / exposure_s
+        behind = share * (light_e + behind)
+    return lagged_hz, behind
 
 
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:

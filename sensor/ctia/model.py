@@ -131,6 +131,8 @@ class CtiaSensor(PixelOptics, frozen=True):
     """Mean input offset of the amplifiers (V); positive: reverse bias."""
     offset_sigma_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the offset over the pixels (V)."""
+    residue_share: Annotated[float, Field(ge=0, le=0.5, exclude_if=lambda share: share == 0)] = 0.0
+    """Share of a reading that stays on the capacitor after the reset (0: complete)."""
     dark_sigma: Annotated[float, Field(ge=0)] = 0.0
     """Relative standard deviation of the dark current over the pixels at equal bias."""
     bias: Annotated[Bias, Field(discriminator="kind")] = FixedBias()
@@ -192,18 +194,24 @@ def expose_photocurrent(
     stream: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
+    former_v: ArrayLike = 0.0,
 ) -> CtiaExposure:
-    """Read frames of known photocurrent, (T, H, W) in A; parameters as for `expose`."""
+    """Read frames of known photocurrent, (T, H, W) in A; parameters as for `expose`.
+
+    `former_v` (H, W): reading before the first frame, of which a part stays (`residue_share`).
+    """
     light = _checked(photocurrent_a)
     named = sensor_stream(stream, sensor, np.zeros((1, 1)))
     volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
         rng = generator(seed, "ctia exposure", named, light_key(light[index]), first_frame + index)
         discharged = discharge(now, light[index], sensor.exposure_s)
+        discharged += sensor.residue_share * np.asarray(former_v)
         noise = draw_noise(rng, sensor.noise, now, light[index], sensor.exposure_s)
         volts[index] = discharged + noise
         saturated[index] = (volts[index] >= sensor.swing_v) | (discharged >= sensor.swing_v)
-    volts[saturated] = sensor.swing_v
+        volts[index][saturated[index]] = sensor.swing_v
+        former_v = volts[index]
     return CtiaExposure(volts, saturated)
 
 
@@ -212,16 +220,18 @@ def volt_moments(
     sensor: CtiaSensor,
     first_frame: int = 0,
     frame_period_s: float | None = None,
+    former_v: ArrayLike = 0.0,
 ) -> tuple[Floats, Floats]:
     """Mean (V) and variance (V²) of readings, each (T, H, W); parameters as `expose_photocurrent`.
 
     The noise of a pixel near its rail is approximated as normal; it holds 1e8 electrons there.
     """
-    light = _checked(photocurrent_a)
-    moments = np.empty((2, *light.shape))
+    light, share = _checked(photocurrent_a), sensor.residue_share
+    moments, former = np.empty((2, *light.shape)), (np.asarray(former_v), np.zeros(()))
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
-        free = discharge(now, light[index], sensor.exposure_s)
+        free = discharge(now, light[index], sensor.exposure_s) + share * former[0]
         noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
+        noise += share**2 * former[1]
         depth, sigma = sensor.swing_v - free, np.sqrt(noise)
         below = np.divide(depth, sigma, out=np.full_like(free, np.inf), where=sigma > 0)
         chance, density = ndtr(below), np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
@@ -232,6 +242,7 @@ def volt_moments(
             np.where(is_held, sensor.swing_v, free - lost),
             np.where(is_held, 0.0, np.maximum(square - lost**2, 0.0)),
         )
+        former = moments[0, index], moments[1, index]
     return moments[0], moments[1]
 
 

@@ -6,9 +6,9 @@ The converter records the first avalanche of a period, which the pixel is ready 
 with probability p(t) = λ(t)·exp(−∫₀ᵗ λ), pile-up. The time stamp scatters by the sensor's jitter
 over the end of the period too. Numbers in the bins of N periods are multinomial.
 
-Assumptions: pixels are ready at the start of each period, so that dead time is at most one period;
-carriers of afterpulses and of crosstalk are not counted. For other cases, events of pulsed light
-(`expose_events`, in parts of the exposure) are sorted into a histogram by `sorted_in_time`.
+This assumes that pixels are ready at the start of each period, and that light alone fires them. For
+others (`histograms.is_ready`) photons are drawn one by one, what they fire is followed as in all
+arrays (`spad.kernel`), and the first avalanche of each period is kept (`sorted_in_time`).
 
 Source: O'Connor and Phillips, Time-correlated Single Photon Counting (1984), for pile-up.
 
@@ -27,7 +27,7 @@ Source: dissertation §2.3.2; Ripamonti and Cova, Solid-State Electronics 28, 92
 tail.
 """
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import Effect
+from megalopta.sensor.effects.gating import Gate, open_time
 
 
 class Jitter(Effect, frozen=True):
@@ -94,7 +95,12 @@ class Tcspc(Effect, frozen=True):
 
 
 def first_photon_shares(
-    pulsed: Floats, constant: Floats, tcspc: Tcspc, jitter: Jitter, later_s: Floats | None = None
+    pulsed: Floats,
+    constant: Floats,
+    later_s: Floats | None,
+    tcspc: Tcspc,
+    jitter: Jitter,
+    gate: Gate,
 ) -> Floats:
     """Return the probability of a count in each bin of a period, (…, bins).
 
@@ -105,6 +111,8 @@ def first_photon_shares(
     later_s : (…), optional
         Further delay of each pulse; it is moved by parts of a bin, and in between by their mixture,
         which widens it by less than a hundredth of what blurs it.
+    gate : Gate
+        Window that opens once a period, or a whole number of times.
     """
     widths_s = tcspc.pulse_sigma_s, tcspc.decay_s, jitter.sigma_s, jitter.tail_s
     blur_s = [width_s for width_s in widths_s if width_s > 0]
@@ -112,6 +120,9 @@ def first_photon_shares(
     parts = int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur_s)), 1, _FINEST)) if blur_s else 1
     fine = tcspc.bins * parts
     ends = tcspc.period_s * np.arange(fine + 1) / fine
+    opened: Any = 1.0  # share of time
+    if gate.is_on:
+        opened = np.diff([open_time(end, *gate.window) for end in ends]) / ends[1]
     delay_s = tcspc.delay_s % tcspc.period_s
     pulse = _wrapped(ends - delay_s, tcspc.pulse_sigma_s, tcspc.decay_s, tcspc.period_s)
     is_instant = tcspc.pulse_sigma_s + tcspc.decay_s == 0
@@ -129,7 +140,7 @@ def first_photon_shares(
     for start in range(0, len(shares), at_once):
         pixels = slice(start, start + at_once)
         of_pulse, steady = arrivals.reshape(-1, 2, 1)[pixels].swapaxes(0, 1)
-        moved = pulse
+        moved, by = pulse, np.zeros((1, 1))
         if later_s is not None:
             by = later_s.reshape(-1, 1)[pixels] / tcspc.period_s * fine
             places = np.floor(by).astype(np.int64)
@@ -138,12 +149,16 @@ def first_photon_shares(
             moved = np.asarray(
                 (1 - share) * pulse[place % pulse.size] + share * pulse[(place - 1) % pulse.size]
             )
-        mass = of_pulse * moved + steady / fine
+        seen = opened
+        if gate.period_s and gate.width_s and is_instant:  # in the window or not
+            seen = (delay_s + by * ends[1] - gate.phase_s) % gate.period_s < gate.width_s
+        lit = of_pulse * moved * seen
+        mass = lit + steady / fine * opened
         first = -np.exp(mass - np.cumsum(mass, axis=-1)) * np.expm1(-mass)
         if responses:
             kinds = [first]
             if len(responses) > 1:
-                share = np.divide(of_pulse * moved, mass, out=np.zeros_like(mass), where=mass > 0)
+                share = np.divide(lit, mass, out=np.zeros_like(mass), where=mass > 0)
                 kinds = [share * first, (1 - share) * first]
             pairs = zip(kinds, responses, strict=True)
             spectrum = sum(np.fft.rfft(kind) * response for kind, response in pairs)
@@ -185,16 +200,19 @@ def _cumulative(times: Floats, sigma_s: float, decay_s: float) -> Floats:
     return np.asarray(exponnorm.cdf(times / sigma_s, decay_s / sigma_s))
 
 
-def sorted_in_time(times_s: Floats, pixels: NDArray[np.integer], number: int, tcspc: Tcspc) -> Ints:
+def sorted_in_time(
+    times_s: Floats, pixels: NDArray[np.integer], number: int, tcspc: Tcspc, late_s: Any = 0.0
+) -> Ints:
     """Return the histogram (number, bins) of the first event of each pixel in each period.
 
-    Times count from the start of a period; events need no order.
+    Times count from the start of a period; events need no order. `late_s`: by which stamps of the
+    events come later, within the period.
     """
     order = np.argsort(times_s, kind="stable")
     period = np.floor(times_s[order] / tcspc.period_s).astype(np.int64)
     pixel = pixels[order].astype(np.int64)
     first = np.unique(period * number + pixel, return_index=True)[1]
-    within = times_s[order][first] / tcspc.period_s - period[first]
+    within = ((times_s + late_s)[order][first] / tcspc.period_s - period[first]) % 1
     place = np.minimum((within * tcspc.bins).astype(np.int64), tcspc.bins - 1)
     counts = np.bincount(pixel[first] * tcspc.bins + place, minlength=number * tcspc.bins)
     return counts.reshape(number, tcspc.bins)

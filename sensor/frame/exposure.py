@@ -1,9 +1,4 @@
-"""Frames of a frame camera, step by step in the order of `frame.model`.
-
-**Image lag**: a share of a pixel's charge stays behind for the next frame. Both parts of a Poisson
-number are independent Poisson numbers, so the mean of readings is filtered over the frames: exact
-below the full well. Before the first frame, light was as in it.
-"""
+"""Frames of a frame camera, step by step in the order of `frame.model`."""
 
 import numpy as np
 
@@ -11,8 +6,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.effects.dark_counts import telegraph_factor
 from megalopta.sensor.frame.model import FrameSensor, pixels
-from megalopta.sensor.frame.moments import with_lag
 from megalopta.sensor.frame.register import multiply
+from megalopta.sensor.optics import with_lag
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.sampling import streams
 from megalopta.sensor.sampling.poisson import fill_poisson, poisson_streams

@@ -28,7 +28,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.sensor.effects.dark_counts import Telegraph, Traps, draw_traps
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.optics import PixelOptics
+from megalopta.sensor.optics import LagShare, PixelOptics
 from megalopta.sensor.sampling.streams import pixel_normals
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -158,7 +158,7 @@ class FrameSensor(PixelOptics, frozen=True):
     """Mean clock-induced charge of a frame (electrons)."""
     pattern: FixedPattern = FixedPattern()
     """Differences between pixels; none by default."""
-    lag_share: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    lag_share: LagShare = 0.0
     """Share of a pixel's charge that stays behind for the next frame."""
     full_well_e: Annotated[float, Field(ge=1, le=1e7)]
     """Electrons that a pixel holds."""

@@ -14,24 +14,10 @@ from scipy.special import pdtr
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 from megalopta.sensor.frame.model import FrameSensor, pixels
+from megalopta.sensor.optics import with_lag
 
 _ENOUGH_DN, _FAR, _TAIL = 0.7, 9.0, 30.0
 """Noise that makes rounding uniform; standard deviations, and gains of an electron, to an end"""
-
-
-def with_lag(
-    electrons_hz: Floats, sensor: FrameSensor, state: Floats | None
-) -> tuple[Floats, Floats | None]:
-    """Return rates (T, H, W), Hz, with image lag, and the mean electrons that stay behind."""
-    share, exposure_s = sensor.lag_share, sensor.exposure_s
-    if share == 0 or not len(electrons_hz):
-        return electrons_hz, state
-    lagged_hz = np.empty_like(electrons_hz)
-    behind_e = electrons_hz[0] * exposure_s * share / (1 - share) if state is None else state
-    for frame, light_hz in enumerate(electrons_hz):
-        held_e = light_hz * exposure_s + behind_e
-        behind_e, lagged_hz[frame] = share * held_e, (1 - share) * held_e / exposure_s
-    return lagged_hz, behind_e
 
 
 def electron_moments(

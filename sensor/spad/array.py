@@ -6,7 +6,8 @@
     avalanches    arrivals that fire: gate, dead time, afterpulses, crosstalk
     readout       counts, codes of an ADC, bits, or the time of every event
 
-Light is constant during an exposure, or (T, S, H, W) in S equal parts of it (`shot`).
+Light is constant during an exposure, or (T, S, H, W) in S equal parts of it (`shot`). An exposure
+of a sum (`counter.sums`) has the light of the part in which it begins; that of several, their mean.
 
 Every frame has its own random streams, named by seed, stream, sensor, light and frame number. A
 frame's draws thus depend neither on other frames drawn with it, nor on the number of threads.
@@ -17,13 +18,14 @@ from the same streams, and are the same events.
 """
 
 import math
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor import optics, quantities
+from megalopta.sensor.change import changed
 from megalopta.sensor.effects import crosstalk, dark_counts, dead_time, timing
 from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.gating import open_fraction
@@ -36,8 +38,21 @@ from megalopta.sensor.spad.simulation import PixelState, simulate_frame
 MOST_STORED = 5e7
 """Most events of a frame whose times are kept: about 3 GB while drawn and sorted."""
 Reading: TypeAlias = Literal["counts", "codes", "bits", "events"]
+_AT_ONCE = 16
+"""Exposures of a sum drawn together"""
 _FEW_PIXELS = 2**15
 """Below this number of pixels in all frames, one thread draws them."""
+
+
+class ArrayState(NamedTuple):
+    """State that an exposure leaves to the next."""
+
+    pixels: PixelState | None = None
+    """Of an array that is running"""
+    behind: Floats | None = None
+    """Mean detections (H, W) of image lag"""
+    counted: Floats | float = 0.0
+    """Events (H, W) that an analog counter held, of which a part stays"""
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
@@ -55,30 +70,34 @@ def expose_frames(
     reading: Reading,
     *,
     is_running: bool = False,
-    state: PixelState | None = None,
+    state: ArrayState | None = None,
     together: int = 1,
-) -> tuple[Any, PixelState | None]:
+) -> tuple[Any, ArrayState]:
     """Draw readings of frames of a known detection rate, Hz, (T, H, W) or (T, S, H, W).
 
     Returns an `Exposure`, `Events`, codes (T, H, W) or packed bits (T, H, ceil(W/8)), and the state
-    of an array that is running after the last frame: it starts from `state` and is not reset
+    of the array after the last frame: it starts from `state`. One that is running is not reset
     between frames. `together` frames are drawn from the streams of the first of them.
     """
+    pixel_state, behind, counted = state or ArrayState()
     rate_hz = optics.checked_rate(detections_hz, sensor)
+    rate_hz, behind = optics.with_lag(rate_hz, sensor, behind)
     frames, *parts, rows, columns = rate_hz.shape
     device, exposure_s = draw_fixed_pattern(sensor, (rows, columns)), sensor.exposure_s
     counter, effects, maps = sensor.counter, sensor.avalanche_effects, device.avalanches
+    residue = getattr(counter, "residue_share", 0.0)
+    together = 1 if residue else together
     period_s = draw.frame_period_s or exposure_s
     stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
     is_running, keeps_times = is_running and effects.has_memory, reading == "events"
-    by_event = is_running or keeps_times
+    by_event, purpose = is_running or keeps_times, "binary" if reading == "bits" else "exposure"
     is_direct = reading == "counts" and sensor.count_distribution == "Poisson" and not parts
-    is_direct &= counter.kind == "digital" and counter.overflow == "saturate"
+    is_direct &= counter.kind == "digital" and counter.overflow == "saturate" and counter.sums == 1
     for light_hz in rate_hz if by_event else ():
         most = MOST_STORED if keeps_times else counts.MOST_SIMULATED
         counts.check_load(light_hz + device.dark_counts_hz, exposure_s, effects, maps, most)
     shape, is_counted = (frames, rows, columns), reading in ("counts", "codes")
-    number_type = "u2" if counter.capacity < 2**16 else "u4"
+    number_type = "u2" if sensor.largest < 2**16 else "u4"
     readings: counters.Counts = np.empty(shape if is_counted else (0, rows, columns), number_type)
     saturated = np.empty(readings.shape, np.bool_)
     bits = np.empty((frames, rows, -(-columns // 8)), np.uint8)
@@ -93,7 +112,12 @@ def expose_frames(
     words = [poisson.poisson_streams(generator("exposure", first)) for first in direct]
 
     def expose_block(first: int) -> None:
-        nonlocal state
+        nonlocal pixel_state, counted
+        if reading == "counts" and counter.sums > 1:
+            named = draw._replace(first_frame=draw.first_frame + first)
+            of_sum = rate_hz[first], sensor, named, is_running, pixel_state
+            readings[first], saturated[first], pixel_state = _sum_of_exposures(*of_sum)
+            return
         numbers = range(draw.first_frame + first, draw.first_frame + min(first + together, frames))
         # arrivals, Hz: light (H, W) or (S, H, W), and dark carriers; frames drawn together are tall
         light_hz, pixels = rate_hz[first], device
@@ -113,10 +137,11 @@ def expose_frames(
             rng = generator("events", first)
             simulated = simulate_frame(
                 rng, light_hz + dark_hz, exposure_s, effects,
-                maps=maps, state=state, keep_events=keeps_times,
+                maps=maps, state=pixel_state, keep_events=keeps_times,
             )  # fmt: skip
-            fired, state = simulated.counts, simulated.state if is_running else None
-        elif reading == "bits":  # 1 − e^(−r·T): dead time and afterpulses follow the first event
+            fired, pixel_state = simulated.counts, simulated.state if is_running else None
+        elif reading == "bits" and sensor.has_plain_bits:
+            # 1 − e^(−r·T): dead time and afterpulses follow the first event
             mean_hz = moments.mean_rate(light_hz, exposure_s, effects) if parts else light_hz
             rates_hz = np.ascontiguousarray(mean_hz), dark_hz
             open_s = exposure_s * open_fraction(sensor.gate, exposure_s)
@@ -129,10 +154,10 @@ def expose_frames(
             return
         elif "crosstalk" in effects.on:
             of_frames = np.split(light_hz + dark_hz, len(numbers), axis=-2)
-            rng = generator("exposure", first)
+            rng = generator(purpose, first)
             fired = np.concatenate([_avalanches(rng, hz, sensor, maps) for hz in of_frames])
         else:
-            rng = generator("exposure", first)
+            rng = generator(purpose, first)
             fired = _avalanches(rng, light_hz + dark_hz, sensor, pixels.avalanches)
 
         # readout
@@ -144,6 +169,9 @@ def expose_frames(
         elif isinstance(counter, counters.DigitalCounter):
             counters.read_digital(fired, counter, (readings[first], saturated[first]))
         elif pixels.counters is not None:
+            if residue:
+                most = counter.swing_v / pixels.counters.step_v
+                fired = counted = np.minimum(fired + residue * np.asarray(counted), most)
             analog = generator("readout", first), fired, counter, pixels.counters
             if reading == "counts":
                 readings[first], saturated[first] = counters.read_analog(*analog, exposure_s)
@@ -152,24 +180,69 @@ def expose_frames(
                 readings[first : first + together] = codes
 
     order = list(range(0, frames, together))
-    if sensor.count_distribution == "simulated" and not is_running:
+    in_turn = is_running or residue > 0
+    if sensor.count_distribution == "simulated" and not in_turn:
         # the brightest first, so that light that cannot be drawn is refused at once
         order.sort(key=lambda first: -rate_hz[first].max(initial=0))
-    streams.over_frames(expose_block, order, is_running or math.prod(shape) < _FEW_PIXELS)
+    streams.over_frames(expose_block, order, in_turn or math.prod(shape) < _FEW_PIXELS)
     if is_direct:
         np.greater_equal(readings, counter.capacity, out=saturated)
     if device.stuck is not None:
         stuck = device.stuck >= 0
         readings[:, stuck] = device.stuck[stuck]
-        saturated[:, stuck] = device.stuck[stuck] >= counter.capacity
+        saturated[:, stuck] = device.stuck[stuck] >= sensor.largest
         bits = (bits & ~np.packbits(stuck, axis=-1)) | np.packbits(device.stuck > 0, axis=-1)
     match reading:
         case "counts":
-            return quantities.Exposure(readings, saturated), state
+            drawn: Any = quantities.Exposure(readings, saturated)
         case "events":
             in_order = [events[frame] for frame in range(frames)]
-            return quantities.joined(in_order, shape, draw.first_frame), state
-    return bits if reading == "bits" else readings, state
+            drawn = quantities.joined(in_order, shape, draw.first_frame)
+        case "bits" | "codes":
+            drawn = bits if reading == "bits" else readings
+    return drawn, ArrayState(pixel_state, behind, counted)
+
+
+def lights_of_sum(rate_hz: Floats, sums: int) -> list[tuple[Floats, int]]:
+    """Light, Hz, of the exposures of a sum in a frame of light, and how many have it."""
+    if rate_hz.ndim == 2 or sums == 1:
+        return [(rate_hz, sums)]
+    lights = [light.mean(axis=0) for light in np.array_split(rate_hz, min(sums, len(rate_hz)))]
+    numbers = np.bincount(np.arange(sums) * len(lights) // sums)
+    return list(zip(lights, numbers.tolist(), strict=True))
+
+
+def _sum_of_exposures(
+    rate_hz: Floats, sensor: Sensor, draw: streams.Draw, is_running: bool, pixels: PixelState | None
+) -> tuple[NDArray[np.uint32], NDArray[np.bool_], PixelState | None]:
+    """Draw a sum and its flags (H, W), and the state of a running array after it."""
+    counter, shape = sensor.counter, rate_hz.shape[-2:]
+    device, sums = draw_fixed_pattern(sensor, (shape[0], shape[1])), counter.sums
+    one: dict[str, Any] = {"exposure_s": sensor.counted_s, "counter": {"sums": 1}, "lag_share": 0.0}
+    one["measured"], state = {"stuck": None}, ArrayState(pixels)
+    part, period_s = changed(sensor, **one), (draw.frame_period_s or sensor.exposure_s) / sums
+    stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
+    is_binomial = counter.capacity == 1 and sensor.has_plain_bits and device.traps is None
+    open_s = part.exposure_s * open_fraction(sensor.gate, part.exposure_s)
+    total, flags = np.zeros(shape, np.uint32), np.zeros(shape, np.bool_)
+    first, wraps = draw.first_frame * sums, getattr(counter, "overflow", "") == "wrap"
+    for light_hz, exposures in lights_of_sum(rate_hz, sums):
+        if is_binomial and not is_running:
+            name = "sums", stream, streams.light_key(light_hz), first
+            chance = -np.expm1(-(light_hz + device.dark_counts_hz) * open_s)
+            bits = streams.generator(draw.seed, *name).binomial(exposures, chance)
+            total, first = total + bits.astype(np.uint32), first + exposures
+            continue
+        while exposures:
+            together = np.broadcast_to(light_hz, (min(_AT_ONCE, exposures), *shape))
+            named = streams.Draw(draw.seed, draw.stream, first, period_s)
+            drawn, state = expose_frames(
+                together, part, named, "counts", is_running=is_running, state=state
+            )
+            total += drawn.counts.sum(axis=0, dtype=np.uint32)
+            flags |= drawn.saturated.any(axis=0)
+            first, exposures = first + len(together), exposures - len(together)
+    return total, flags if wraps else total >= sensor.largest, state.pixels
 
 
 def _avalanches(

@@ -162,10 +162,10 @@ def _check(device: FixedPattern, sensor: Sensor) -> None:
                 f"to {most:g} at most"
             )
     if device.stuck is not None:
-        stuck, capacity = device.stuck, sensor.counter.capacity
+        stuck, capacity = device.stuck, sensor.largest
         wrong = stuck[(stuck > capacity) | (stuck != np.rint(stuck))]
         if len(wrong):
             raise ValueError(
                 f"measured.stuck: {wrong[0]:g} is no reading of this counter; give whole numbers "
-                f"from 0 to counter.capacity {capacity}, or -1 for pixels that work"
+                f"from 0 to {capacity}, or -1 for pixels that work"
             )

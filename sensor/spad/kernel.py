@@ -138,12 +138,14 @@ def run_frame(
     keep_events: bool,
     dead_until: Floats,
     pending: Entries,
+    arrivals: tuple[Floats, Ints],
 ) -> tuple[Ints, Entries, Entries]:
     """Counts, events and the entries that remain, whose times are after the exposure.
 
     `dead_until` (N,), changed in place, is NaN where no exposure came before; `pending` are entries
     left by it, in the order of pixels. Pixels with crosstalk are simulated together, others one by
-    one.
+    one. `arrivals`: times in their order, the last infinite, and pixels of photons instead of those
+    drawn here, for pixels that are simulated together; or empty.
     """
     pixels, exposure_s = tables.rates.shape[1], parameters.exposure_s
     counts = np.zeros(pixels, np.int64)
@@ -164,7 +166,9 @@ def run_frame(
         for pixel in range(first, first + block):
             if np.isnan(dead_until[pixel]):
                 dead_until[pixel] = _first_dead_until(rng, pixel, parameters, tables)
-        if parameters.is_coupled:
+        if arrivals[0].size > 0:
+            ahead = arrivals[0], arrivals[1], np.empty(0)
+        elif parameters.is_coupled:
             _look_ahead(rng, parameters, tables, parameters.start_s, ahead, dead_until, counts)
         else:
             ahead[1][0] = first
@@ -244,7 +248,7 @@ def _run(  # type: ignore[no-untyped-def]
                     size = _light_neighbors(rng, parameters, taps, heap, size, avalanche)
         if is_photon and is_coupled:
             place += 1
-            if place == _AHEAD:
+            if place == photons_s.size:
                 _look_ahead(rng, parameters, tables, time, ahead, dead_until, counts)
                 place = 0
         elif is_photon:

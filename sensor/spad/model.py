@@ -18,7 +18,7 @@ from megalopta.sensor.effects.dark_counts import DarkCounts, Telegraph
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.timing import Jitter, Tcspc
-from megalopta.sensor.optics import PixelOptics
+from megalopta.sensor.optics import LagShare, PixelOptics
 from megalopta.sensor.spad.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.spad.measured import MeasuredMaps
 
@@ -79,6 +79,8 @@ class Sensor(PixelOptics, frozen=True):
     """Measured maps of a device's pixels, in place of drawn ones; none by default."""
     telegraph: Telegraph = Telegraph()
     """Dark counts that switch between levels; off by default."""
+    lag_share: Annotated[LagShare, Field(exclude_if=lambda share: share == 0)] = 0.0
+    """Share of the detections that come in the next exposure, or a later one (0: no image lag)."""
     gate: Gate = Gate()
     """Periodic window of sensitivity; always open by default."""
     dead_time: DeadTime = DeadTime()
@@ -102,9 +104,9 @@ class Sensor(PixelOptics, frozen=True):
     @model_validator(mode="after")
     def _check_effects(self) -> Self:
         """Refuse effects that contradict each other or that nothing would show."""
-        if open_fraction(self.gate, self.exposure_s) == 0:
+        if open_fraction(self.gate, self.counted_s) == 0:
             raise ValueError(
-                f"gate: it does not open in an exposure_s of {self.exposure_s:g}; lower phase_s "
+                f"gate: it does not open in an exposure_s of {self.counted_s:g}; lower phase_s "
                 f"{self.gate.phase_s:g} or expose for longer"
             )
         per_k = self.temperature.breakdown_v_per_k
@@ -148,6 +150,22 @@ class Sensor(PixelOptics, frozen=True):
         names = AvalancheEffects.model_fields
         return AvalancheEffects(**{name: getattr(self, name) for name in names})
 
+    @property
+    def counted_s(self) -> float:
+        """Time after which the counter is reset, s: the exposure, or its part of a sum."""
+        return self.exposure_s / self.counter.sums
+
+    @property
+    def largest(self) -> int:
+        """Largest reading."""
+        return self.counter.sums * self.counter.capacity
+
+    @property
+    def has_plain_bits(self) -> bool:
+        """True if a pixel's chance of an event depends on its own rate alone: 1 − exp(−r·T)."""
+        is_live = self.dead_time.start == "live" or not self.avalanche_effects.has_memory
+        return is_live and not self.crosstalk.is_on
+
     @cached_property
     def count_distribution(self) -> Literal["Poisson", "crosstalk", "dead time", "simulated"]:
         """Distribution of the counts of an exposure in steady light."""
@@ -160,7 +178,7 @@ class Sensor(PixelOptics, frozen=True):
 
 
 ORDER_OF_EFFECTS = (
-    *("lens", "efficiency", "filters"),  # light on the pixels
+    *("lens", "efficiency", "filters", "lag_share"),  # light on the pixels
     *("dark_counts", "measured"),  # the device as made
     *("temperature", "bias", "telegraph"),  # its operation
     *("gate", "dead_time", "afterpulsing", "crosstalk"),  # avalanches
@@ -180,7 +198,9 @@ def without(sensor: Sensor, field: str) -> Sensor:
     if field not in ORDER_OF_EFFECTS:
         known = ", ".join(ORDER_OF_EFFECTS)
         raise ValueError(f"effect {field!r}: no such effect; choose from {known}")
-    changes: dict[str, Any] = {field: getattr(sensor, field).off()}
+    changes: dict[str, Any] = {field: 0.0}
+    if field != "lag_share":
+        changes = {field: getattr(sensor, field).off()}
     if field in MeasuredMaps.of_effect:
         changes["measured"] = {MeasuredMaps.of_effect[field]: None}
     if field in MeasuredMaps.relative:

@@ -53,6 +53,7 @@ def simulate_frame(
     maps: AvalancheMaps | None = None,
     state: PixelState | None = None,
     keep_events: bool = True,
+    arrivals: tuple[Floats, Ints] | None = None,
 ) -> SimulatedFrame:
     """Simulate one exposure, from its own start or from the end of another one.
 
@@ -66,6 +67,8 @@ def simulate_frame(
         State at the end of the previous exposure; this one follows without a gap.
     keep_events : bool
         True to return times and pixels, ordered by pixel and then time; by time with crosstalk.
+    arrivals : (times_s, pixels), optional
+        Photons and dark carriers that meet an open gate, in order of time, in place of a rate.
     """
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
@@ -76,8 +79,12 @@ def simulate_frame(
     else:
         parameters = parameters._replace(start_s=0.0)
     dead_until_s = state.dead_until_s.copy()
+    given = np.empty(0), np.empty(0, np.int64)
+    if arrivals is not None:
+        given = np.append(arrivals[0], np.inf), np.append(arrivals[1], 0)
+        parameters = parameters._replace(is_coupled=True)
     counts, events, left = run_frame(
-        rng, parameters, tables, keep_events, dead_until_s, state.pending
+        rng, parameters, tables, keep_events, dead_until_s, state.pending, given
     )
     left = left[np.argsort(left["owner"] // KINDS, kind="stable")]
     left["time_s"] -= exposure_s

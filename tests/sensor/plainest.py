@@ -46,6 +46,7 @@ class _Device(NamedTuple):
     chances: Floats
     """Probability that an avalanche of the first pixel fires the second"""
     exposure: float
+    bins: int
     run_up: float
     extends: bool
     twilight: float
@@ -58,8 +59,10 @@ class _Device(NamedTuple):
     cumulative: Floats
 
 
-def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=None, frames=1):
-    """Return the events of arrays of pixels, (arrays, frames, pixels).
+def brute_force_events(
+    rng, rates_hz, exposure_s, effects, pixels=None, layout=None, frames=1, bins=1
+):
+    """Return the events of arrays of pixels, (arrays, frames · bins, pixels).
 
     Parameters
     ----------
@@ -72,6 +75,8 @@ def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=N
         Rows and columns of an array; default: a row of pixels.
     frames : int
         Number of consecutive exposures without a reset.
+    bins : int
+        Equal parts of an exposure whose events are told apart.
     """
     arrays, _, size = rates_hz.shape
     pixels = pixels or PlainPixels(*np.ones((5, arrays, size)))
@@ -82,6 +87,7 @@ def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=N
         pixels.crosstalk,
         chances(effects.crosstalk, *(layout or (1, size))),
         exposure_s,
+        bins,
         _run_up_s(effects),
         dead.kind == "paralyzable",
         dead.twilight_s,
@@ -92,7 +98,7 @@ def brute_force_events(rng, rates_hz, exposure_s, effects, pixels=None, layout=N
         np.array(traps.table_delays_s, np.float64),
         np.array(traps.table_cumulative, np.float64),
     )
-    counts = np.zeros((arrays, frames, size), np.int64)
+    counts = np.zeros((arrays, frames * bins, size), np.int64)
     _simulate(rng, np.ascontiguousarray(rates_hz, np.float64), device, counts)
     return counts
 
@@ -150,7 +156,7 @@ def _simulate(rng, light, device, counts):
             if waiting[first][0] < now:
                 now, pixel = waiting.pop(first)
                 is_new = False
-            if now >= device.exposure * counts.shape[1]:
+            if now >= device.exposure / device.bins * counts.shape[1]:
                 break
             if is_new:
                 arrivals[pixel] += _pause(rng, brightest[pixel])
@@ -195,7 +201,7 @@ def _frame(rng, device, now, frames):
     stamp = now + sigma * rng.standard_normal() if sigma > 0 else now
     if share > 0 and rng.random() < share:
         stamp += _pause(rng, 1 / tail)
-    return min(max(int(stamp / device.exposure), 0), frames - 1)
+    return min(max(int(stamp / device.exposure * device.bins), 0), frames - 1)
 
 
 @compiled

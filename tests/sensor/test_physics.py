@@ -18,6 +18,7 @@ from scipy.stats import chi2, norm
 from megalopta import sensor as sensors
 
 from .plainest import (
+    PlainPixels,
     brute_force_events,
     plain_falloff,
     plain_light_hz,
@@ -152,6 +153,7 @@ ELEMENT = {
     "noise": {"photon_shot": False, "dark_shot": False, "reset": False},
 }
 FROM_POISSON_TO_DEAD = (1.0, 12.0, 60.0)
+FAINT = (0.8, 0.3, 0.05, 1.0, 2.0, 0.5)
 PARTS = ((1.0, 12.0), (0.3, 40.0), (2.0, 3.0))
 
 
@@ -161,9 +163,8 @@ def case(term, light=FROM_POISSON_TO_DEAD, read=counts, preset="ideal", *, quick
                 maps=maps, is_slow=not quick)  # fmt: skip
 
 
-def array(term, read=counts, **effects):
+def array(term, read=counts, uneven=(8.0, 3.0, 0.5, 10.0, 20.0, 5.0), **effects):
     """2 × 3 pixels in uneven light."""
-    uneven = (8.0, 3.0, 0.5, 10.0, 20.0, 5.0)
     return replace(case(term, uneven, read, **effects), layout=(2, 3), samples=5000)
 
 
@@ -236,6 +237,21 @@ CASES = (
                   "adc_bits": 6}),
     case("binary frames", (0.01, 0.3, 3.0), bits),
     case("binary frames, gate", read=bits, gate=GATE, quick=True),
+    case("binary frames, running start, afterpulsing", (0.3, 30.0), bits, quick=True,
+         dead_time={**PASSIVE, "start": "stationary"}, afterpulsing=TRAPS),
+    array("binary frames, crosstalk", bits, crosstalk=TALK),
+    array("binary frames, crosstalk, gate, dead time", bits, crosstalk=TALK, gate=GATE,
+          dead_time=ACTIVE),
+    array("counter of one event, pairs of rows", uneven=FAINT, crosstalk=PAIRS_OF_ROWS,
+          counter={"capacity": 1}),
+    array("counter of one event, dead time and afterpulses", uneven=FAINT, crosstalk=TALK, dead_time=ACTIVE,
+          afterpulsing=TRAPS, counter={"capacity": 1}),
+    case("sums of binary frames", (3.0, 20.0, 90.0), counter={"capacity": 1, "sums": 20}),
+    case("sums of few bits, dead time, gate", (3.0, 20.0, 90.0), dead_time=ACTIVE,
+         counter={"capacity": 3, "sums": 4}, gate={"period_s": 25e-3, "width_s": 11e-3}),
+    case("sums of counts that wrap", (3.0, 20.0), quick=True,
+         counter={"capacity": 3, "sums": 4, "overflow": "wrap"}),
+    array("sums of binary frames, crosstalk", crosstalk=TALK, counter={"capacity": 1, "sums": 5}),
     case("event times, gate, jitter, afterpulsing", (1.0, 60.0), times, gate=SHUT,
          jitter={"sigma_s": 4e-3}, afterpulsing=TRAPS, dead_time=ACTIVE),
     case("event times, gate, jitter with a tail", (1.0, 60.0), times, gate=SHUT,
@@ -335,9 +351,16 @@ def simulated(case):
             light *= plain_falloff(sensor.lens, *case.layout)
     light += devices.dark_hz[:, np.newaxis]
     frames = {times: TENTHS, running: CONSECUTIVE}.get(case.read, 1)
-    exposure_s = sensor.exposure_s / (frames if case.read is times else 1)
+    sums = sensor.counter.sums if case.read is counts else 1
+    exposure_s = sensor.exposure_s / (frames if case.read is times else sums)
+    devices = PlainPixels(*(np.repeat(values, sums, axis=0) for values in devices))
+    light = np.repeat(light, sums, axis=0)  # each from its own live start
     events = brute_force_events(rng, light, exposure_s, sensor, devices, case.layout, frames)
-    readings, flags = plain_readings(rng, events.reshape(case.samples, -1), sensor)
+    readings, flags = plain_readings(rng, events.reshape(case.samples * sums, -1), sensor)
+    if sums > 1:
+        each = flags.reshape(case.samples, sums, -1)
+        flags = each.any(axis=1) if sensor.counter.overflow == "wrap" else each.all(axis=1)
+        readings = readings.reshape(case.samples, sums, -1).sum(axis=1)
     return np.minimum(readings, 1) if case.read is bits else readings, flags
 
 
@@ -382,7 +405,8 @@ def distribution_z(first, second):
         return 0.0
     expected = table.sum(1, keepdims=True) * table.sum(0) / table.sum()
     statistic = ((table - expected) ** 2 / expected).sum()
-    return float(norm.isf(max(chi2.sf(statistic, table.shape[1] - 1), 1e-300)))
+    chance = chi2.sf(statistic, table.shape[1] - 1)
+    return float(norm.isf(np.clip(chance, 1e-300, 1 - 1e-6)))  # 1 of equal samples
 
 
 def z_of(difference, error, allowed=0.0):

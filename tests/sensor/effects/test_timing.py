@@ -8,6 +8,8 @@ from megalopta import sensor as sensors
 from megalopta.sensor.effects.timing import sorted_in_time, stamp
 from megalopta.sensor.histograms import periods
 
+from ..plainest import brute_force_events
+
 LASER = {"bins": 100, "period_s": 20e-9, "pulse_sigma_s": 0.1e-9, "decay_s": 3e-9, "delay_s": 2e-9}
 RESPONSE = {"sigma_s": 0.2e-9, "tail_share": 0.3, "tail_s": 0.5e-9}
 TCSPC = sensors.changed(sensors.preset("ideal"), exposure_s=1e-3, tcspc=LASER, jitter=RESPONSE)
@@ -129,11 +131,11 @@ def test_bins_of_faint_light_add_up_to_its_counts():
     [
         ("tcspc.bins", {"tcspc": {"bins": 0}}),
         ("tcspc.period_s: 1; give at most 0.001 s", {"tcspc": {"period_s": 1.0}}),
-        ("ready at every pulse", {"dead_time": {"kind": "nonparalyzable", "dead_time_s": 1e-7}}),
         ("exposure_s: 0.001; give at most 4e-05 s", {"tcspc": {"period_s": 1e-14}}),
         ("tcspc.decay_s: 1; give at most 2e-06 s", {"tcspc": {"decay_s": 1.0}}),
         ("jitter.tail_s: 1; give at most 2e-06 s", {"jitter": {"tail_s": 1.0}}),
-        ("afterpulsing", {"afterpulsing": {"mean_carriers": 0.1}}),
+        ("telegraph.share", {"dark_counts": {"bulk_mean_hz_um2": 1}, "telegraph": {"share": 0.1}}),
+        ("lag_share", {"lag_share": 0.1}),
     ],
 )
 def test_sensors_without_histograms_are_refused(words, change):
@@ -141,6 +143,82 @@ def test_sensors_without_histograms_are_refused(words, change):
         sensors.expose_histograms(
             rate_of(1.0), sensors.changed(TCSPC, **change), seed=1, stream="a"
         )
+
+
+DEAD = {"kind": "nonparalyzable", "dead_time_s": 47e-9}
+TRAPS = {"mean_carriers": 0.2, "delay_s": 30e-9}
+FOLLOWED = {
+    "dead time of periods": {"dead_time": DEAD},
+    "afterpulses and gate": {
+        "afterpulsing": TRAPS,
+        "gate": {"period_s": 20e-9, "width_s": 12e-9, "phase_s": 11e-9},
+    },
+    "crosstalk, dead time, gate of its own": {
+        "crosstalk": {"mean_fired_neighbors": 0.3},
+        "dead_time": {**DEAD, "dead_time_s": 7e-9},
+        "gate": {"period_s": 33e-9, "width_s": 20e-9},
+    },
+    "all": {
+        "crosstalk": {"mean_fired_neighbors": 0.2},
+        "afterpulsing": TRAPS,
+        "dead_time": {**DEAD, "kind": "paralyzable", "dead_time_s": 9e-9},
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_histograms_are_those_of_the_plainest_simulation(name):
+    bins, pulses, samples, pixels = 10, 40, 4000, 3
+    laser = {**LASER, "bins": bins, "pulse_sigma_s": 1e-9, "pulsed_share": 0.8}
+    sensor = sensors.changed(
+        TCSPC, exposure_s=pulses * 20e-9, tcspc=laser, jitter={"sigma_s": 0, "tail_share": 0},
+        **FOLLOWED[name],
+    )  # fmt: skip
+    light = np.array([0.3, 0.1, 0.6])  # photons per pulse
+    drawn = sensors.expose_histograms(
+        np.broadcast_to(light / 20e-9, (samples, 1, pixels)), sensor, seed=1, stream="a"
+    )
+    # light in thirtieths of a bin; of all events, the first of each period
+    rng = np.random.default_rng(3)
+    late = 2e-9 + 1e-9 * rng.standard_normal(10**7) + rng.exponential(3e-9, 10**7)
+    pulse = np.bincount((late % 20e-9 / 20e-9 * 300).astype(int), minlength=300) / 10**7
+    shape = (0.8 * pulse * 300 + 0.2) / 20e-9
+    rates = np.tile(shape[:, None] * light, (samples, 1, 1))
+    events = brute_force_events(rng, rates, 20e-9, sensor, frames=pulses, bins=bins)
+    events = events.reshape(samples, pulses, bins, pixels) > 0
+    first = events & (events.cumsum(axis=2) == 1)
+    plain = first.sum(axis=1).transpose(0, 2, 1)
+    for part in ((), (1,), (2,)):  # each bin, sums over bins, over pixels: 43 in all, z < 5.5
+        pair = [values.sum(axis=part).reshape(samples, -1) for values in (plain, drawn[:, 0])]
+        for moment in (lambda x: x, lambda x: (x - x.mean(axis=0)) ** 2):
+            of_plain, of_drawn = (moment(values.astype(float)) for values in pair)
+            error = np.sqrt((of_plain.var(axis=0) + of_drawn.var(axis=0)) / samples)
+            z = (of_plain.mean(axis=0) - of_drawn.mean(axis=0)) / np.maximum(error, 1e-9)
+            assert np.abs(z).max() < 5.5, (part, z)
+    again = sensors.expose_histograms(
+        np.broadcast_to(light / 20e-9, (1, 1, pixels)), sensor, seed=1, stream="a", first_frame=7
+    )
+    np.testing.assert_array_equal(again[0], drawn[7])
+    if name != "dead time of periods":
+        with pytest.raises(ValueError, match="no mean is stated"):
+            sensors.mean_histograms(rate_of(1.0), sensor)
+
+
+@pytest.mark.parametrize("pulse", [{}, {"pulse_sigma_s": 0, "decay_s": 0, "delay_s": 4.1e-9}])
+def test_gated_histograms_are_those_of_light_that_meets_an_open_gate(pulse):
+    gate = {"period_s": 10e-9, "width_s": 4e-9, "phase_s": 4e-9}
+    gated = sensors.changed(TCSPC, tcspc=pulse, gate=gate)
+    mean = sensors.mean_histograms(rate_of(1.0), gated)[0, 0, 0]
+    # a trap that nothing fills: every photon is drawn
+    followed = sensors.changed(gated, afterpulsing={"mean_carriers": 1e-12})
+    drawn = sensors.expose_histograms(rate_of(1.0, shape=(1, 10, 10)), followed, seed=1, stream="a")
+    assert agree(drawn.sum(axis=(0, 1, 2)), 100 * mean)
+    whole = sensors.changed(gated, gate={"width_s": 10e-9, "phase_s": 0})
+    open_mean = sensors.mean_histograms(rate_of(1.0), whole)
+    np.testing.assert_array_equal(
+        open_mean, sensors.mean_histograms(rate_of(1.0), sensors.changed(TCSPC, tcspc=pulse))
+    )
 
 
 def test_decays_and_pulses_that_are_nearly_zero_are_zero():

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from megalopta.sensor import changed, event_moments, expose_adc, expose_rate, preset
+from megalopta.sensor import (
+    changed,
+    event_moments,
+    expose_adc,
+    expose_binary,
+    expose_rate,
+    preset,
+    reading_moments,
+)
+from megalopta.sensor.calibrate.correction import calibrate, correct
+from megalopta.sensor.information import information
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad import counters
 
@@ -91,3 +101,38 @@ def test_steps_of_any_slope_take_the_same_swing_and_the_printed_straightness_all
         assert saturated[0].argmax() == pytest.approx(320 * (1 + slope**2 / 12), abs=3)
         first = np.diff(counts[0, :40]).mean()
         assert first == pytest.approx(1 + slope / 2, abs=0.05)
+
+
+def test_a_sum_of_binary_frames_is_binomial_and_tells_as_much_as_they_do():
+    bits = changed(preset("ideal"), exposure_s=1e-3, counter={"capacity": 1})
+    summed = changed(bits, exposure_s=0.05, counter={"sums": 50})
+    photons = np.array([0.5, 10.0, 60.0, 200.0])
+    chance = -np.expm1(-photons / 50)
+    mean, variance = reading_moments((photons / 0.05).reshape(1, 1, -1), summed)
+    np.testing.assert_allclose(mean.ravel(), 50 * chance, rtol=1e-9)
+    np.testing.assert_allclose(variance.ravel(), 50 * chance * (1 - chance), rtol=1e-9)
+    # of n independent frames with an nth of the photons each: (∂p/∂µ)²/(p·(1 − p)) over n
+    told = information(photons, summed)
+    np.testing.assert_allclose(told, (1 - chance) / chance / 50, rtol=1e-3)
+    drawn = expose_rate(np.full((1, 40, 50), 1e9), summed, seed=1, stream="s")
+    assert (drawn.counts == 50).all() and drawn.saturated.all()
+    with pytest.raises(ValueError, match=r"counter\.sums: 50; give 1"):
+        expose_binary(np.ones((1, 4, 4)), summed, seed=1, stream="s")
+
+
+def test_corrected_sums_of_binary_frames_are_the_detections():
+    sensor = changed(
+        preset("ideal"),
+        **{"exposure_s": 1e-2, "counter": {"capacity": 1, "sums": 100}},
+        **{"dark_counts": {"bulk_mean_hz_um2": 1.0}, "crosstalk": {"mean_fired_neighbors": 0.05}},
+    )
+    light = {
+        name: np.full((60, 16, 16), hz) for name, hz in {"dark": 0, "flat": 4e3, "lit": 7e3}.items()
+    }
+    drawn = {name: expose_rate(hz, sensor, seed=2, stream=name) for name, hz in light.items()}
+    calibration = calibrate(drawn["dark"].counts, drawn["flat"].counts, sensor)
+    corrected = correct(drawn["lit"].counts, drawn["lit"].saturated, calibration)
+    # 15 360 readings of 70 ± 11 detections, and as many of the flat frames: five standard errors
+    assert abs(corrected.detections.mean() - 70) < 5 * 11 * np.sqrt(2 / 15_360) + 0.002 * 70
+    # stated are also errors of 60 dark and flat frames, which every frame shares
+    assert 1 < corrected.variance.mean() / corrected.detections.var(axis=0).mean() < 1.15
