@@ -124,7 +124,7 @@ class Recording:
 
 def is_recording(path: Path) -> bool:
     """Return True for a recording of SPADCAM, which has codes of its ADC."""
-    return any((path / name).exists() for name in (SETTINGS, FRAMES))
+    return (path / FRAMES).exists()
 
 
 def open_recording(path: str | Path) -> Recording:

@@ -1,16 +1,23 @@
 """Recordings to calibrate from or to compare, as named on the command line or in a list.
 
-A recording is named RECORDING or RECORDING@LIGHT; another camera's file of counts
-(`megalopta.sensor.formats`) is FILE@LIGHT:EXPOSURE_S. A list is YAML, with paths relative to it:
+A recording is named RECORDING, RECORDING@LIGHT or RECORDING@LIGHT:EXPOSURE_S, or is one of a folder
+of recordings. A list is YAML, with paths relative to it:
 
     recordings:
       - {path: dark.npy, exposure_s: 1.0e-3}
       - {path: flat, exposure_s: 1.0e-5, light: 2.0e7, format: swissspad2, frames: [0, 1000]}
       - {path: 8-bit.npy, exposure_s: 1.0e-5, light: 2.0e7, sums: 255}
+
+`recording.yaml` in the folder of a recording, or next to it, has the same keys without `path`. What
+is not stated there is taken from the file's header, else from the names of the recording, of its
+first file and of its folder (`megalopta.sensor.formats.conditions`).
 """
 
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,36 +25,76 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.camera.recording import is_recording, open_recording
+from megalopta.camera.recording import SETTINGS, is_recording, open_recording
 from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
+from megalopta.core.files import natural_key
+from megalopta.core.progress import say, silent
+from megalopta.core.quantities import with_error
 from megalopta.core.record import Record
 from megalopta.core.validation import checked
 from megalopta.sensor import Sensor
+from megalopta.sensor.formats.conditions import conditions_in
+from megalopta.sensor.formats.packed import Layout
 from megalopta.sensor.formats.reading import FrameKind, read_frames
+from megalopta.sensor.formats.recorded_frames import (
+    ZEROS_AND_ONES,
+    RecordedFrames,
+    Stack,
+    Values,
+    parts_in,
+)
 
 _PLANCK_TIMES_C = 1.98644586e-25
 """J·m"""
 
 
-class Source(Record, frozen=True):
-    """A recording and its light: an entry of a list."""
+class Statement(Record, frozen=True):
+    """Statements about a recording: content of its recording.yaml."""
 
-    path: Path
-    """File or folder."""
     exposure_s: Annotated[float, Field(gt=0)] | None = None
-    """Exposure of a frame (s); null: that of the file."""
+    """Exposure of a frame (s); null: that of the file, or of its name."""
     light: Annotated[float, Field(ge=0)] = 0.0
-    """Photons per second and pixel, or watts of the beam; 0: dark."""
+    """Photons per second and pixel, or watts of the beam; 0: dark. Default: that of the file, or of
+    its name, else dark."""
     format: FrameKind | None = None
-    """Format of another camera's file; null: by its content, counts or bits of .npy by their type.
-    """
+    """Format of another camera's file; null: by its content."""
+    layout: Layout | None = None
+    """Layout of raw frames."""
+    variable: str | None = None
+    """Array of a .mat or HDF5 file; null: the only one."""
+    values: Values | None = None
+    """counts or bits; null: by type and values."""
     frames: tuple[Annotated[int, Field(ge=0)], int] | None = None
     """First frame, and the frame after the last; null: all."""
     sums: Annotated[int, Field(ge=2)] | None = None
     """Binary frames that each frame of the file is the sum of. `exposure_s` is that of one."""
+
+
+class Source(Statement, frozen=True):
+    """A recording and its light: an entry of a list."""
+
+    path: Path
+    """File or folder."""
+
+    def read(self, frames: slice, shape: tuple[int, int] | None = None) -> RecordedFrames:
+        """Read consecutive frames; as `read_frames`."""
+        if is_recording(self.path):
+            own = open_recording(self.path)
+            stated = {"exposure_s": own.exposure_s} | ({"light": 0.0} if own.kind == "dark" else {})
+            stack = Stack("SPADCAM", len(own), 512, own.counts.__getitem__, 16, stated)
+            return stack.frames(self.path, frames)
+        return read_frames(
+            self.path,
+            self.format,
+            shape=shape,
+            frames=frames,
+            values=self.values,
+            variable=self.variable,
+            layout=self.layout,
+        )
 
 
 class _List(Record, frozen=True):
@@ -56,35 +103,133 @@ class _List(Record, frozen=True):
 
 
 def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[Source]:
-    """Return the recordings of RECORDING@LIGHT:EXPOSURE_S, or of one .yaml list.
+    """Return the recordings of RECORDING@LIGHT:EXPOSURE_S, of folders, or of one .yaml list.
 
-    `kind` is the format of those in words. Raises UserError.
+    A line says what each is, and where its exposure and light are from. `kind` is the format of
+    those in words. Raises UserError, also if an exposure, or the light of one in a folder, is
+    unknown.
     """
+    named, inside = list[Source](), set[Path]()
     if len(words) == 1 and words[0].endswith((".yaml", ".yml")):
         path = Path(words[0])
-        try:
-            with refused_as(str(path)):
-                listed = checked(_List, strict_yaml.load(read_text(path, 2**20))).recordings
-        except OSError as error:
-            raise UserError(
-                f"{path} cannot be read ({error.strerror}); give a YAML list of recordings"
-            ) from None
-        return [entry.model_copy(update={"path": path.parent / entry.path}) for entry in listed]
-    named = []
+        listed = _read_yaml(_List, path).recordings
+        named = [entry.model_copy(update={"path": path.parent / entry.path}) for entry in listed]
+        words = ()
     for word in words:
         name, at, numbers = word.partition("@")
         if not at and ":" in Path(name).name and not Path(name).exists():
             raise UserError(f"{word!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
         light, _, exposure_s = numbers.partition(":")
-        fields: dict[str, Any] = {"path": Path(name), "format": kind}
+        fields: dict[str, Any] = {"format": kind}
         try:
             fields |= {"light": float(light)} if light else {}
             fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
         except ValueError:
             raise UserError(f"{word!r}: give RECORDING@LIGHT, with a number after the @") from None
         with refused_as(repr(word)):
-            named.append(checked(Source, fields))
-    return named
+            paths = [] if at else recordings_in(Path(name))
+            inside.update(paths)
+            named += [checked(Source, fields | {"path": path}) for path in paths or [Path(name)]]
+    known = [look_at(source) for source in named]
+    are_bits, sources = all(first.values == "bits" for _, first, _ in known), []
+    for source, first, conditions in known:
+        path, values, basis = source.path, first.values, first.basis
+        if basis == ZEROS_AND_ONES and (source.sums or not are_bits):  # counts of little light
+            values, basis = "counts", "as the others"
+            source = source.model_copy(update={"values": values})
+        rows, columns = first.counts.shape[1:3]
+        size = f"{first.total} frames × {rows} rows × {columns} columns"
+        say(f"{path.name}: {first.source}, {size}, {values} ({basis}); {conditions}")
+        how = f"give {path}@LIGHT:SECONDS, state it in a list or its {SETTINGS}, or name it such as"
+        if not source.exposure_s:
+            raise UserError(f"{path}: exposure is unknown; {how} {path.stem}_10us")
+        if path in inside and "light" not in source.model_fields_set:
+            raise UserError(f"{path}: light is unknown; {how} dark_10us or flat_2e7_10us")
+        sources.append(source)
+    return sources
+
+
+_PARTS = (".png", ".tif", ".tiff", ".bin", ".raw")
+"""Suffixes of files that may be a part of a recording"""
+_STACKS = (".npy", ".mat", ".h5", ".hdf5", ".spc3")
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the recordings of a folder, in natural order; none if it is one recording itself.
+
+    It is one if it holds pictures or raw files whose names differ in numbers alone that state no
+    exposure or light. Raises ValueError for pictures of several recordings, and for links.
+    """
+    if not folder.is_dir() or is_recording(folder):
+        return []
+    entries = sorted((path for path in folder.iterdir() if path.name[0] != "."), key=natural_key)
+    if links := [path for path in entries if path.is_symlink()]:
+        raise ValueError(f"{links[0]}: a link in a folder of recordings; remove it")
+    parts = [path for path in entries if path.suffix.lower() in _PARTS]
+    series = {(re.sub("[0-9]+", "", path.stem), *conditions_in(path.stem, True)) for path in parts}
+    folders = [path for path in entries if path.is_dir()]
+    found = [path for path in folders if is_recording(path) or parts_in(path, *_PARTS)]
+    found += [path for path in entries if path.suffix.lower() in _STACKS]
+    if found or (len(series) > 1 and {text for text, *_ in series} != {"top", "btm"}):
+        found += [path for path in parts if path.suffix.lower() != ".png"]
+        if not found:
+            names = f"{parts[0].name}, {parts[-1].name}"
+            raise ValueError(f"pictures of several recordings, {names}; put each into a folder")
+    return sorted(found, key=natural_key)
+
+
+def _read_yaml(model: type[Record], path: Path) -> Any:
+    if path.is_symlink():
+        raise UserError(f"{path}: a link; give the file itself")
+    try:
+        with refused_as(str(path)):
+            return checked(model, strict_yaml.load(read_text(path, 2**20)))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}); give a YAML file") from None
+
+
+def _stated(record: Statement) -> dict[str, Any]:
+    names = record.model_fields_set
+    return {name: value for name, value in record if name in names and value is not None}
+
+
+def look_at(source: Source) -> tuple[Source, RecordedFrames, str]:
+    """Return a recording with what its recording.yaml, header and names state, and its first frame.
+
+    The text tells exposure and light, and where they are from; a line says where statements
+    contradict each other. Raises UserError if there is none, or it is damaged.
+    """
+    path, listed, beside = source.path, _stated(source), dict[str, Any]()
+    for settings in (path.parent / SETTINGS, path / SETTINGS):
+        if settings.exists() and not is_recording(settings.parent):
+            beside |= _stated(_read_yaml(Statement, settings))
+    source = source.model_copy(update=beside | listed)
+    with refused_as("", OSError):
+        first = source.read(slice(0, 1))
+        parts = parts_in(path, *_PARTS) if path.is_dir() else []
+    statements: dict[str, Mapping[str, Any]] = {
+        "stated": listed,
+        SETTINGS: beside,
+        "header": first.conditions,
+        "name": conditions_in(path.name, is_name=True),
+        "file's name": conditions_in(parts[0].name, is_name=True) if parts else {},
+    }
+    origins = dict[str, str]()
+    for (place, stated), quantity in product(statements.items(), ("exposure_s", "light")):
+        if quantity in stated:
+            origin = origins.setdefault(quantity, place)
+            other, value = stated[quantity], statements[origin][quantity]
+            if not math.isclose(other, value, rel_tol=0.01):
+                contradiction = f"{quantity} {other:g} ({place}) contradicts {value:g} ({origin})"
+                say(f"{path}: {contradiction}, which is taken")
+    taken = {quantity: statements[origin][quantity] for quantity, origin in origins.items()}
+    exposure_s, light = taken.get("exposure_s"), taken.get("light")
+    conditions = (
+        f"exposure {with_error(exposure_s, math.nan, 's') if exposure_s else 'unknown'} "
+        f"({origins.get('exposure_s', 'not stated')}), "
+        f"{f'light {light:.4g}' if light else 'dark'} ({origins.get('light', 'not stated')})"
+    )
+    return source.model_copy(update=taken), first, conditions
 
 
 @dataclass(frozen=True)
@@ -138,30 +283,23 @@ def read_recorded(source: Source) -> RecordingFrames:
 
     Raises UserError if there is none, it is damaged, or its exposure is unknown.
     """
-    codes, sensor, is_binary = None, None, False
+    codes, sensor = None, None
+    part = slice(*source.frames) if source.frames else slice(None)
     with refused_as("", OSError):
+        if source.frames and not source.frames[0] < source.frames[1]:
+            raise ValueError(
+                f"{source.path}: frames {source.frames}; give the first and a later one"
+            )
+        stored = source.read(part)
+        if stored.counts.ndim != 3:
+            raise ValueError(f"{source.path}: {stored.counts.ndim} dimensions; give gray frames")
+        exposure_s = source.exposure_s or stored.exposure_s or 0.0
+        times_s = exposure_s * np.arange(len(stored.counts), dtype=np.float64)
         if is_recording(source.path):
-            recording = open_recording(source.path)
-            counts, codes = recording.counts[:], recording.adc
-            exposure_s, sensor = recording.exposure_s, recording.settings.sensor
-            times_s = recording.times_s - exposure_s
-        else:
-            stored = read_frames(source.path, source.format)
-            counts, is_binary = stored.counts, stored.bit_depth == 1
-            if counts.ndim != 3:
-                raise ValueError(f"{source.path}: {counts.ndim} dimensions; give gray frames")
-            if not (exposure_s := source.exposure_s or stored.exposure_s or 0.0):
-                raise ValueError(
-                    f"{source.path}: exposure is unknown; give {source.path}@LIGHT:SECONDS, or in "
-                    "a list exposure_s"
-                )
-            times_s = exposure_s * np.arange(len(counts), dtype=np.float64)
-    first, end = source.frames or (0, len(counts))
-    if source.frames and not first < end <= len(counts):
-        raise UserError(
-            f"{source.path}: frames [{first}, {end}]; give the first and a later one, at most "
-            f"{len(counts)}"
-        )
-    part = slice(first, end)
-    codes = None if codes is None else codes[part]
-    return RecordingFrames(counts[part], exposure_s, times_s[part], codes, sensor, is_binary)
+            with silent():  # it has said what is missing
+                recording = open_recording(source.path)
+            codes, sensor = recording.adc[part], recording.settings.sensor
+            exposure_s = recording.exposure_s
+            times_s = recording.times_s[part] - exposure_s
+    is_binary = stored.values == "bits"
+    return RecordingFrames(stored.counts, exposure_s, times_s, codes, sensor, is_binary)

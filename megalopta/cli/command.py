@@ -216,7 +216,7 @@ def numbers(text: str) -> tuple[float, ...]:
 DATASET = option("dataset", "dataset folder", Path)
 FRAME_KINDS = (
     *("npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "swissspad2_counts"),
-    *("spc3", "tiff"),
+    *("spc3", "tiff", "png", "mat", "hdf5", "raw"),
 )
 """Formats of frames, as `megalopta.sensor.formats.reading` knows them."""
 SCHEDULER = option(

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 _RECORDINGS = (
     option(
         "recordings RECORDING[@LIGHT]",
-        "folders of recordings, with LIGHT in photons per second and pixel; without LIGHT: dark; "
-        "or a .yaml list of them",
+        "recordings, or folders of them, with LIGHT in photons per second and pixel; without: by "
+        "recording.yaml, header or name, such as flat_2e7_10us, else dark; or a .yaml list",
         nargs="+",
     ),
     option(
@@ -178,7 +178,7 @@ def _figures(options: Namespace) -> Iterator[Path]:
 @verb(
     "spadcam tags",
     "measure rates, afterpulses and crosstalk from time tags in the dark, for spadcam calibrate",
-    option("tags", "file of time tags: .ptu, Photon-HDF5, or LinoSPAD2's .dat", Path),
+    option("tags", "file of time tags: .ptu, .spc, Photon-HDF5, or LinoSPAD2's .dat", Path),
     option(
         "--linospad2",
         "firmware of the LinoSPAD2 that wrote a .dat file",

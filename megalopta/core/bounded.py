@@ -350,13 +350,13 @@ def is_in(file: "h5py.File", name: str) -> bool:
 
 
 def dataset_in(
-    file: "h5py.File", name: str, kinds: str, axes: int, bytes_each: float
+    file: "h5py.File", name: str, kinds: str, axes: int, bytes_each: float, part: int | None = None
 ) -> "h5py.Dataset":
     """Return an array of a file that may be read.
 
     `kinds` are its possible kinds of numbers (`numpy.dtype.kind`); `bytes_each` are the bytes of a
-    value in memory, copies of the reader included. Raises ValueError if there is no such array;
-    UserError if it takes too much memory.
+    value in memory, copies of the reader included; `part` of the first axis is read at once.
+    Raises ValueError if there is no such array; UserError if it takes too much memory.
     """
     import h5py
 
@@ -372,7 +372,8 @@ def dataset_in(
     built_in = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
     if strange := filters - built_in - {h5py.h5z.FILTER_LZF}:  # others are shared libraries
         raise ValueError(f"{name} needs a filter that is not built in (number {min(strange)})")
-    for shape in (data.shape, data.chunks or ()):
+    first = data.shape[:1] if part is None else (part,)
+    for shape in ((*first, *data.shape[1:]), data.chunks or ()):
         check_decoded(file.filename, shape, max(bytes_each, data.dtype.itemsize))
     return data
 

@@ -88,6 +88,14 @@ def is_temporary(path: Path) -> bool:
     return any(_TEMPORARY.match(part) for part in path.parts)
 
 
+def natural_key(path: Path) -> list[tuple[int, str]]:
+    """Return a sort key by the numbers in names: frame 9 before frame 10."""
+    parts = re.split("([0-9]+)", path.name)
+    return [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)] + [
+        (-2, path.name)
+    ]
+
+
 def files_in(paths: Iterable[Path]) -> Iterator[Path]:
     """Files among these paths and in folders among them, except temporary ones."""
     for path in paths:

@@ -45,16 +45,28 @@ def with_error(value: float, error: float, unit: str) -> str:
     prefix.
     """
     has_error = math.isfinite(error) and error > 0
-    power, size = 0, max(abs(value), error if has_error else 0.0)
-    if unit in _WITH_PREFIX and size and math.isfinite(size):
-        power = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 3)
-    value, unit = value / 1000.0**power, f"{_PREFIXES[power + 5] if power else ''}{unit}"
+    scale, unit = _prefixed(max(abs(value), error if has_error else 0.0), unit)
+    value /= scale
     if not has_error or not math.isfinite(value):
         return f"{short(value)} {unit}".strip()
-    error /= 1000.0**power
+    error /= scale
     decimals = -math.floor(math.log10(error))
     decimals += round(error, decimals + 1) * 10.0**decimals < 1.95
     return f"{_grouped(value, decimals)} ± {_grouped(error, decimals)} {unit}".strip()
+
+
+def between(low: float, high: float, unit: str) -> str:
+    """Format the ends of a range with one unit: "0.25 to 6.83 µs"."""
+    scale, unit = _prefixed(max(abs(low), abs(high)), unit)
+    return f"{number(low / scale)} to {number(high / scale)} {unit}".strip()
+
+
+def _prefixed(size: float, unit: str) -> tuple[float, str]:
+    """Return the size of a unit with the prefix that suits a size, and its name."""
+    power = 0
+    if unit in _WITH_PREFIX and size and math.isfinite(size):
+        power = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 3)
+    return 1000.0**power, f"{_PREFIXES[power + 5] if power else ''}{unit}"
 
 
 def percent(fraction: float | None) -> str:

@@ -5,18 +5,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.recording import is_recording, open_recording
+from megalopta.camera.recording import SETTINGS, is_recording, open_recording
+from megalopta.camera.sources import Source, look_at
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.bounded import check_decoded, file_content, plain_array
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.dataset.opened import open_dataset
 from megalopta.render import is_footage
-from megalopta.sensor import ImageSensor, Sensor, read_events, read_frames
+from megalopta.sensor import ImageSensor, Sensor, read_events
 from megalopta.sensor.calibrate.correction import ResponseCurve, filled_in, response_curve
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.reading import FrameKind
@@ -131,12 +132,16 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
 
     Raises UserError where there are none, or they are damaged.
     """
-    is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin"))
+    is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin")) or _is_stated(path, kind)
     if not (is_array or is_recording(path)) and path.exists() and is_footage(path):
         sense = shell_command("sense", path, "--photons", "2")
-        raise UserError(f"{path}: pictures, no readings; make photons of them first: {sense}")
+        raise UserError(
+            f"{path}: pictures, no readings; make photons of them first: {sense}; of a camera's "
+            "counts, give --format png or tiff"
+        )
     if not (is_array or is_recording(path) or path.is_file()):
         raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
+    source = Source(path=path, format=kind)
     with refused_as("", OSError):
         if is_recording(path):
             recording = open_recording(path)
@@ -147,7 +152,7 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
                 sensor=recording.settings.sensor,
                 times_s=recording.times_s - recording.exposure_s,
             )
-        if path.is_file() and file_bytes(path)[:8].tobytes() == HDF5_SIGNATURE:
+        if not kind and path.is_file() and file_bytes(path)[:8].tobytes() == HDF5_SIGNATURE:
             return _of_events(path)
         root = path.absolute().parent.parent.parent
         of_dataset = path.name.endswith((".burst.npy", ".binary.npy"))
@@ -155,8 +160,20 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
             settings = open_dataset(root)[path.parent.name].configuration
             in_frame = burst_frames(settings) if ".burst" in path.suffixes else 1
             rate_hz = in_frame * settings.trajectory.frame_rate_hz
-            return _of_frames(path, kind, settings.camera.shape, rate_hz)
-        return _of_frames(path, kind)
+            return _of_frames(source, settings.camera.shape, rate_hz)
+        return _of_frames(look_at(source)[0])
+
+
+def _is_stated(path: Path, kind: FrameKind | None) -> bool:
+    """True for a folder of pictures that are frames, as somebody states, or their bits tell."""
+    if not path.is_dir():
+        return False
+    if kind or any((folder / SETTINGS).exists() for folder in (path, path.parent)):
+        return True
+    try:
+        return look_at(Source(path=path))[1].values == "bits"
+    except UserError:
+        return False
 
 
 def read_mask(path: Path) -> Mask:
@@ -171,30 +188,24 @@ def read_mask(path: Path) -> Mask:
 
 
 def _of_frames(
-    path: Path,
-    kind: FrameKind | None,
-    size: tuple[int, int] | None = None,
-    rate_hz: float | None = None,
+    source: Source, size: tuple[int, int] | None = None, rate_hz: float | None = None
 ) -> ShownReadings:
     """Return frames of this size and rate, which a file may state itself."""
-    first = read_frames(path, kind, shape=size, frames=slice(0, 1))
-    shape = first.counts.shape[1:]
+    first, path = source.read(slice(0, 1), size), source.path
+    shape, is_binary = first.counts.shape[1:], first.bit_depth == 1
     if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
     check_decoded(path, shape, 40)  # bytes of a reading while its frame is drawn
-    stated = kind or cast(FrameKind, first.source)
-    stack = read_frames(path, stated).counts if first.source == "tiff" else None
+    stated = source.model_copy(update={"format": first.source, "values": first.values})
+    stack = stated.read(slice(None)).counts if first.source == "tiff" and path.is_file() else None
 
     def read(part: slice) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        if stack is not None:
-            return stack[part], np.zeros(stack[part].shape, np.bool_)
-        counts = read_frames(path, stated, shape=size, frames=part).counts
+        counts = stated.read(part, size).counts if stack is None else stack[part]
         return counts, np.zeros(counts.shape, np.bool_)
 
     times_s = None
-    if period_s := 1 / rate_hz if rate_hz else first.exposure_s:
+    if period_s := 1 / rate_hz if rate_hz else source.exposure_s:
         times_s = period_s * np.arange(first.total, dtype=np.float64)
-    is_binary = first.bit_depth == 1
     unit = "detections" if is_binary else "counts"
     return ShownReadings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
 

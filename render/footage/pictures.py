@@ -21,6 +21,7 @@ from megalopta.core.bounded import (
     read_bytes,
 )
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
+from megalopta.core.files import natural_key
 from megalopta.core.pictures import opened_picture, readable
 from megalopta.core.progress import working
 from megalopta.render.footage import formats, frames
@@ -200,14 +201,6 @@ def open_folder(path: Path, unit: frames.Unit | None) -> PictureFiles:
 def picture_kind(path: Path) -> str | None:
     """Return the kind of picture by the suffix; None if it is not one."""
     return KINDS.get(path.suffix.lower())
-
-
-def natural_key(path: Path) -> list[tuple[int, str]]:
-    """Return a sort key by the numbers in names: frame 9 before frame 10."""
-    parts = re.split("([0-9]+)", path.name)
-    return [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)] + [
-        (-2, path.name)
-    ]
 
 
 def over_black(image: Image.Image) -> tuple[NDArray[np.uint8], bool]:

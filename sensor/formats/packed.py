@@ -1,4 +1,4 @@
-"""Binary frames, eight pixels in a byte: one `.npy` file, or raw `.bin` files of SPAD cameras.
+"""Arrays in `.npy`, and raw frames of a known layout, such as those of SPAD cameras.
 
 Layouts: `docs/file-formats.md`.
 """
@@ -6,17 +6,51 @@ Layouts: `docs/file-formats.md`.
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from megalopta.core.bounded import mapped_array, undamaged
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
+from megalopta.core.record import Record
+from megalopta.sensor.formats.recorded_frames import Stack, Values, file_bytes, parts_in
 
-_SHAPES = {"spad512": (512, 512), "swissspad2": (256, 512), "swissspad2_whole": (512, 512)}
+
+class Layout(Record, frozen=True):
+    """Layout of raw frames, which follow each other in a file, or in all of a folder."""
+
+    rows: Annotated[int, Field(gt=0, le=2**16)]
+    columns: Annotated[int, Field(gt=0, le=2**16)]
+    """Rows and columns as they are stored."""
+    bits: Literal[1, 8, 16] = 1
+    """Bits of a pixel; of 16, the low byte first."""
+    bit_order: Literal["msb", "lsb"] = "msb"
+    """Bit of a byte that is its first pixel: the most or the least significant."""
+    row_bytes: Annotated[int, Field(gt=0, le=2**20)] | None = None
+    """Bytes of a row; null: no more than its pixels need."""
+    header_bytes: Annotated[int, Field(ge=0)] = 0
+    footer_bytes: Annotated[int, Field(ge=0)] = 0
+    """Bytes before and after the frames of each file."""
+    orientation: tuple[Literal["transposed", "upside_down", "mirrored"], ...] = ()
+    """Turns that make the picture of what is stored, one after the other."""
+
+
+CAMERAS = {
+    "spad512": Layout(rows=512, columns=512),
+    "swissspad2": Layout(rows=256, columns=512, bit_order="lsb"),
+    "swissspad2_whole": Layout(rows=512, columns=512, bit_order="lsb"),
+}
+"""Layouts of cameras."""
+_TURNS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
+    "transposed": lambda image: image.swapaxes(1, 2),
+    "upside_down": lambda image: image[:, ::-1],
+    "mirrored": lambda image: image[:, :, ::-1],
+}
+_PERIOD_FRAMES = 1000
 _PACKED_NAMES, _SUM_NAMES = (".binary.npy", ".burst.npy"), (".sums.npy", ".brackets.npy")
 """Names of the products of packed bits and of their sums (`products`)."""
 _FOOTER = b"DONE"
@@ -48,10 +82,11 @@ def npy_writer(
             raise ValueError(f"{path}: {written} frames were written of {shape[0]}")
 
 
-def read_binary_npy(
-    path: Path, frames: slice, shape: tuple[int, int] | None, is_packed: bool | None
-) -> RecordedFrames:
-    """Read packed frames as bits; frames of bits or of counts are returned as they are.
+@contextmanager
+def opened_npy(
+    path: Path, shape: tuple[int, int] | None, is_packed: bool | None, values: Values | None
+) -> Iterator[Stack]:
+    """Open frames of packed bits, of bits or of counts.
 
     Numbers of 8 bits may be any of these: `is_packed`, the `shape` of the image or the name of this
     program's products says it. Numbers of 0 and 1 are bits. Raises as `read_frames`.
@@ -65,83 +100,121 @@ def read_binary_npy(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
             "packed bits, or counts (T, H, W)"
         )
-    frame_bytes = array[0].nbytes * (8 if array.dtype == np.uint8 else 1)
-    part = array[wanted(len(array), frames, path, frame_bytes)]
     if array.dtype != np.uint8:
-        return _counts(part, path, len(array))
-    if is_packed is None and path.name.endswith(_PACKED_NAMES + _SUM_NAMES):
-        is_packed = path.name.endswith(_PACKED_NAMES)
-    if is_packed is None and shape is not None:
-        is_packed = tuple(shape) != array.shape[1:3]
-    if is_packed is None:
-        if array.max() > 1:
+        is_packed = None if is_packed is None else False
+    elif is_packed is None:
+        if path.name.endswith(_PACKED_NAMES + _SUM_NAMES):
+            is_packed = path.name.endswith(_PACKED_NAMES)
+        elif shape is not None:
+            is_packed = tuple(shape) != array.shape[1:3]
+        elif values is None and array.max() > 1:
             raise ValueError(
                 f"{path}: numbers of 8 bits may be eight pixels each, or counts; state "
                 "the format, packed_npy or npy, or save counts as uint16"
             )
-        part = part.astype(np.bool_)
-    if not is_packed:
-        return _counts(part, path, len(array))
     width = None if shape is None else shape[1]
-    if width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
+    if is_packed and width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
         raise ValueError(
             f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
             "width of the sensor; if it is the height, the file is transposed"
         )
-    bits = np.unpackbits(part, axis=2, count=width)
-    return RecordedFrames(counts=bits, bit_depth=1, source="packed_npy", total=len(array))
+    if is_packed:
+        unpacked, frame_bytes = partial(np.unpackbits, axis=2, count=width), 8 * array[0].nbytes
+        yield Stack(
+            "packed_npy", len(array), frame_bytes, lambda part: unpacked(array[part]), bits=1
+        )
+        return
+    are_counts = is_packed is False and array.dtype.kind == "u" and values is None
+    bits = 8 * array.itemsize if are_counts else None
+    yield Stack("npy", len(array), array[0].nbytes, lambda part: np.array(array[part]), bits)
 
 
 def raw_files(path: Path) -> list[Path]:
-    """Return the `.bin` files of a folder in order of name, or a file itself."""
-    files = sorted(path.glob("*.bin")) if path.is_dir() else [path]
-    if not files:
+    """Return the raw files of a folder, `.bin` or `.raw`, in natural order, or a file itself."""
+    if not (files := parts_in(path, ".bin", ".raw")):
         raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
     return files
 
 
-def read_raw(
-    path: Path, camera: Literal["spad512", "swissspad2", "swissspad2_whole"], frames: slice
-) -> RecordedFrames:
-    """Read a raw file, or all files of a folder in order of name; raises as `read_frames`."""
-    rows, columns = _SHAPES[camera]
-    packed, total = _frames_of(path, raw_files(path), rows * columns // 8, 8, frames)
-    packed = packed.reshape(-1, rows, columns // 8)
-    if camera == "swissspad2_whole":
-        quarters = packed.reshape(-1, rows // 2, 4, 2, columns // 32)
-        halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
-        packed = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
-    bits = np.unpackbits(packed, axis=2, bitorder="big" if camera == "spad512" else "little")
-    return RecordedFrames(counts=bits, bit_depth=1, source=camera, total=total)
+@contextmanager
+def opened_raw(path: Path, kind: str, layout: Layout) -> Iterator[Stack]:
+    """Open a raw file, or all files of a folder in natural order; raises as `read_frames`."""
+    rows, columns = layout.rows, layout.columns
+    row_bytes = layout.row_bytes or -(-columns * layout.bits // 8)
+    if 8 * row_bytes < columns * layout.bits:
+        raise ValueError(
+            f"layout: row_bytes {row_bytes} are less than {columns} pixels; correct it"
+        )
+    total, read_stored = _joined(raw_files(path), rows * row_bytes, layout)
+
+    def read(part: slice) -> NDArray[Any]:
+        stored = read_stored(part).reshape(-1, rows, row_bytes)
+        if kind == "swissspad2_whole":
+            quarters = stored.reshape(-1, rows // 2, 4, 2, columns // 32)
+            halves = np.moveaxis(quarters, 3, 1).reshape(-1, 2, rows // 2, columns // 8)
+            stored = np.concatenate([halves[:, 0], halves[:, 1, ::-1]], axis=1)
+        if layout.bits > 1:
+            image = stored.view(f"<u{layout.bits // 8}")[:, :, :columns]
+        else:
+            order: Literal["big", "little"] = "big" if layout.bit_order == "msb" else "little"
+            image = np.unpackbits(stored, axis=2, bitorder=order, count=columns)
+            _check_bit_order(path, image, layout.bit_order)
+        for turn in layout.orientation:
+            image = _TURNS[turn](image)
+        return image
+
+    yield Stack(kind, total, 8 * rows * row_bytes, read, 1 if layout.bits == 1 else None)
 
 
-def read_halves(folder: Path, frames: slice) -> RecordedFrames:
-    """Read `top1.bin`, `btm1.bin`, …, counts of SwissSPAD2's halves; raises as `read_frames`."""
-    rows, columns = _SHAPES["swissspad2"]
-    images, totals = [], set()
-    for half in ("top", "btm"):
-        files = [file for file in raw_files(folder) if re.fullmatch(half + "[0-9]{1,9}", file.stem)]
-        files.sort(key=lambda file: int(file.stem[3:]))
-        counts, total = _frames_of(folder, files, rows * columns, 2, frames)
-        banks = counts.reshape(-1, rows, 4, columns // 4)
-        images.append(banks.swapaxes(2, 3).reshape(-1, rows, columns))
-        totals.add((total, *(file.stem[3:] for file in files)))
-    if len(totals) > 1 or not total:
-        raise ValueError(f"{folder}: top and btm differ in files or frames; copy both again")
-    counts = np.concatenate([images[0], images[1][:, ::-1]], axis=1)
-    return RecordedFrames(counts=counts, bit_depth=8, source="swissspad2_counts", total=total)
+def _check_bit_order(path: Path, bits: NDArray[np.uint8], order: str) -> None:
+    """Refuse frames whose columns have a period of 8, as the other order of bits gives.
 
-
-def _frames_of(
-    path: Path, files: list[Path], frame_bytes: int, decoded: int, frames: slice
-) -> tuple[NDArray[np.uint8], int]:
-    """Return wanted frames (T, frame_bytes) of files in order, and how many there are.
-
-    `decoded`: bytes of memory for each of theirs.
+    Where bytes meet, neighboring pixels differ more than those that the other order would bring
+    together, 15 apart. A mean difference, of 8 pairs of columns or more, above 6 standard errors
+    tells it, in bands of 4 rows, or of more, with less noise.
     """
-    parts = []
+    mean = bits[:_PERIOD_FRAMES].mean(axis=0, dtype=np.float64)[:, : bits.shape[2] // 8 * 8]
+    for rows in (4, 16, 64) if len(bits) and mean.shape[1] > 64 else ():
+        bands = np.add.reduceat(mean, range(0, len(mean), rows)).reshape(-1, mean.shape[1] // 8, 8)
+        near = np.square(bands[:, 1:, 0] - bands[:, :-1, 7])
+        far = np.square(bands[:, 1:, 7] - bands[:, :-1, 0])
+        excess = ((near - far) / np.maximum(near + far, 1e-12)).mean(axis=0)
+        if excess.mean() > 6 * excess.std() / (excess.size - 1) ** 0.5 + 0.02:
+            other = "lsb" if order == "msb" else "msb"
+            raise ValueError(
+                f"{path}: rates of its columns have a period of 8, so the bits of a byte are in "
+                f"the other order; state format: raw, and bit_order: {other} in its layout"
+            )
+
+
+@contextmanager
+def opened_halves(folder: Path) -> Iterator[Stack]:
+    """Open `top1.bin`, `btm1.bin`, …, counts of SwissSPAD2's halves; raises as `read_frames`."""
+    layout, files = Layout(rows=256, columns=512, bits=8), raw_files(folder)
+    halves, numbers = [], set()
+    for half in ("top", "btm"):
+        own = [file for file in files if re.fullmatch(half + "[0-9]{1,9}", file.stem)]
+        halves.append(_joined(own, 256 * 512, layout))
+        numbers.add((halves[-1][0], *(file.stem[3:] for file in own)))
+    if len(numbers) > 1 or not halves[0][0]:
+        raise ValueError(f"{folder}: top and btm differ in files or frames; copy both again")
+
+    def read(part: slice) -> NDArray[Any]:
+        banks = [stored(part).reshape(-1, 256, 4, 128).swapaxes(2, 3) for _, stored in halves]
+        top, bottom = (bank.reshape(-1, 256, 512) for bank in banks)
+        return np.concatenate([top, bottom[:, ::-1]], axis=1)
+
+    yield Stack("swissspad2_counts", halves[0][0], 2 * 256 * 512, read, bits=8)
+
+
+def _joined(
+    files: list[Path], frame_bytes: int, layout: Layout
+) -> tuple[int, Callable[[slice], NDArray[np.uint8]]]:
+    """Return how many frames files hold, and a function that reads some, (T, frame_bytes)."""
+    parts, starts = [], [0]
     for file in files:
         body = file_bytes(file)
+        body = body[layout.header_bytes : max(body.size - layout.footer_bytes, 0)]
         if body.size % frame_bytes == len(_FOOTER) and body[-len(_FOOTER) :].tobytes() == _FOOTER:
             body = body[: -len(_FOOTER)]
         if body.size == 0 or body.size % frame_bytes:
@@ -150,19 +223,10 @@ def _frames_of(
                 "is cut short or of another format"
             )
         parts.append(body.reshape(-1, frame_bytes))
-    total = sum(map(len, parts))
-    range_ = wanted(total, frames, path, decoded * frame_bytes)
-    chosen, start = [], 0
-    for part in parts:
-        chosen.append(part[max(range_.start - start, 0) : max(range_.stop - start, 0)])
-        start += len(part)
-    return np.concatenate([np.empty((0, frame_bytes), np.uint8), *chosen]), total
+        starts.append(starts[-1] + len(parts[-1]))
 
+    def read(part: slice) -> NDArray[np.uint8]:
+        ranges = [slice(max(part.start - at, 0), max(part.stop - at, 0)) for at in starts]
+        return np.concatenate([stored[own] for stored, own in zip(parts, ranges, strict=False)])
 
-def _counts(frames: NDArray[Any], path: Path, total: int) -> RecordedFrames:
-    """Frames of bits or of wider numbers, as they are."""
-    if frames.dtype.kind == "i" and frames.min() < 0:
-        raise ValueError(f"{path}: has counts below 0; give raw counts")
-    depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
-    counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
-    return RecordedFrames(counts=counts, bit_depth=depth, source="npy", total=total)
+    return starts[-1], read

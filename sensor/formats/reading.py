@@ -4,18 +4,30 @@ Layout: `docs/file-formats.md`, from MPD's SPC3 SDK (header `SPC3_SDK.h`).
 """
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from megalopta.core.pictures import PNG_SIGNATURE
+from megalopta.sensor.formats import matlab, packed, pictures
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
-from megalopta.sensor.formats.packed import raw_files, read_binary_npy, read_halves, read_raw
-from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, read_tiff, wanted
+from megalopta.sensor.formats.packed import Layout, raw_files
+from megalopta.sensor.formats.recorded_frames import (
+    RecordedFrames,
+    Stack,
+    Values,
+    file_bytes,
+    parts_in,
+)
 
 FrameKind: TypeAlias = Literal[
     "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "swissspad2_counts", "spc3",
-    "tiff",
+    "tiff", "png", "mat", "hdf5", "raw",
 ]  # fmt: skip
 
 _SPC3_SIGNATURE = bytes.fromhex("4d5044ff03000001")
@@ -26,6 +38,9 @@ _SIGNATURES: dict[bytes, FrameKind] = {
     b"MM\0*": "tiff",
     b"II+\0": "tiff",
     b"MM\0+": "tiff",
+    PNG_SIGNATURE: "png",
+    matlab.SIGNATURE: "mat",
+    HDF5_SIGNATURE: "hdf5",
 }
 
 
@@ -36,33 +51,44 @@ def read_frames(
     shape: tuple[int, int] | None = None,
     counter: int = 1,
     frames: slice = slice(None),
+    values: Values | None = None,
+    variable: str | None = None,
+    layout: Layout | None = None,
 ) -> RecordedFrames:
-    """Read frames of any known format from a file, or a folder of `.bin` files.
+    """Read frames of any known format from a file, or a folder of raw files or pictures.
 
     `kind`: the format, by default detected from the content, `spad512` for files `RAW….bin`,
     `swissspad2_counts` for a folder of `topN.bin` and `btmN.bin`; `.npy` of numbers of 8 bits above
     1 needs `npy`, for counts, or `packed_npy`, for packed bits, unless `shape` or the name of a
     product says it. `shape`: (rows, columns) that are expected; `counter`: to read from a `.spc3`
-    file; `frames`: consecutive ones to read.
+    file; `frames`: consecutive ones to read; `values`: bits or counts, by default told by the type
+    of numbers, or the numbers of the recording; `variable`: array of a `.mat` or HDF5 file;
+    `layout`: that of `raw` files.
 
     Raises FileNotFoundError if the path does not exist; ValueError if the file is damaged,
     truncated or of an unknown format, or its image is not as expected.
     """
     path, stated = Path(path), kind
-    kind = kind or _kind(path)
+    kind = kind or ("raw" if layout else _kind(path))
     if kind not in get_args(FrameKind):
         raise ValueError(f"kind {kind!r} is unknown: use one of {', '.join(get_args(FrameKind))}")
     if kind == "npy" or kind == "packed_npy":
         is_packed = None if stated is None else kind == "packed_npy"
-        recorded = read_binary_npy(path, frames, shape, is_packed)
+        opened = packed.opened_npy(path, shape, is_packed, values)
     elif kind == "spc3":
-        recorded = _spc3(path, frames, counter)
+        opened = _opened_spc3(path, counter)
     elif kind == "swissspad2_counts":
-        recorded = read_halves(path, frames)
-    elif kind == "tiff":
-        recorded = read_tiff(path, frames)
+        opened = packed.opened_halves(path)
+    elif kind == "mat" or kind == "hdf5":
+        opened = matlab.opened_arrays(path, variable)
+    elif kind == "png" or kind == "tiff":
+        opened = pictures.opened(path, kind)
+    elif layout or kind in packed.CAMERAS:
+        opened = packed.opened_raw(path, kind, layout or packed.CAMERAS[kind])
     else:
-        recorded = read_raw(path, kind, frames)
+        raise ValueError(f"{path}: raw frames; state their layout: rows, columns, bit_order, …")
+    with opened as stack:
+        recorded = stack.frames(path, frames, values)
     rows, columns = recorded.counts.shape[1:3]
     if shape is not None and (rows, columns) != tuple(shape):
         is_turned = (columns, rows) == tuple(shape)
@@ -89,8 +115,9 @@ _HEADER = np.dtype(
 )  # fmt: skip
 
 
-def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
-    """Read the frames of one counter, 1 to 3, as (T, 32, pixels/32); raises as `read_frames`."""
+@contextmanager
+def _opened_spc3(path: Path, counter: int) -> Iterator[Stack]:
+    """Open the frames of one counter, 1 to 3, (T, 32, pixels/32); raises as `read_frames`."""
     content = file_bytes(path)
     if content[:8].tobytes() != _SPC3_SIGNATURE:
         raise ValueError(f"{path}: no .spc3 file of software 1.11 or later; give one")
@@ -126,29 +153,29 @@ def _spc3(path: Path, frames: slice, counter: int) -> RecordedFrames:
             "bytes; it is cut short or its header damaged: copy it again"
         )
     lines = content[_DATA:].view(dtype).reshape(total, counters, pixels // _LINE, _LINE)
-    chosen = lines[wanted(total, frames, path, pixels * dtype.itemsize), counter - 1]
-    return RecordedFrames(
-        counts=np.ascontiguousarray(np.swapaxes(chosen, 1, 2)).astype(dtype.newbyteorder("=")),
-        bit_depth=header["bits"],
-        exposure_s=header["integration_10ns"] * header["summed_frames"] * 1e-8,
-        source="spc3",
-        total=total,
+    exposure_s = header["integration_10ns"] * header["summed_frames"] * 1e-8
+
+    def read(part: slice) -> NDArray[Any]:
+        chosen = lines[part, counter - 1].swapaxes(1, 2)
+        return np.ascontiguousarray(chosen).astype(dtype.newbyteorder("="))
+
+    yield Stack(
+        "spc3", total, pixels * dtype.itemsize, read, header["bits"], {"exposure_s": exposure_s}
     )
 
 
 def _kind(path: Path) -> FrameKind:
-    first = raw_files(path)[0]
+    suffixes = chain(*pictures.SUFFIXES.values())
+    first = (parts_in(path, *suffixes) or raw_files(path))[0]
     beginning = file_bytes(first)[:8].tobytes()
     for signature, kind in _SIGNATURES.items():
         if beginning.startswith(signature):
             return kind
-    if beginning.startswith(HDF5_SIGNATURE):
-        raise ValueError(f"{path}: holds events, no frames; use read_events")
     if path.is_dir() and re.fullmatch("btm[0-9]+", first.stem):
         return "swissspad2_counts"
     if first.name.startswith("RAW") and first.suffix == ".bin":  # as the SPAD512S names them
         return "spad512"
     raise ValueError(
         f"{path}: of no format that is known, or its beginning is damaged; give one of the kinds "
-        f"{', '.join(get_args(FrameKind))}"
+        f"{', '.join(get_args(FrameKind))}, of raw frames with their layout"
     )

@@ -1,4 +1,4 @@
-"""Readers of time tags: PicoQuant's `.ptu`, Photon-HDF5, and LinoSPAD2's `.dat`.
+"""Readers of time tags: `.ptu` (PicoQuant), `.spc` (Becker & Hickl), Photon-HDF5, and LinoSPAD2's.
 
 Layouts: `docs/file-formats.md`.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from megalopta.core import bounded
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.errors import DamagedFileError
+from megalopta.core.progress import say
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes
 
@@ -41,7 +42,7 @@ class TimeTags(NamedTuple):
 
 
 def read_time_tags(path: str | Path) -> TimeTags:
-    """Read a `.ptu` or Photon-HDF5 file.
+    """Read a `.ptu`, Photon-HDF5 or `.spc` file.
 
     Raises FileNotFoundError if the path does not exist; ValueError if the file is of another format
     or damaged; ModuleNotFoundError if a `.ptu` file needs `ptufile`, which is not installed.
@@ -52,8 +53,10 @@ def read_time_tags(path: str | Path) -> TimeTags:
         read = _ptu
     elif beginning == HDF5_SIGNATURE:
         read = _photon_hdf5
+    elif path.suffix.lower() == ".spc":  # without a signature
+        read = _spc
     else:
-        raise DamagedFileError(f"{path}: no time tags; give a .ptu or Photon-HDF5 file")
+        raise DamagedFileError(f"{path}: no time tags; give a .ptu, .spc or Photon-HDF5 file")
     with bounded.undamaged(path):
         return _sorted(path, read(path))
 
@@ -133,6 +136,37 @@ def _ptu(path: Path) -> TimeTags:
     channel = records["channel"].astype(np.int64)
     channels = max(inputs, int(channel.max(initial=-1)) + 1)  # T2 may number from 1
     return TimeTags(np.asarray(time_s, np.float64), channel, channels, duration_s, unit_s)
+
+
+_SPC_INVALID, _SPC_OVERFLOW, _SPC_GAP, _SPC_MARK = (1 << bit for bit in (31, 30, 29, 28))
+
+
+def _spc(path: Path) -> TimeTags:
+    """Read records of 32 bits of the SPC-130, 140, 150 and 830 in FIFO mode: macro times alone.
+
+    Micro times need the range of the converter, which only the `.set` file states.
+    """
+    content = file_bytes(path)
+    if content.size % 4:
+        raise ValueError(f"{content.size} bytes are no records of 32 bits")
+    bounded.check_decoded(path, (content.size // 4,), _DECODED_BYTES)
+    words = content.view("<u4")
+    head = words[0]
+    unit_s, inputs = 1e-10 * float(head & 0xFFFFFF), int(head >> 27 & 15)
+    if not (head & _SPC_INVALID and unit_s) or head >> 26 & 1:
+        raise ValueError("its first record is no header of 32-bit photons; save it in FIFO mode")
+    records = np.trim_zeros(words[1:], "b")  # padded
+    if (records & _SPC_GAP).any():
+        say(f"{path}: photons were lost where the FIFO was full; rates are too low there")
+    is_invalid, is_mark = (records & flag > 0 for flag in (_SPC_INVALID, _SPC_MARK))
+    overflows = (records & _SPC_OVERFLOW > 0).astype(np.int64)
+    are_many = (overflows > 0) & is_invalid & ~is_mark
+    overflows[are_many] = records[are_many] & 0xFFFFFFF
+    ticks = 4096 * np.cumsum(overflows) + (records & 0xFFF)
+    is_photon = ~is_invalid & ~is_mark
+    channel = (records[is_photon] >> 12 & 15).astype(np.int64)
+    channels = max(1 << inputs if inputs <= 4 else 0, int(channel.max(initial=0)) + 1)
+    return TimeTags(unit_s * ticks[is_photon], channel, channels, 0.0, unit_s)
 
 
 def _photon_hdf5(path: Path) -> TimeTags:

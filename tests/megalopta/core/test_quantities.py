@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from megalopta.core.quantities import number, short, with_error
+from megalopta.core.quantities import between, number, short, with_error
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,8 @@ def test_values_and_errors_share_unit_and_digits(value, error, unit, text):
 def test_numbers_have_three_digits_and_words_for_what_is_large(value, text, shortened):
     assert number(value) == text
     assert value is None or short(value) == shortened
+
+
+def test_ends_of_a_range_share_a_unit():
+    assert between(2.55e-7, 6.826e-6, "s") == "0.255 to 6.83 µs"
+    assert between(16.0, 24.0, "%") == "16.0 to 24.0 %"

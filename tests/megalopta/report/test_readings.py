@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from megalopta.core.errors import UserError
 from megalopta.report.readings import ShownReadings, Treatment, read_mask, readings_of
@@ -152,6 +153,29 @@ def test_what_holds_no_readings_is_told_in_a_sentence(tmp_path, name, content, s
         (tmp_path / name).write_bytes(content)
     with pytest.raises(UserError, match=said):
         readings_of(tmp_path / name)
+
+
+def test_a_folder_of_pictures_with_bits_is_shown(tmp_path):
+    bits = (np.random.default_rng(0).random((30, *SHAPE)) < 0.3).astype(np.uint8)
+    folder = tmp_path / "flat_10us"
+    folder.mkdir()
+    for number, frame in enumerate(bits):
+        Image.fromarray(255 * frame).save(folder / f"{number}.png")
+    shown = readings_of(folder)
+    assert (shown.shape, shown.is_binary) == ((30, *SHAPE), True)
+    assert shown.times_s[-1] == pytest.approx(29e-5)
+    np.testing.assert_array_equal(shown.read(slice(9, 12))[0], bits[9:12])
+
+
+def test_gray_pictures_are_shown_where_somebody_states_that_they_are_counts(tmp_path):
+    counts = np.random.default_rng(0).poisson(9, (3, *SHAPE)).astype(np.uint8)
+    for number, frame in enumerate(counts):
+        Image.fromarray(frame).save(tmp_path / f"{number}.png")
+    with pytest.raises(UserError, match="make photons of them first: .*give --format png or tiff"):
+        readings_of(tmp_path)
+    np.testing.assert_array_equal(readings_of(tmp_path, "png").read(slice(None))[0], counts)
+    (tmp_path / "recording.yaml").write_text("exposure_s: 1.0e-3\n")
+    assert readings_of(tmp_path).times_s[2] == pytest.approx(2e-3)
 
 
 @pytest.mark.parametrize("values", [np.zeros((3, 3)), np.ones((3, 3), bool), np.zeros(3, bool), 0])

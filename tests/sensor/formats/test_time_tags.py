@@ -1,12 +1,14 @@
 """Time tags of files that other programs, or a page of their layout, make."""
 
 import struct
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
 from megalopta.core.errors import UserError
+from megalopta.sensor.calibrate.time_tags import events_of
 from megalopta.sensor.formats.time_tags import read_linospad2, read_time_tags
 
 UNIT_S = 12.5e-9
@@ -177,3 +179,47 @@ def test_few_bytes_that_claim_many_events_are_refused(tmp_path):
         file.create_dataset("photon_data/timestamps", (5 * 10**8,), "i8", chunks=(2**20,))
     with pytest.raises(UserError, match=r"takes 32 GB of memory"):
         read_time_tags(tmp_path / "a.hdf5")
+
+
+def spc(path, ticks, channels, routing_bits=4, clock=95, others=()):
+    """FIFO file of an SPC-150, as the handbook's table has it; other records at the end."""
+    words, overflows = [1 << 31 | routing_bits << 27 | clock], 0
+    for tick, channel in zip(ticks.tolist(), channels.tolist(), strict=True):
+        wraps, rest = divmod(tick, 4096)
+        flag = 0
+        if wraps - overflows > 1:
+            words.append(0xC0000000 | (wraps - overflows))
+        elif wraps > overflows:
+            flag = 1 << 30
+        overflows = wraps
+        words.append(flag | 2000 << 16 | channel << 12 | rest)
+    path.write_bytes(np.array([*words, *others], "<u4").tobytes())
+
+
+def test_spc_counts_overflows_of_the_macro_time(tmp_path):
+    invalid, mark = 0x80000000 | 5, 0x90000000 | 3 << 12 | 7
+    ticks = np.array([3, 8, 8, 20, 4095, 4097, 4098, 90_000_000])
+    channels = np.array([0, 1, 0, 2, 1, 2, 15, 3])
+    spc(tmp_path / "a.spc", ticks, channels, others=[invalid, mark, 0, 0])
+    tags = read_time_tags(tmp_path / "a.spc")
+    np.testing.assert_allclose(tags.time_s, ticks * 9.5e-9)
+    np.testing.assert_array_equal(tags.channel[tags.time_s > 1e-6], [2, *channels[4:]][1:])
+    assert (tags.channels, tags.unit_s) == (16, pytest.approx(9.5e-9))
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"abc", bytes(400), b"\x5f\0\0\x04" + bytes(range(80)), b"\x5f\0\0\0" * 9]
+)
+def test_damaged_spc_is_one_sentence(tmp_path, content):
+    (tmp_path / "a.spc").write_bytes(content)
+    with pytest.raises(UserError if content else ValueError, match=r"a\.spc"):
+        read_time_tags(tmp_path / "a.spc")
+
+
+def test_events_of_a_public_file_are_those_that_its_own_reader_finds():
+    tags = read_time_tags(Path(__file__).parents[3] / "docs/public_arrays/spc-150/noise.spc")
+    # `test_noise.asc` of phconvert: 6114 lines, the last at 1,700,018,969 clocks of 9.5 ns
+    assert events_of(tags).tolist() == [6114]
+    assert tags.duration_s == pytest.approx(
+        1_700_018_969 * 9.5e-9, abs=1e-3
+    )  # from the first event
